@@ -1,0 +1,105 @@
+"""Every error MEMO raises on purpose: one base class, structured fields, one line a user can act on.
+
+Subclasses carry their data as fields, so nobody has to parse a message; ``str(error)`` is the line shown to people.
+Rooms add their own subclasses next to the code that raises them; the ones below are those several rooms share.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+import attrs
+
+
+class MemoError(Exception):
+    """Base class of all expected errors. ``exit_code`` is what the command line exits with."""
+
+    exit_code = 1
+
+
+def close_match(name: str, valid: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` when something valid is close to ``name``, else an empty string."""
+    found = difflib.get_close_matches(name, list(valid), n=1, cutoff=0.5)
+    return f"; did you mean {found[0]!r}?" if found else ""
+
+
+@attrs.define(auto_exc=True, eq=False)
+class UnknownName(MemoError):
+    """A name that nothing is registered under: a backend, a task, a skill, an object in the scene."""
+
+    kind: str
+    name: str
+    available: tuple[str, ...]
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        known = ", ".join(sorted(self.available)) or "none"
+        return f"unknown {self.kind} {self.name!r}{close_match(self.name, self.available)} (available: {known})"
+
+
+@attrs.define(auto_exc=True, eq=False)
+class BackendUnavailable(MemoError):
+    """A backend that is known but cannot be used here; ``remedy`` says what would make it usable."""
+
+    kind: str
+    name: str
+    reason: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name!r} cannot be used: {self.reason}" + (f" ({self.remedy})" if self.remedy else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class InvalidArgument(MemoError):
+    """An argument whose value cannot be right; says what would be."""
+
+    argument: str
+    problem: str
+    expected: str = ""
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        return f"{self.argument}: {self.problem}" + (f"; expected {self.expected}" if self.expected else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class Stopped(MemoError):
+    """The latched stop was set. Never shown to model-written code: the sandbox is killed instead."""
+
+    where: str = ""
+
+    exit_code = 130
+
+    def __str__(self) -> str:
+        return "stopped" + (f" while {self.where}" if self.where else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class SkillError(MemoError):
+    """A skill could not do what was asked. It is context for the next attempt, not the end of the run.
+
+    ``skill`` is the skill's name, ``problem`` one sentence with numbers and units.
+    """
+
+    skill: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.skill}: {self.problem}"
+
+
+@attrs.define(auto_exc=True, eq=False)
+class MotionError(SkillError):
+    """A motion that cannot be made (before anything moved) or did not arrive (``reached`` says by how much).
+
+    ``cause`` is one of ``unreachable``, ``joint-limit``, ``self-collision``, ``collision``, ``workspace``,
+    ``no-branch`` (no continuous arm configuration along the path) and ``not-arrived``.
+    """
+
+    cause: str = "unreachable"
+    position_error_m: float | None = None
+    rotation_error_rad: float | None = None

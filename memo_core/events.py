@@ -1,0 +1,145 @@
+"""What can be observed of a run: plain attrs classes, no logic. They are written to ``events.jsonl`` and sent to hooks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+
+
+@attrs.frozen
+class Event:
+    """Base class. ``time`` is wall time (s since the epoch), filled in by the run when left at 0."""
+
+    time: float = attrs.field(default=0.0, kw_only=True)
+
+
+@attrs.frozen
+class RunStarted(Event):
+    run: str  # id of the run
+    task: str
+    instruction: str
+    seed: int
+    config: dict[str, Any]  # resolved, without secrets
+
+
+@attrs.frozen
+class SubtaskStarted(Event):
+    subtask: str  # "OPEN(microwave)"
+    number: int  # 1 is the first of the run
+    attempt: int
+
+
+@attrs.frozen
+class ModelCalled(Event):
+    phase: str
+    model: str
+    prompt_tokens: int
+    completion_tokens: int
+    cost: float | None
+    latency_s: float
+    abandoned: bool = False
+    not_understood: tuple[str, ...] = ()
+
+
+@attrs.frozen
+class EntryServed:
+    """One retrieved entry: why it was served."""
+
+    entry: int
+    kind: str  # "correction", "general", "template"
+    key: str
+    text: str
+    score: float
+    action_cosine: float
+    objects_cosine: float
+
+
+@attrs.frozen
+class Retrieved(Event):
+    subtask: str
+    served: tuple[EntryServed, ...]
+    cut: tuple[tuple[str, float, str], ...] = ()  # (key, score, rule) of near misses
+
+
+@attrs.frozen
+class CodeWritten(Event):
+    subtask: str
+    attempt: int
+    code: str
+    prompt_file: str = ""
+
+
+@attrs.frozen
+class SkillCalled(Event):
+    skill: str
+    arguments: dict[str, Any]
+    result: Any = None
+    error: str = ""
+    sim_time: float = 0.0
+
+
+@attrs.frozen
+class CodeEnded(Event):
+    subtask: str
+    attempt: int
+    printed: str
+    error: str = ""
+    stopped: bool = False
+    sim_seconds: float = 0.0
+
+
+@attrs.frozen
+class FeedbackGiven(Event):
+    """``feedback`` is the id in the skillbook: the words are on disk before this event is sent."""
+
+    feedback: int
+    who: str
+    subtask: str
+    words: str
+
+
+@attrs.frozen
+class EntryStored(Event):
+    entry: int
+    kind: str
+    key: str
+    text: str
+    feedback: int | None = None
+
+
+@attrs.frozen
+class ClusterDone(Event):
+    key: str
+    entries_before: int
+    entries_after: int
+    characters_before: int
+    characters_after: int
+
+
+@attrs.frozen
+class SubtaskEnded(Event):
+    subtask: str
+    status: str  # "approved", "corrected", "unobserved"
+    attempts: int
+
+
+@attrs.frozen
+class RunEnded(Event):
+    run: str
+    success: bool | None  # None where no success check exists
+    reason: str
+    wall_s: float
+    sim_s: float
+    subtasks: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost: float | None = None
+
+
+@attrs.frozen
+class Problem(Event):
+    """Something a user should know that did not end the run: a detached listener, a skipped picture."""
+
+    where: str
+    message: str

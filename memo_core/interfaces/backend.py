@@ -1,0 +1,57 @@
+"""The descriptor with which a plugin offers a backend. Cheap to make: nothing heavy is imported until ``factory`` runs
+and nothing is touched until the product's ``open``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import attrs
+
+KINDS = ("llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method")
+Kind = Literal["llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method"]
+
+
+@attrs.frozen
+class Needs:
+    """What a backend needs beyond its distribution, for ``memo doctor`` and error messages.
+
+    ``modules``: importable modules and the distribution that brings each; ``system``: system packages, each with what
+    it is for; ``keys``: environment variables that hold secrets.
+    """
+
+    modules: dict[str, str] = attrs.field(factory=dict)
+    system: dict[str, str] = attrs.field(factory=dict)
+    keys: tuple[str, ...] = ()
+
+
+@attrs.frozen
+class NoSettings:
+    """The config class of a backend that has nothing to set."""
+
+
+@attrs.frozen(eq=False)
+class Backend:
+    """One choice of one kind. ``config`` is an attrs class: its fields, types, defaults and field metadata ``help`` are
+    what a config section may hold; ``factory(config)`` returns an instance of the kind's interface:
+
+    ============ ===========================================================
+    llm          ``memo_core.interfaces.llm.LanguageModel``
+    embedder     ``memo_core.interfaces.embedder.Embedder``
+    vectorstore  ``memo_core.interfaces.vectorstore.VectorStore``
+    simulator    ``memo_core.interfaces.simulator.Simulator``
+    robot        ``memo_core.interfaces.robot.RobotDescription``
+    perception   ``memo_core.interfaces.perception.Perception``
+    suite        a sequence of ``memo_core.interfaces.task.Task``
+    teacher      ``memo_core.interfaces.teacher.Teacher``
+    skills       a sequence of ``memo_core.skills.skill.Skill``
+    method       ``memo_core.policy.method.Method``
+    ============ ===========================================================
+    """
+
+    kind: Kind
+    name: str
+    summary: str
+    factory: Callable[[Any], Any]
+    config: type = NoSettings
+    needs: Needs = Needs()

@@ -1,0 +1,80 @@
+"""The link between the arm and whatever moves: a simulator or hardware. Everything above it is the same code.
+
+The link owns the latched stop (DESIGN 6): ``stop`` may be called from any thread or signal handler; from then on
+``send`` refuses (raises ``Stopped``) until ``release``.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+
+from memo_core.errors import Stopped
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.pose import Array
+
+
+class Link(ABC):
+    """Joint-level access to one robot. All arrays have one value per arm joint, rad, in the description's order."""
+
+    control_period: float = 0.01  # s between two sends
+    can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
+
+    def __init__(self, description: RobotDescription) -> None:
+        self.description = description
+        self._stop = threading.Event()
+
+    # -- stopping ------------------------------------------------------------------------------------------------------
+    def stop(self) -> None:
+        """Latch the stop. Safe from any thread and from signal handlers."""
+        self._stop.set()
+
+    def release(self) -> None:
+        self._stop.clear()
+
+    @property
+    def stopped(self) -> bool:
+        return self._stop.is_set()
+
+    def check_stop(self, where: str = "") -> None:
+        """Raise ``Stopped`` if the stop is latched."""
+        if self._stop.is_set():
+            raise Stopped(where)
+
+    # -- state and commands --------------------------------------------------------------------------------------------
+    @abstractmethod
+    def joint_positions(self) -> Array: ...
+
+    @abstractmethod
+    def joint_velocities(self) -> Array: ...
+
+    @abstractmethod
+    def joint_targets(self) -> Array:
+        """The last commanded joint positions."""
+
+    @abstractmethod
+    def gripper_width(self) -> float: ...
+
+    @abstractmethod
+    def holding(self) -> bool:
+        """Whether something is between the fingers and pressed."""
+
+    @abstractmethod
+    def send(self, targets: Array) -> None:
+        """Command joint positions for one control period and let it pass. Raises ``Stopped``."""
+
+    @abstractmethod
+    def set_gripper(self, width: float, force: float) -> None:
+        """Command the gripper (m, N); returns at once. Raises ``Stopped``."""
+
+    @abstractmethod
+    def time(self) -> float:
+        """Seconds on the robot's clock (simulated time in a simulator)."""
+
+    # -- restoring -----------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def checkpoint(self) -> bytes: ...
+
+    @abstractmethod
+    def restore(self, checkpoint: bytes) -> None:
+        """Back to a checkpoint; only where ``can_restore``."""

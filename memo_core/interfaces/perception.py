@@ -1,0 +1,49 @@
+"""What a perception backend must provide: one look at the scene."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.link import Link
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.interfaces.simulator import Simulator
+from memo_core.scene.description import SceneDescription
+from memo_core.scene.graph import SceneGraph
+from memo_core.scene.pose import Pose
+
+
+@attrs.frozen(eq=False)
+class PerceptionContext:
+    """What a perception backend may use. ``simulator`` and ``scene`` are None on hardware."""
+
+    rng: np.random.Generator
+    robot: RobotDescription
+    link: Link
+    tool_pose: Callable[[], Pose]  # where the tool frame is, by the robot's own kinematics
+    simulator: Simulator | None = None
+    scene: SceneDescription | None = None
+
+
+class Perception(ABC):
+    """Looks at the scene. ``start`` binds it to a world; ids stay the same over looks."""
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    @abstractmethod
+    def start(self, context: PerceptionContext) -> None: ...
+
+    @abstractmethod
+    def look(self) -> SceneGraph:
+        """The scene graph as seen now. May take time."""
+
+    def state(self) -> bytes:
+        """What must be restored with a checkpoint (random generator, memory of ids)."""
+        return b""
+
+    def restore(self, state: bytes) -> None: ...

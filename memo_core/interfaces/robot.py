@@ -1,0 +1,72 @@
+"""RobotDescription: all the framework knows of a robot arm. Shipped by the robot's plugin, read by ``memo_core.arm``
+and by every simulator; hardware links take their limits from it.
+
+Frames: the URDF's root link is the base frame (x forward, y left, z up). The *tool frame* sits between the fingertips:
++z is the approach direction (out of the hand), +y the direction in which the fingers close.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+
+from memo_core.scene.pose import Pose
+
+
+@attrs.frozen
+class JointDescription:
+    """One arm joint. Angles in rad, torques in Nm, position-servo gains in Nm/rad and Nm s/rad."""
+
+    name: str  # as in the URDF
+    lower: float
+    upper: float
+    velocity: float  # rad/s
+    acceleration: float  # rad/s2
+    jerk: float  # rad/s3
+    effort: float  # Nm
+    kp: float
+    kv: float
+    armature: float = 0.1  # kg m2
+
+
+@attrs.frozen
+class GripperDescription:
+    """A gripper and its abilities.
+
+    ``finger_joints`` are URDF slide joints coupled to move alike, each over half the stroke; ``pads`` are the links whose
+    contact with an object means holding. A vacuum gripper has no finger joints.
+    """
+
+    kind: Literal["parallel", "vacuum"] = "parallel"
+    finger_joints: tuple[str, ...] = ()
+    pads: tuple[str, ...] = ()
+    stroke: float = 0.08  # m, widest opening
+    speed: float = 0.1  # m/s, of the opening
+    min_force: float = 5.0  # N
+    max_force: float = 80.0  # N
+    pad_friction: float = 1.0
+    finger_thickness: float = 0.02  # m along the closing axis, outside of the opening
+    fingertip_reach: float = 0.01  # m the fingertips extend beyond the tool centre along the approach axis
+    palm_distance: float = 0.037  # m from the tool centre back to the palm
+    hand_size: tuple[float, float] = (0.204, 0.064)  # m: width along the closing axis, thickness across it
+
+
+@attrs.frozen
+class RobotDescription:
+    """A serial arm with a gripper."""
+
+    name: str
+    urdf: str  # the XML text itself: kinematics, inertias, collision and visual shapes
+    joints: tuple[JointDescription, ...]
+    gripper: GripperDescription
+    tool_link: str  # URDF link the tool frame is attached to
+    tool_offset: Pose = Pose()  # of the tool frame in that link
+    home: tuple[float, ...] = ()  # rad, one per joint
+    allowed_contacts: tuple[tuple[str, str], ...] = ()  # pairs of links that may touch (neighbours always may)
+    reach: float = 0.855  # m from the first joint's axis
+    mesh_folder: str | None = None  # where the URDF's package:// or relative mesh files lie
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.joints)

@@ -1,0 +1,156 @@
+"""What a physics simulator must provide: build, step, checkpoint and restore, a joint-level link, states, pictures.
+
+All poses are in the robot's base frame. One *tick* is one control period (``control_period`` seconds, at most 0.01):
+targets may change, the stop is polled and tick listeners (monitors, video) run between ticks; the simulator may take
+several physics steps inside one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.description import SceneDescription
+from memo_core.scene.pose import Array, Pose
+
+
+@attrs.frozen
+class Contact:
+    """Two touching bodies (scene bodies by name, robot links as ``robot/LINK``), where, and the normal force (N)."""
+
+    first: str
+    second: str
+    position: tuple[float, float, float]
+    force: float
+
+
+class WorldState(ABC):
+    """Reading the world: what monitors and success checks get. True state, never shown to models or participants."""
+
+    @property
+    @abstractmethod
+    def time(self) -> float:
+        """Simulated seconds since the scene was built."""
+
+    @abstractmethod
+    def body_pose(self, body: str) -> Pose:
+        """Pose of a body's frame. Raises ``KeyError``."""
+
+    @abstractmethod
+    def body_velocity(self, body: str) -> tuple[Array, Array]:
+        """(linear m/s, angular rad/s) of a body, in base axes, shapes (3,), (3,)."""
+
+    @abstractmethod
+    def joint_position(self, joint: str) -> float:
+        """A scene joint's position (rad or m)."""
+
+    @abstractmethod
+    def joint_velocity(self, joint: str) -> float:
+        """A scene joint's velocity (rad/s or m/s)."""
+
+    @abstractmethod
+    def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
+        """Contacts now, of one body (children included) or all."""
+
+    @abstractmethod
+    def tool_pose(self) -> Pose:
+        """True pose of the tool frame."""
+
+
+class Simulator(WorldState):
+    """A simulator with one robot in one scene. The constructor touches nothing; ``open`` imports and allocates."""
+
+    timestep: float = 0.002  # s, physics
+    control_period: float = 0.01  # s, one tick
+
+    # -- life ------------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def open(self) -> None: ...
+
+    @abstractmethod
+    def close(self) -> None:
+        """Idempotent."""
+
+    def __enter__(self):
+        self.open()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    @abstractmethod
+    def build(self, scene: SceneDescription, robot: RobotDescription) -> None:
+        """Build the scene with the robot at its home position, gripper open, time 0. Deterministic."""
+
+    # -- the joint-level link ----------------------------------------------------------------------------------------
+    @abstractmethod
+    def joint_positions(self) -> Array:
+        """Arm joint positions (rad), shape (n,), in the order of ``RobotDescription.joints``."""
+
+    @abstractmethod
+    def joint_velocities(self) -> Array:
+        """rad/s, shape (n,)."""
+
+    @abstractmethod
+    def joint_torques(self) -> Array:
+        """Torques the actuators apply now (Nm), shape (n,)."""
+
+    @abstractmethod
+    def gripper_width(self) -> float:
+        """Distance between the finger pads (m)."""
+
+    @abstractmethod
+    def gripper_effort(self) -> float:
+        """Force with which the fingers press on what is between them (N); 0 when nothing is."""
+
+    @abstractmethod
+    def command_joints(self, targets: Array) -> None:
+        """Position targets (rad), shape (n,), held until changed. Takes effect with the next tick."""
+
+    @abstractmethod
+    def command_gripper(self, width: float, force: float) -> None:
+        """Opening to go to (m, 0 to close) and the force to press with at most (N), held until changed."""
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Advance one control period, then call the tick listeners."""
+
+    @abstractmethod
+    def add_tick_listener(self, listener: Callable[[], None]) -> None:
+        """Called after every tick. Must be quick: it runs in the physics loop."""
+
+    @abstractmethod
+    def remove_tick_listener(self, listener: Callable[[], None]) -> None: ...
+
+    # -- state -------------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def checkpoint(self) -> bytes:
+        """The whole state (physics, targets, latches, time). Continuing after ``restore`` is bit-exact."""
+
+    @abstractmethod
+    def restore(self, checkpoint: bytes) -> None:
+        """Raises ``InvalidArgument`` when the bytes are not a checkpoint of this scene and robot."""
+
+    # -- pictures ------------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        """RGB, uint8, shape (H, W, 3). Raises ``BackendUnavailable`` where no renderer works, naming the package."""
+
+    @abstractmethod
+    def render_depth(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        """Metres along the camera's forward axis, float32, shape (H, W); inf where nothing is."""
+
+    @abstractmethod
+    def render_segmentation(self, camera: str, width: int | None = None, height: int | None = None) -> tuple[np.ndarray, Sequence[str]]:
+        """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links are ``robot/LINK``."""
+
+    def view(self) -> None:
+        """Open an interactive window where there is a display. Raises ``BackendUnavailable`` otherwise."""
+        from memo_core.errors import BackendUnavailable
+
+        raise BackendUnavailable("viewer", type(self).__name__, "this simulator has no window")

@@ -1,0 +1,71 @@
+"""What a task suite must provide: tasks made of a scene, an instruction, monitors and a success check (DESIGN 7)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.simulator import WorldState
+from memo_core.scene.description import SceneDescription
+
+
+class Monitor(ABC):
+    """Watches every tick and remembers. Its memory is part of a checkpoint, so a retry inherits nothing."""
+
+    name: str
+
+    @abstractmethod
+    def reset(self, world: WorldState) -> None: ...
+
+    @abstractmethod
+    def update(self, world: WorldState) -> None:
+        """Called after every tick; must be quick."""
+
+    @abstractmethod
+    def memory(self) -> dict[str, Any]:
+        """JSON values that ``recall`` takes back."""
+
+    @abstractmethod
+    def recall(self, memory: dict[str, Any]) -> None: ...
+
+
+@attrs.frozen
+class Outcome:
+    """The verdict of a success check: what a person would call done, and why (not). ``measures`` in SI units."""
+
+    success: bool
+    reason: str
+    measures: dict[str, float] = attrs.field(factory=dict)
+
+
+class Task(ABC):
+    """One task of a suite."""
+
+    name: str  # e.g. "put-the-food-in-the-microwave"
+    instruction: str  # e.g. "put the food in the microwave"
+    kind: str = ""  # LH, CR, SR, TR
+    split: str = "training"  # or "held-out"
+    time_limit: float = 300.0  # simulated seconds
+
+    @abstractmethod
+    def scene(self, rng: np.random.Generator) -> SceneDescription:
+        """The scene, randomised by ``rng`` only."""
+
+    def monitors(self) -> tuple[Monitor, ...]:
+        return ()
+
+    @abstractmethod
+    def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
+        """Whether the task is done in this world state."""
+
+    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        """Whether a subtask such as ``OPEN(microwave)`` is done, for reports only; None where the task cannot say."""
+        return None
+
+    @property
+    def reference_solution(self) -> str:
+        """Robot code written by hand that solves the task; used by tests and ``memo tasks verify`` only."""
+        return ""

@@ -1,0 +1,1 @@
+"""Poses, the scene graph, relations, and the scene description every simulator builds."""

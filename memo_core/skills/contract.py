@@ -1,0 +1,257 @@
+"""The built-in skills: one contract for simulation and hardware (DESIGN 6). Plugins add skills through the same hook."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.scene.pose import multiply_quaternions, quaternion_from_axis_angle, quaternion_from_rotation
+from memo_core.skills.control import Control
+from memo_core.skills.skill import Skill, skill
+from memo_core.skills.values import (
+    Angle, Direction, Force, Name, Orientation, Path, Position, Seconds, Slack, Speed, Width,
+)
+
+# -- what is there ---------------------------------------------------------------------------------------------------
+
+
+@skill("query")
+def get_objects(control: Control) -> list:
+    """Names of all objects and visible parts in the scene, as of the last look."""
+    return [node.label for node in control.scene().nodes]
+
+
+@skill("query")
+def get_position(control: Control, name: Name) -> Position:
+    """Centre [x, y, z] (m, base frame) of an object's or part's box, as of the last look."""
+    return list(control.scene().node(name).pose.position)
+
+
+@skill("query")
+def get_size(control: Control, name: Name) -> list:
+    """Full extents [sx, sy, sz] (m) of the box along its own axes (see get_axes)."""
+    return list(control.scene().node(name).size)
+
+
+@skill("query")
+def get_axes(control: Control, name: Name) -> list:
+    """The box's own axes: three unit vectors [[x axis], [y axis], [z axis]] in the base frame."""
+    return control.scene().node(name).pose.rotation.T.tolist()
+
+
+@skill("query")
+def get_bounds(control: Control, name: Name) -> list:
+    """[[x, y, z] lowest, [x, y, z] highest] corner (m, base frame) of the upright box that encloses the object."""
+    return [bound.tolist() for bound in control.scene().node(name).bounds()]
+
+
+@skill("query")
+def get_parts(control: Control, name: Name) -> list:
+    """Names of the visible parts of an object (door, handle, inside)."""
+    scene = control.scene()
+    owner = scene.node(name).id
+    return [node.label for node in scene.nodes if node.part_of == owner]
+
+
+@skill("query")
+def get_opening(control: Control, name: Name) -> Direction:
+    """For the inside of a container: unit vector (base frame) pointing out through its open side."""
+    node = control.scene().node(name)
+    if node.opening is None:
+        raise InvalidArgument("get_opening(name)", f"{node.label!r} is not the inside of a container", "a name ending in 'inside'")
+    return list(node.opening)
+
+
+@skill("query")
+def get_relations(control: Control) -> list:
+    """Sentences that hold in the scene, as of the last look, such as 'the oven door is closed'."""
+    return list(control.scene().sentences())
+
+
+@skill("query")
+def get_table_height(control: Control) -> float:
+    """Height z (m, base frame) of the table's top."""
+    return control.scene().table_height
+
+
+@skill("perception")
+def look(control: Control) -> list:
+    """Look at the scene again, so that positions and relations are those of now; returns the relations' sentences."""
+    return list(control.look().sentences())
+
+
+# -- the hand --------------------------------------------------------------------------------------------------------
+
+
+@skill("query")
+def get_gripper_position(control: Control) -> Position:
+    """Where the point between the fingertips is now: [x, y, z] (m, base frame)."""
+    return list(control.tool_pose().position)
+
+
+@skill("query")
+def get_gripper_orientation(control: Control) -> Orientation:
+    """How the hand is turned now: quaternion [w, x, y, z]; its z axis is the approach, its y axis the closing direction."""
+    return list(control.tool_pose().orientation)
+
+
+@skill("query")
+def get_gripper_width(control: Control) -> float:
+    """Distance (m) between the fingers now."""
+    return control.gripper_width()
+
+
+@skill("query")
+def is_holding(control: Control) -> bool:
+    """Whether something is held between the fingers."""
+    return control.holding()
+
+
+@skill("gripper")
+def open_gripper(control: Control, width: Width | None = None) -> float:
+    """Open the fingers to a width (m), or fully; returns the width reached (m)."""
+    return control.open_gripper(width)
+
+
+@skill("gripper")
+def close_gripper(control: Control, force: Force | None = None) -> float:
+    """Close the fingers until they hold something or meet, pressing with a force (N; default the gripper's strongest);
+    returns the width reached (m): near 0 means that nothing is between them."""
+    return control.close_gripper(force)
+
+
+# -- orientations: these only compute --------------------------------------------------------------------------------
+
+
+@skill("geometry")
+def top_orientation(control: Control, yaw: Angle = 0.0) -> Orientation:
+    """Orientation of a hand that points straight down. At yaw 0 the fingers close along y; yaw (rad) turns that
+    direction about z."""
+    closing = [-math.sin(yaw), math.cos(yaw), 0.0]
+    return _orientation([0.0, 0.0, -1.0], closing)
+
+
+@skill("geometry")
+def side_orientation(
+    control: Control, direction: Direction, fingers: Literal["horizontal", "vertical"] = "horizontal", tilt: Angle = 0.0
+) -> Orientation:
+    """Orientation of a hand that comes from the side, pointing along the horizontal part of direction. fingers: whether
+    they close 'horizontal'ly (for upright bars and objects) or 'vertical'ly (for level bars). tilt (rad) lets the hand
+    point downwards by that much."""
+    length = math.hypot(direction[0], direction[1])
+    if length < 1e-6:
+        raise InvalidArgument("side_orientation(direction)", "it has no horizontal part", "a direction such as [1, 0, 0]")
+    x, y = direction[0] / length, direction[1] / length
+    approach = [x * math.cos(tilt), y * math.cos(tilt), -math.sin(tilt)]
+    if fingers == "horizontal":
+        closing = [-y, x, 0.0]
+    else:
+        closing = [x * math.sin(tilt), y * math.sin(tilt), math.cos(tilt)]
+    return _orientation(approach, closing)
+
+
+@skill("geometry")
+def turn_orientation(control: Control, orientation: Orientation, axis: Direction, angle: Angle) -> Orientation:
+    """The orientation turned by angle (rad, right-handed) about an axis of the base frame."""
+    if max(abs(v) for v in axis) < 1e-9:
+        raise InvalidArgument("turn_orientation(axis)", "it has no length", "a direction such as [0, 0, 1]")
+    return list(multiply_quaternions(quaternion_from_axis_angle(axis, angle), orientation))
+
+
+@skill("geometry")
+def turn_point(control: Control, point: Position, pivot: Position, axis: Direction, angle: Angle) -> Position:
+    """The point moved by angle (rad, right-handed) on a circle about the axis (base frame) through pivot."""
+    if max(abs(v) for v in axis) < 1e-9:
+        raise InvalidArgument("turn_point(axis)", "it has no length", "a direction such as [0, 0, 1]")
+    k = np.asarray(axis) / np.linalg.norm(axis)
+    r = np.asarray(point) - np.asarray(pivot)
+    turned = r * math.cos(angle) + np.cross(k, r) * math.sin(angle) + k * (k @ r) * (1 - math.cos(angle))
+    return [float(v) for v in np.asarray(pivot) + turned]
+
+
+# -- motion ----------------------------------------------------------------------------------------------------------
+
+
+@skill("motion")
+def move_to(
+    control: Control,
+    position: Position,
+    orientation: Orientation | None = None,
+    then: Path | None = None,
+    slack: Slack = 0.7,
+    speed: Speed = 1.0,
+) -> None:
+    """Move the point between the fingertips to a position, the hand turned to orientation (None: as it is now), around
+    everything seen at the last look. then: the path you mean to follow next, so that the arm arrives in a posture from
+    which it can. slack (rad): how far the hand may be tilted about its closing direction where the arm cannot
+    reach otherwise; 0 for exactly this orientation."""
+    control.move_to(position, orientation, then, slack, speed)
+
+
+@skill("motion")
+def move_straight(
+    control: Control, position: Position, orientation: Orientation | None = None, slack: Slack = 0.7, speed: Speed = 0.5
+) -> None:
+    """Move in a straight line to a position. The fingers may touch things on the way: for approaching, lifting, pushing
+    and pulling."""
+    control.follow_path([(position, orientation)], None, slack, speed)
+
+
+@skill("motion")
+def follow_path(control: Control, path: Path, then: Path | None = None, slack: Slack = 0.7, speed: Speed = 0.5) -> None:
+    """Move through all positions (or [position, orientation] pairs) of a path without stopping, in straight pieces; use
+    10 or more points for a curve. The fingers may touch things. slack and then as in move_to."""
+    control.follow_path(path, then, slack, speed)
+
+
+@skill("motion")
+def align_from_top(control: Control, yaw: Angle = 0.0) -> None:
+    """Turn the hand in place so that it points straight down (see top_orientation)."""
+    control.move_to(list(control.tool_pose().position), top_orientation.call(control, (yaw,)), None, 0.0, 1.0)
+
+
+@skill("motion")
+def align_from_side(
+    control: Control, direction: Direction, fingers: Literal["horizontal", "vertical"] = "horizontal", tilt: Angle = 0.0
+) -> None:
+    """Turn the hand in place so that it points along a horizontal direction (see side_orientation)."""
+    orientation = side_orientation.call(control, (direction, fingers, tilt))
+    control.move_to(list(control.tool_pose().position), orientation, None, 0.0, 1.0)
+
+
+@skill("motion")
+def rotate_gripper(control: Control, angle: Angle) -> None:
+    """Turn the hand in place about its approach axis by angle (rad, right-handed about the approach direction)."""
+    pose = control.tool_pose()
+    approach = tuple(pose.rotation[:, 2])
+    turned = multiply_quaternions(quaternion_from_axis_angle(approach, angle), pose.orientation)
+    control.follow_path([(list(pose.position), list(turned))], None, 0.0, 0.5)
+
+
+@skill("motion")
+def go_home(control: Control) -> None:
+    """Move the arm to its home posture, out of the way, keeping hold of what is held."""
+    control.go_home()
+
+
+@skill("motion")
+def wait(control: Control, seconds: Seconds) -> None:
+    """Stay still for some seconds."""
+    control.wait(seconds)
+
+
+def _orientation(approach: list[float], closing: list[float]) -> list[float]:
+    """Quaternion of a tool frame with z = approach and y = closing (unit, orthogonal)."""
+    z, y = np.asarray(approach), np.asarray(closing)
+    return list(quaternion_from_rotation(np.column_stack([np.cross(y, z), y, z])))
+
+
+BUILTIN_SKILLS: tuple[Skill, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Skill))
+
+
+def documentation(skills: dict[str, Any]) -> str:
+    """The prompt's documentation of a skill library, in the order of declaration."""
+    return "\n\n".join(one.documentation() for one in skills.values())

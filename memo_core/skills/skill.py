@@ -1,0 +1,88 @@
+"""A skill's declaration. Prompt documentation, sandbox stubs and argument checks are all read off it.
+
+A skill is a typed Python function whose first parameter is the ``Control`` it acts through; the decorator ``skill``
+records its name, signature and docstring. Parameter types come from ``memo_core.skills.values`` and carry their own
+checks, so an argument is checked the same way whoever calls.
+"""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+from memo_core.skills.values import describe_type, read_value
+
+Kind = Literal["query", "geometry", "motion", "gripper", "perception"]
+
+
+@attrs.frozen(eq=False)
+class Skill:
+    """One function that robot code may call. ``kind``: ``query`` reads, ``geometry`` only computes, the rest act."""
+
+    name: str
+    kind: Kind
+    function: Callable[..., Any]
+    parameters: tuple[inspect.Parameter, ...]  # without the control
+    types: dict[str, Any]  # parameter name -> annotated type, and "return"
+    doc: str
+
+    @property
+    def signature(self) -> str:
+        """As a person would write it: ``move_to(position: Position, orientation: Orientation | None = None) -> None``."""
+        shown = []
+        for parameter in self.parameters:
+            text = f"{parameter.name}: {describe_type(self.types[parameter.name])}"
+            if parameter.default is not inspect.Parameter.empty:
+                text += f" = {parameter.default!r}"
+            shown.append(text)
+        return f"{self.name}({', '.join(shown)}) -> {describe_type(self.types['return'])}"
+
+    def documentation(self) -> str:
+        """The entry in the prompt: signature and docstring."""
+        return self.signature + "\n" + "\n".join("    " + line for line in self.doc.splitlines())
+
+    def bind(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
+        """Checked and converted arguments by name. Raises ``InvalidArgument`` naming the skill's argument."""
+        signature = inspect.Signature(self.parameters)
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError as error:
+            raise InvalidArgument(f"{self.name}()", str(error), self.signature) from None
+        bound.apply_defaults()
+        return {
+            name: read_value(f"{self.name}({name})", value, self.types[name]) for name, value in bound.arguments.items()
+        }
+
+    def call(self, control: Any, args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None) -> Any:
+        """Check the arguments and run the skill. Raises ``InvalidArgument``, ``SkillError`` or ``Stopped``."""
+        return self.function(control, **self.bind(args, kwargs or {}))
+
+
+def skill(kind: Kind) -> Callable[[Callable[..., Any]], Skill]:
+    """Declare a skill. The docstring must say what it does in one line, with units and frames."""
+
+    def declare(function: Callable[..., Any]) -> Skill:
+        types = typing.get_type_hints(function, include_extras=True)
+        parameters = tuple(inspect.signature(function).parameters.values())[1:]
+        doc = inspect.getdoc(function) or ""
+        missing = [p.name for p in parameters if p.name not in types]
+        if missing or "return" not in types or not doc:
+            raise TypeError(f"skill {function.__name__}: needs a docstring and types for {missing or 'its return value'}")
+        return Skill(function.__name__, kind, function, parameters, types, doc)
+
+    return declare
+
+
+def skill_library(skills: Iterable[Skill]) -> dict[str, Skill]:
+    """The library K by name. Raises ``InvalidArgument`` when two skills share one."""
+    library: dict[str, Skill] = {}
+    for one in skills:
+        if one.name in library:
+            raise InvalidArgument("skills", f"two skills are named {one.name!r}", "unique names")
+        library[one.name] = one
+    return library

@@ -1,0 +1,1 @@
+"""The Franka Panda for MEMO: description and gripper."""

@@ -1,0 +1,1 @@
+"""Perception for MEMO: ground truth from a simulator."""

@@ -1,0 +1,1 @@
+"""The tabletop tasks for MEMO: scenes, monitors, success checks."""
