@@ -1,0 +1,56 @@
+"""A person at the terminal. Asked after every subtask, and right after pressing Ctrl-C."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.teacher import Episode, Teacher, Verdict
+
+APPROVALS = {"y", "yes", "ok", "good", "fine"}
+SILENCES = {"s", "skip"}
+
+
+@attrs.frozen
+class TerminalSettings:
+    """Settings of the teacher at the terminal."""
+
+    who: str = attrs.field(default="", metadata={"help": "your name in the skillbook; default: the user's login name"})
+
+
+class TerminalTeacher(Teacher):
+    """Reads a verdict from standard input. End of input means that nobody watches (silent)."""
+
+    def __init__(self, settings: TerminalSettings) -> None:
+        self.settings = settings
+
+    def open(self) -> None:
+        self.who = self.settings.who or getpass.getuser()
+        if not sys.stdin.isatty() and sys.stdin.closed:
+            raise InvalidArgument("teacher.backend", "standard input is closed", "a terminal, or another teacher")
+
+    def judge(self, episode: Episode) -> Verdict:
+        return self._ask(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", episode)
+
+    def interrupted(self, episode: Episode) -> Verdict:
+        return self._ask(f"Stopped during {episode.subtask}. What was wrong?", episode)
+
+    def _ask(self, question: str, episode: Episode) -> Verdict:
+        if episode.spoken_error:
+            print(f"The robot says: {episode.spoken_error}", file=sys.stderr)
+        print(f"{question} [y = it worked, s = say nothing, or say what was wrong]", file=sys.stderr)
+        while True:
+            print("> ", end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            if not line:
+                return Verdict("silent")
+            words = line.strip()
+            if words.lower() in APPROVALS:
+                return Verdict("approve")
+            if words.lower() in SILENCES:
+                return Verdict("silent")
+            if words:
+                return Verdict("correct", words)
