@@ -1,0 +1,265 @@
+"""Reading a URDF: the one robot text that Pinocchio and every simulator build from.
+
+Covers what a serial arm with a gripper needs: links with inertias, visual and collision shapes, fixed, revolute,
+continuous and prismatic joints. Lengths in metres, angles in radians, inertias in kg m2 about the centre of mass.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Literal
+
+import attrs
+
+from memo_core.errors import InvalidArgument, close_match
+from memo_core.scene.pose import Pose, multiply_quaternions, quaternion_from_axis_angle
+
+Vector = tuple[float, float, float]
+JointKind = Literal["fixed", "revolute", "prismatic"]
+_KINDS: dict[str, JointKind] = {
+    "fixed": "fixed",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+}
+
+
+@attrs.frozen
+class UrdfShape:
+    """A shape posed in its link's frame. ``size`` as in ``memo_core.scene.description.Geom``; ``mesh`` a file path and
+    ``size`` its scale (x, y, z)."""
+
+    shape: Literal["box", "cylinder", "sphere", "capsule", "mesh"]
+    size: tuple[float, ...]
+    pose: Pose = Pose()
+    colour: tuple[float, float, float, float] | None = None
+    mesh: str | None = None
+
+
+@attrs.frozen
+class UrdfLink:
+    """``inertia`` is (xx, yy, zz, xy, xz, yz) in the axes of the frame ``centre``, whose origin is the centre of mass."""
+
+    name: str
+    mass: float = 0.0  # kg
+    centre: Pose = Pose()
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    visuals: tuple[UrdfShape, ...] = ()
+    collisions: tuple[UrdfShape, ...] = ()
+
+
+@attrs.frozen
+class UrdfJoint:
+    """``origin`` is the child's frame in the parent's at position 0. ``lower``/``upper`` are infinite where the URDF
+    states no limits (continuous joints)."""
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Pose = Pose()
+    axis: Vector = (1.0, 0.0, 0.0)
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf  # rad/s or m/s
+    effort: float = math.inf  # Nm or N
+
+
+@attrs.frozen
+class Urdf:
+    """A tree of links. ``joints`` stand in an order in which parents come before their children."""
+
+    name: str
+    root: str
+    links: dict[str, UrdfLink]
+    joints: tuple[UrdfJoint, ...]
+
+    def joint(self, name: str) -> UrdfJoint:
+        """Raises ``InvalidArgument`` naming the joints there are."""
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        names = [joint.name for joint in self.joints]
+        problem = f"no joint {name!r}{close_match(name, names)}"
+        raise InvalidArgument(f"URDF of {self.name!r}", problem, f"one of {', '.join(names)}")
+
+    @property
+    def total_mass(self) -> float:
+        """kg of all links."""
+        return sum(link.mass for link in self.links.values())
+
+
+def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
+    """Parse URDF text. ``package://NAME/…`` and relative mesh paths are looked up below ``mesh_folder``.
+
+    Raises ``InvalidArgument`` naming the element that is wrong.
+    """
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InvalidArgument("URDF", f"is not well-formed XML ({error})", "a <robot> document") from error
+    if root.tag != "robot":
+        raise InvalidArgument("URDF", f"its root element is <{root.tag}>", "<robot>")
+    name = root.get("name", "robot")
+    colours = {
+        str(material.get("name")): colour for material in root.findall("material") if (colour := _colour(material)) is not None
+    }
+    links = {link.name: link for link in (_link(element, colours, mesh_folder) for element in root.findall("link"))}
+    joints = [_joint(element) for element in root.findall("joint")]
+    children: dict[str, str] = {}
+    for joint in joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise InvalidArgument(f"URDF joint {joint.name!r}", f"names the link {end!r}, which does not exist", "a <link>")
+        if joint.child in children:
+            raise InvalidArgument(
+                f"URDF link {joint.child!r}", f"has two parents, by {children[joint.child]!r} and {joint.name!r}", "a tree"
+            )
+        children[joint.child] = joint.name
+    roots = [link for link in links if link not in children]
+    if len(roots) != 1:
+        raise InvalidArgument(f"URDF of {name!r}", f"has {len(roots)} root links ({', '.join(roots)})", "exactly one")
+    return Urdf(name, roots[0], links, _parents_first(roots[0], joints))
+
+
+def _parents_first(root: str, joints: list[UrdfJoint]) -> tuple[UrdfJoint, ...]:
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint)
+    ordered: list[UrdfJoint] = []
+    stack = list(reversed(below.get(root, [])))
+    while stack:
+        joint = stack.pop()
+        ordered.append(joint)
+        stack.extend(reversed(below.get(joint.child, [])))
+    return tuple(ordered)
+
+
+def _link(element: ElementTree.Element, colours: dict[str, tuple[float, float, float, float]], folder: str | None) -> UrdfLink:
+    name = element.get("name")
+    if not name:
+        raise InvalidArgument("URDF <link>", "has no name", 'name="…"')
+    where = f"URDF link {name!r}"
+    # Pinocchio's extension: cylinders named here are capsules of the same straight length.
+    capsules = {capsule.get("name") for capsule in element.findall("collision_checking/capsule")}
+    mass, centre, inertia = 0.0, Pose(), (0.0,) * 6
+    inertial = element.find("inertial")
+    if inertial is not None:
+        mass = _number(where, inertial.find("mass"), "value")
+        centre = _origin(where, inertial)
+        tensor = inertial.find("inertia")
+        inertia = tuple(_number(where, tensor, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    return UrdfLink(
+        name,
+        mass,
+        centre,
+        inertia,  # type: ignore[arg-type]
+        tuple(_shape(where, visual, colours, folder, set()) for visual in element.findall("visual")),
+        tuple(_shape(where, collision, colours, folder, capsules) for collision in element.findall("collision")),
+    )
+
+
+def _shape(
+    where: str,
+    element: ElementTree.Element,
+    colours: dict[str, tuple[float, float, float, float]],
+    folder: str | None,
+    capsules: set[str | None],
+) -> UrdfShape:
+    geometry = element.find("geometry")
+    if geometry is None or len(geometry) == 0:
+        raise InvalidArgument(where, f"a <{element.tag}> has no <geometry>", "box, cylinder, sphere, capsule or mesh")
+    solid = geometry[0]
+    pose = _origin(where, element)
+    material = element.find("material")
+    colour = None if material is None else _colour(material) or colours.get(str(material.get("name")))
+    if solid.tag == "box":
+        return UrdfShape("box", _vector(where, solid, "size"), pose, colour)
+    if solid.tag == "sphere":
+        return UrdfShape("sphere", (_number(where, solid, "radius"),), pose, colour)
+    if solid.tag in ("cylinder", "capsule"):
+        round_ends = solid.tag == "capsule" or (element.tag == "collision" and element.get("name") in capsules)
+        size = (_number(where, solid, "radius"), _number(where, solid, "length"))
+        return UrdfShape("capsule" if round_ends else "cylinder", size, pose, colour)
+    if solid.tag == "mesh":
+        scale = _vector(where, solid, "scale") if solid.get("scale") else (1.0, 1.0, 1.0)
+        return UrdfShape("mesh", scale, pose, colour, str(_mesh_path(where, solid.get("filename", ""), folder)))
+    raise InvalidArgument(where, f"unknown shape <{solid.tag}>", "box, cylinder, sphere, capsule or mesh")
+
+
+def _mesh_path(where: str, filename: str, folder: str | None) -> Path:
+    relative = filename.removeprefix("file://")
+    package = relative.removeprefix("package://")
+    candidates = [Path(relative)]
+    if folder is not None:
+        candidates = [Path(folder) / package, Path(folder) / "/".join(package.split("/")[1:])]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    looked = ", ".join(str(candidate) for candidate in candidates)
+    raise InvalidArgument(where, f"mesh {filename!r} not found (looked at {looked})", "a mesh_folder that holds it")
+
+
+def _joint(element: ElementTree.Element) -> UrdfJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    where = f"URDF joint {name!r}"
+    if kind not in _KINDS:
+        raise InvalidArgument(where, f"has the type {kind!r}", ", ".join(_KINDS))
+    ends = []
+    for tag in ("parent", "child"):
+        end = element.find(tag)
+        if end is None or not end.get("link"):
+            raise InvalidArgument(where, f"has no <{tag} link=…>", f'<{tag} link="…"/>')
+        ends.append(str(end.get("link")))
+    axis = element.find("axis")
+    limit = element.find("limit")
+    limits = {}
+    if limit is not None:
+        keys = ("velocity", "effort") if kind == "continuous" else ("lower", "upper", "velocity", "effort")
+        limits = {key: _number(where, limit, key) for key in keys if limit.get(key) is not None}
+    direction = (1.0, 0.0, 0.0) if axis is None else _vector(where, axis, "xyz")
+    length = math.sqrt(sum(v * v for v in direction))
+    if kind != "fixed" and length < 1e-9:
+        raise InvalidArgument(where, "its axis has no length", "a direction such as 0 0 1")
+    unit = tuple(v / length for v in direction) if length > 0 else (1.0, 0.0, 0.0)
+    return UrdfJoint(name, _KINDS[kind], ends[0], ends[1], _origin(where, element), unit, **limits)  # type: ignore[arg-type]
+
+
+def _origin(where: str, element: ElementTree.Element) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    position = _vector(where, origin, "xyz") if origin.get("xyz") else (0.0, 0.0, 0.0)
+    roll, pitch, yaw = _vector(where, origin, "rpy") if origin.get("rpy") else (0.0, 0.0, 0.0)
+    about_z, about_y, about_x = (
+        quaternion_from_axis_angle(axis, angle)
+        for axis, angle in (((0, 0, 1), yaw), ((0, 1, 0), pitch), ((1, 0, 0), roll))
+    )
+    return Pose(position, multiply_quaternions(multiply_quaternions(about_z, about_y), about_x))
+
+
+def _colour(material: ElementTree.Element) -> tuple[float, float, float, float] | None:
+    colour = material.find("color")
+    if colour is None:
+        return None
+    r, g, b, a = (float(v) for v in str(colour.get("rgba")).split())
+    return (r, g, b, a)
+
+
+def _vector(where: str, element: ElementTree.Element, key: str) -> Vector:
+    try:
+        x, y, z = (float(v) for v in str(element.get(key)).split())
+    except ValueError as error:
+        raise InvalidArgument(where, f"<{element.tag} {key}={element.get(key)!r}>", "three numbers") from error
+    return (x, y, z)
+
+
+def _number(where: str, element: ElementTree.Element | None, key: str) -> float:
+    value = None if element is None else element.get(key)
+    try:
+        return float(str(value))
+    except ValueError as error:
+        tag = "inertial" if element is None else element.tag
+        raise InvalidArgument(where, f"<{tag}> has {key}={value!r}", "a number") from error

@@ -1,0 +1,112 @@
+"""The Panda as configured: our own description with some values changed, or somebody's URDF in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import attrs
+
+from memo_core.errors import InvalidArgument, close_match
+from memo_core.interfaces.robot import JointDescription, RobotDescription
+from memo_core.scene.pose import Pose
+from memo_franka.description import panda
+
+
+def _help(text: str, **kwargs):
+    return attrs.field(metadata={"help": text}, **kwargs)
+
+
+@attrs.frozen
+class PandaSettings:
+    """What can be configured. The names matter only together with ``urdf``; the defaults are Franka's own."""
+
+    urdf: str | None = _help("path of a URDF to use instead of our own description", default=None)
+    mesh_folder: str | None = _help("folder below which the URDF's package:// and relative meshes lie", default=None)
+    joints: list[str] = _help("the arm's joints, base first", factory=lambda: [f"panda_joint{n}" for n in range(1, 8)])
+    finger_joints: list[str] = _help(
+        "the fingers' slide joints", factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"]
+    )
+    pads: list[str] = _help("the links that touch what is held", factory=lambda: ["panda_leftfinger", "panda_rightfinger"])
+    tool_link: str = _help("link the tool frame is fixed to", default="panda_tool")
+    tool_position: list[float] = _help("tool frame in that link, m", factory=lambda: [0.0, 0.0, 0.0])
+    tool_orientation: list[float] = _help("tool frame in that link, quaternion wxyz", factory=lambda: [1.0, 0.0, 0.0, 0.0])
+    home: list[float] | None = _help("home posture, rad, one value a joint", default=None)
+    pad_friction: float = _help("sliding friction of the finger pads", default=1.0)
+    max_force: float = _help("strongest grip, N", default=80.0)
+
+
+def configured(settings: PandaSettings) -> RobotDescription:
+    """The description for these settings. Raises ``InvalidArgument`` naming the key that is wrong."""
+    if settings.pad_friction <= 0:
+        raise InvalidArgument("robot.pad_friction", f"is {settings.pad_friction}", "more than 0")
+    if not 5.0 <= settings.max_force <= 140.0:
+        raise InvalidArgument("robot.max_force", f"is {settings.max_force} N", "5 to 140 N")
+    description = panda()
+    if settings.urdf is not None:
+        description = _with_urdf(description, settings)
+    gripper = attrs.evolve(description.gripper, pad_friction=settings.pad_friction, max_force=settings.max_force)
+    home = description.home if settings.home is None else tuple(settings.home)
+    if len(home) != len(description.joints):
+        raise InvalidArgument("robot.home", f"has {len(home)} values", f"{len(description.joints)}, one a joint")
+    for joint, angle in zip(description.joints, home, strict=True):
+        if not joint.lower <= angle <= joint.upper:
+            expected = f"{joint.lower:.4f} to {joint.upper:.4f} rad"
+            raise InvalidArgument("robot.home", f"{angle:.4f} rad is outside {joint.name}'s limits", expected)
+    return attrs.evolve(description, gripper=gripper, home=home)
+
+
+def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
+    """The same arm by another URDF: its kinematics, limits and shapes; accelerations, jerks and gains stay ours."""
+    from memo_core.arm.urdf import read_urdf
+
+    path = Path(str(settings.urdf)).expanduser()
+    if not path.is_file():
+        raise InvalidArgument("robot.urdf", f"there is no file {path}", "the path of a URDF")
+    text = path.read_text(encoding="utf-8")
+    folder = settings.mesh_folder or str(path.parent)
+    urdf = read_urdf(text, folder)
+    names = [joint.name for joint in urdf.joints]
+    for key, wanted, valid in (
+        ("joints", settings.joints, names),
+        ("finger_joints", settings.finger_joints, names),
+        ("pads", settings.pads, list(urdf.links)),
+        ("tool_link", [settings.tool_link], list(urdf.links)),
+    ):
+        _check_names(key, wanted, valid)
+    if len(settings.joints) != len(own.joints):
+        raise InvalidArgument("robot.joints", f"names {len(settings.joints)} joints", f"{len(own.joints)}, a Panda's")
+    joints: list[JointDescription] = []
+    for name, template in zip(settings.joints, own.joints, strict=True):
+        found = urdf.joint(name)
+        joints.append(
+            attrs.evolve(
+                template,
+                name=name,
+                lower=max(found.lower, template.lower),
+                upper=min(found.upper, template.upper),
+                velocity=min(found.velocity, template.velocity),
+                effort=min(found.effort, template.effort),
+            )
+        )
+    stroke = sum(urdf.joint(name).upper - urdf.joint(name).lower for name in settings.finger_joints)
+    gripper = attrs.evolve(
+        own.gripper, finger_joints=tuple(settings.finger_joints), pads=tuple(settings.pads), stroke=stroke
+    )
+    return attrs.evolve(
+        own,
+        urdf=text,
+        mesh_folder=folder,
+        joints=tuple(joints),
+        gripper=gripper,
+        tool_link=settings.tool_link,
+        tool_offset=Pose(tuple(settings.tool_position), tuple(settings.tool_orientation)),
+        allowed_contacts=(tuple(settings.pads),) if len(settings.pads) == 2 else (),
+    )
+
+
+def _check_names(key: str, wanted: Sequence[str], valid: Sequence[str]) -> None:
+    for name in wanted:
+        if name not in valid:
+            problem = f"the URDF has no {name!r}{close_match(name, valid)}"
+            raise InvalidArgument(f"robot.{key}", problem, f"among {', '.join(valid)}")

@@ -1,0 +1,309 @@
+"""The Franka Panda with a UMI-kind parallel gripper as a RobotDescription: our own light URDF made of primitives.
+
+Kinematics are the Denavit-Hartenberg parameters and limits that Franka publishes for the Panda; masses, centres and
+inertias are those identified by Gaz et al., "Dynamic Identification of the Franka Emika Panda Robot With Retrieval of
+Feasible Parameters Using Penalty-Based Optimization" (RA-L 2019). Shapes are primitives: capsules a little wider than
+the arm for contact, cylinders and capsules for the eye.
+"""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+
+from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
+from memo_core.scene.pose import Pose
+
+Vector = tuple[float, float, float]
+
+WHITE = "0.93 0.94 0.95 1"
+GREY = "0.60 0.62 0.65 1"
+BLACK = "0.11 0.12 0.13 1"
+BLUE = "0.10 0.45 0.75 1"
+RUBBER = "0.20 0.21 0.23 1"
+COLOURS = {"white": WHITE, "grey": GREY, "black": BLACK, "blue": BLUE, "rubber": RUBBER}
+
+#                 lower    upper   rad/s  rad/s2   rad/s3   Nm  Nm/rad
+_JOINTS = (
+    ("panda_joint1", -2.8973, 2.8973, 2.175, 15.0, 7500.0, 87.0, 4500.0),
+    ("panda_joint2", -1.7628, 1.7628, 2.175, 7.5, 3750.0, 87.0, 4500.0),
+    ("panda_joint3", -2.8973, 2.8973, 2.175, 10.0, 5000.0, 87.0, 3500.0),
+    ("panda_joint4", -3.0718, -0.0698, 2.175, 12.5, 6250.0, 87.0, 3500.0),
+    ("panda_joint5", -2.8973, 2.8973, 2.61, 15.0, 7500.0, 12.0, 2000.0),
+    ("panda_joint6", -0.0175, 3.7525, 2.61, 20.0, 10000.0, 12.0, 2000.0),
+    ("panda_joint7", -2.8973, 2.8973, 2.61, 20.0, 10000.0, 12.0, 2000.0),
+)
+ALLOWED_CONTACTS = (("panda_leftfinger", "panda_rightfinger"),)
+HOME = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
+
+# Origins of joint 1..7 in the link before: the published a, d and alpha in Craig's convention.
+_ORIGINS: tuple[tuple[Vector, Vector], ...] = (
+    ((0.0, 0.0, 0.333), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-math.pi / 2, 0.0, 0.0)),
+    ((0.0, -0.316, 0.0), (math.pi / 2, 0.0, 0.0)),
+    ((0.0825, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)),
+    ((-0.0825, 0.384, 0.0), (-math.pi / 2, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)),
+    ((0.088, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)),
+)
+_FLANGE = 0.107  # m from joint 7 to the flange
+
+STROKE = 0.08
+_TOOL = 0.1034  # m from the flange to the tool centre
+_PALM = 0.037  # m from the tool centre back to the palm
+_TIP = 0.010  # m the fingertips extend beyond the tool centre
+_HAND = (0.064, 0.204)  # m, across and along the closing axis
+
+
+@attrs.frozen
+class _Inertia:
+    """kg, m, kg m2 about the centre of mass (xx, yy, zz, xy, xz, yz)."""
+
+    mass: float
+    centre: Vector
+    tensor: tuple[float, float, float, float, float, float]
+
+
+@attrs.frozen
+class _Shape:
+    kind: str
+    size: tuple[float, ...]
+    position: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+    colour: str = "white"
+
+
+_INERTIAS = (
+    _Inertia(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-07, 0.00015, 8.2299e-06)),
+    _Inertia(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+    _Inertia(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+    _Inertia(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
+    _Inertia(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+    _Inertia(1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+    _Inertia(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
+    _Inertia(0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
+)
+_HAND_INERTIA = _Inertia(0.73, (0.0, 0.0, 0.033), (0.0025, 0.0010, 0.0027, 0.0, 0.0, 0.0))
+_FINGER_MASS = 0.10  # kg, with its carriage
+
+
+def _between(kind: str, radius: float, start: Vector, end: Vector, colour: str = "white") -> _Shape:
+    """A cylinder or capsule from ``start`` to ``end`` (m; the caps of a capsule lie outside)."""
+    dx, dy, dz = (b - a for a, b in zip(start, end, strict=True))
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
+    rpy = (0.0, math.acos(max(-1.0, min(1.0, dz / length))), math.atan2(dy, dx))
+    return _Shape(kind, (radius, length), middle, rpy, colour)  # type: ignore[arg-type]
+
+
+def _capsule(radius: float, start: Vector, end: Vector) -> _Shape:
+    return _between("capsule", radius, start, end)
+
+
+_COLLISIONS: tuple[tuple[_Shape, ...], ...] = (
+    (_Shape("box", (0.22, 0.19, 0.13), (-0.035, 0.0, 0.07)),),
+    (_capsule(0.065, (0, 0, -0.18), (0, 0, -0.01)),),
+    (_capsule(0.065, (0, 0, -0.06), (0, 0, 0.06)), _capsule(0.062, (0, 0, 0), (0, -0.15, 0))),
+    (_capsule(0.062, (0, 0, -0.12), (0, 0, -0.06)), _capsule(0.055, (0.0825, -0.055, 0), (0.0825, 0.055, 0))),
+    (_capsule(0.058, (0, 0, -0.055), (0, 0, 0.055)), _capsule(0.058, (-0.0825, 0.06, 0), (-0.0825, 0.11, 0))),
+    (_capsule(0.058, (0, 0, -0.26), (0, 0, -0.20)), _capsule(0.042, (0, 0.04, -0.21), (0, 0.07, -0.02))),
+    (_capsule(0.050, (0, 0, -0.06), (0, 0, 0.02)), _capsule(0.045, (0.03, 0, 0), (0.088, 0, 0))),
+    (_capsule(0.045, (0, 0, -0.03), (0, 0, 0.065)), _capsule(0.030, (0.04, 0.04, 0.08), (0.035, 0.035, 0.08))),
+)
+
+
+def _caps(radius: float, half: float, thickness: float = 0.012) -> tuple[_Shape, ...]:
+    """The dark discs on both ends of a joint's axis (the link's z)."""
+    return tuple(
+        _Shape("cylinder", (radius, thickness), (0.0, 0.0, sign * half), colour="black") for sign in (-1.0, 1.0)
+    )
+
+
+_VISUALS: tuple[tuple[_Shape, ...], ...] = (
+    (
+        _Shape("cylinder", (0.082, 0.020), (0, 0, 0.010), colour="grey"),
+        _between("cylinder", 0.072, (0, 0, 0.015), (0, 0, 0.137)),
+        _Shape("box", (0.10, 0.14, 0.10), (-0.085, 0, 0.055)),
+        _Shape("box", (0.012, 0.10, 0.06), (-0.137, 0, 0.055), colour="black"),
+        _Shape("cylinder", (0.066, 0.010), (0, 0, 0.141), colour="blue"),
+    ),
+    (
+        _between("cylinder", 0.060, (0, 0, -0.188), (0, 0, -0.02)),
+        _between("cylinder", 0.062, (0, -0.055, 0), (0, 0.055, 0)),
+    ),
+    (
+        *_caps(0.052, 0.061),
+        _between("capsule", 0.057, (0, 0, 0), (0, -0.150, 0)),
+        _between("cylinder", 0.0585, (0, -0.183, 0), (0, -0.193, 0), "black"),
+    ),
+    (
+        _between("capsule", 0.055, (0, 0, -0.118), (0, 0, -0.075)),
+        _between("capsule", 0.047, (0, 0, -0.075), (0.0825, 0, 0)),
+        _between("cylinder", 0.054, (0.0825, -0.05, 0), (0.0825, 0.05, 0)),
+    ),
+    (
+        *_caps(0.046, 0.056),
+        _between("capsule", 0.047, (0, 0, 0), (-0.0825, 0.075, 0)),
+        _between("capsule", 0.054, (-0.0825, 0.075, 0), (-0.0825, 0.105, 0)),
+        _between("cylinder", 0.0555, (-0.0825, 0.122, 0), (-0.0825, 0.132, 0), "black"),
+    ),
+    (
+        _between("capsule", 0.054, (0, 0, -0.250), (0, 0, -0.205)),
+        _between("capsule", 0.038, (0, 0.025, -0.205), (0, 0.062, -0.03)),
+        _between("cylinder", 0.046, (0, 0.090, 0), (0, 0.035, 0)),
+    ),
+    (
+        _between("cylinder", 0.048, (0, 0, -0.033), (0, 0, 0.035)),
+        _Shape("cylinder", (0.040, 0.010), (0, 0, 0.039), colour="black"),
+        _between("capsule", 0.044, (0.02, 0, 0.0), (0.088, 0, 0.0)),
+        _Shape("cylinder", (0.046, 0.008), (0.088, 0.046, 0), (math.pi / 2, 0, 0), "black"),
+    ),
+    (
+        _between("cylinder", 0.043, (0, 0, 0.048), (0, 0, 0.092)),
+        _between("capsule", 0.022, (0, 0, 0.075), (0.042, 0.042, 0.075)),
+        _Shape("cylinder", (0.036, 0.015), (0, 0, 0.0995), colour="grey"),
+    ),
+)
+
+_HAND_COLLISIONS = (_Shape("box", (*_HAND, _TOOL - _PALM), (0, 0, (_TOOL - _PALM) / 2)),)
+_HAND_VISUALS = (
+    _Shape("box", (0.058, 0.150, 0.046), (0, 0, 0.025), colour="white"),
+    _between("cylinder", 0.029, (0, -0.073, 0.0235), (0, -0.0731, 0.0235)),
+    _Shape("box", (0.064, 0.204, 0.018), (0, 0, 0.0574), colour="black"),
+    _Shape("box", (0.0582, 0.152, 0.006), (0, 0, 0.012), colour="blue"),
+)
+# The finger's frame sits on its pad, at the tool centre; +y is out of the opening for the left finger.
+_FINGER_COLLISIONS = (
+    _Shape("box", (0.022, 0.010, 0.030 + _TIP), (0, 0.005, (_TIP - 0.030) / 2)),
+    _Shape("box", (0.022, 0.020, 0.025), (0, 0.010, -_PALM + 0.0125)),
+)
+_FINGER_VISUALS = (
+    _Shape("box", (0.022, 0.006, 0.030 + _TIP), (0, 0.003, (_TIP - 0.030) / 2), colour="rubber"),
+    _Shape("box", (0.020, 0.004, 0.030 + _TIP), (0, 0.008, (_TIP - 0.030) / 2), colour="grey"),
+    _Shape("box", (0.022, 0.020, 0.025), (0, 0.010, -_PALM + 0.0125), colour="grey"),
+)
+
+
+def panda() -> RobotDescription:
+    """The Panda with its base at the world's origin. Tool frame: the link ``panda_tool``."""
+    joints = tuple(
+        JointDescription(name, lower, upper, velocity, acceleration, jerk, effort, kp=kp, kv=kp / 10)
+        for name, lower, upper, velocity, acceleration, jerk, effort, kp in _JOINTS
+    )
+    return RobotDescription(
+        name="panda",
+        urdf=panda_urdf(),
+        joints=joints,
+        gripper=GripperDescription(
+            finger_joints=("panda_finger_joint1", "panda_finger_joint2"),
+            pads=("panda_leftfinger", "panda_rightfinger"),
+            stroke=STROKE,
+            fingertip_reach=_TIP,
+            palm_distance=_PALM,
+            hand_size=(_HAND[1], _HAND[0]),
+        ),
+        tool_link="panda_tool",
+        tool_offset=Pose(),
+        home=HOME,
+        allowed_contacts=ALLOWED_CONTACTS,
+    )
+
+
+def panda_urdf() -> str:
+    """The URDF's text."""
+    parts = ['<?xml version="1.0"?>', '<robot name="panda">']
+    parts += [f'  <material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in COLOURS.items()]
+    for number, inertia in enumerate(_INERTIAS):
+        parts.append(_link(f"panda_link{number}", inertia, _VISUALS[number], _COLLISIONS[number]))
+    for number, ((xyz, rpy), joint) in enumerate(zip(_ORIGINS, _JOINTS, strict=True), start=1):
+        name, lower, upper, velocity, _, _, effort, _ = joint
+        limit = f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
+        parts.append(_joint(name, "revolute", f"panda_link{number - 1}", f"panda_link{number}", xyz, rpy, "0 0 1", limit))
+    parts.append(_link("panda_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
+    parts.append(
+        _joint("panda_hand_joint", "fixed", "panda_link7", "panda_hand", (0, 0, _FLANGE), (0, 0, -math.pi / 4))
+    )
+    parts.append('  <link name="panda_tool"/>')
+    parts.append(_joint("panda_tool_joint", "fixed", "panda_hand", "panda_tool", (0, 0, _TOOL), (0, 0, 0)))
+    for number, (link, sign) in enumerate((("panda_leftfinger", 1.0), ("panda_rightfinger", -1.0)), start=1):
+        turned = (0.0, 0.0, 0.0) if sign > 0 else (0.0, 0.0, math.pi)
+        parts.append(_link(link, _finger_inertia(), _FINGER_VISUALS, _FINGER_COLLISIONS))
+        limit = f'<limit lower="0" upper="{STROKE / 2}" velocity="0.2" effort="80"/>'
+        name = f"panda_finger_joint{number}"
+        parts.append(_joint(name, "prismatic", "panda_hand", link, (0, 0, _TOOL), turned, "0 1 0", limit))
+    parts.append("</robot>")
+    return "\n".join(parts) + "\n"
+
+
+def _finger_inertia() -> _Inertia:
+    """A solid box of the finger's extents."""
+    x, y, z = 0.022, 0.020, _PALM + _TIP
+    m = _FINGER_MASS / 12
+    tensor = (m * (y * y + z * z), m * (x * x + z * z), m * (x * x + y * y), 0.0, 0.0, 0.0)
+    return _Inertia(_FINGER_MASS, (0.0, 0.010, (_TIP - _PALM) / 2), tensor)
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _link(name: str, inertia: _Inertia, visuals: tuple[_Shape, ...], collisions: tuple[_Shape, ...]) -> str:
+    keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    tensor = " ".join(f'{key}="{value!r}"' for key, value in zip(keys, inertia.tensor, strict=True))
+    lines = [
+        f'  <link name="{name}">',
+        f'    <inertial><origin xyz="{_numbers(inertia.centre)}" rpy="0 0 0"/><mass value="{inertia.mass}"/>'
+        f"<inertia {tensor}/></inertial>",
+    ]
+    # URDF has no capsules; a visual one is a cylinder and two spheres, a collision one is marked for Pinocchio below.
+    for shape in visuals:
+        lines += [f"    <visual>{_solid(piece)}<material name=\"{piece.colour}\"/></visual>" for piece in _pieces(shape)]
+    marks = []
+    for number, shape in enumerate(collisions):
+        label = f"{name}_{number}"
+        lines.append(f'    <collision name="{label}">{_solid(shape)}</collision>')
+        if shape.kind == "capsule":
+            marks.append(f'<capsule name="{label}"/>')
+    if marks:
+        lines.append(f"    <collision_checking>{''.join(marks)}</collision_checking>")
+    lines.append("  </link>")
+    return "\n".join(lines)
+
+
+def _pieces(shape: _Shape) -> tuple[_Shape, ...]:
+    if shape.kind != "capsule":
+        return (shape,)
+    radius, length = shape.size
+    _, pitch, yaw = shape.rpy
+    half = (
+        math.cos(yaw) * math.sin(pitch) * length / 2,
+        math.sin(yaw) * math.sin(pitch) * length / 2,
+        math.cos(pitch) * length / 2,
+    )
+    ends = tuple(
+        _Shape("sphere", (radius,), tuple(p + sign * h for p, h in zip(shape.position, half, strict=True)), colour=shape.colour)  # type: ignore[arg-type]
+        for sign in (-1, 1)
+    )
+    return (attrs.evolve(shape, kind="cylinder"), *ends)
+
+
+def _solid(shape: _Shape) -> str:
+    origin = f'<origin xyz="{_numbers(shape.position)}" rpy="{_numbers(shape.rpy)}"/>'
+    if shape.kind == "box":
+        solid = f'<box size="{_numbers(shape.size)}"/>'
+    elif shape.kind == "sphere":
+        solid = f'<sphere radius="{shape.size[0]!r}"/>'
+    else:
+        solid = f'<cylinder radius="{shape.size[0]!r}" length="{shape.size[1]!r}"/>'
+    return f"{origin}<geometry>{solid}</geometry>"
+
+
+def _joint(
+    name: str, kind: str, parent: str, child: str, xyz: Vector, rpy: Vector, axis: str = "", limit: str = ""
+) -> str:
+    turning = f'<axis xyz="{axis}"/>{limit}' if axis else ""
+    return (
+        f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{_numbers(xyz)}" rpy="{_numbers(rpy)}"/>{turning}</joint>'
+    )
