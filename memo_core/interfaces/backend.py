@@ -55,3 +55,4 @@ class Backend:
     factory: Callable[[Any], Any]
     config: type = NoSettings
     needs: Needs = Needs()
+    default: bool = False  # taken when a config names no backend of this kind and several are installed
