@@ -1,0 +1,66 @@
+"""The documentation's code runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from memo_core import hooks
+from memo_core.interfaces.backend import Backend
+
+PAGES = sorted((Path(__file__).parents[1] / "docs" / "plugins").glob("*.md"))
+WITH_CODE = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
+
+
+def plugin_of(page: Path) -> dict:
+    namespace: dict = {"__name__": f"page_{page.stem}"}
+    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        exec(compile(block, page.name, "exec"), namespace)
+    return namespace
+
+
+def backends_of(namespace: dict) -> list[Backend]:
+    found: list[Backend] = []
+    for name, value in namespace.items():
+        if name.startswith("memo_") and hasattr(hooks, name):
+            found += value()
+    return found
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
+def test_the_plugin_on_a_page_declares_a_backend_of_that_kind(page):
+    [backend] = backends_of(plugin_of(page))
+    assert backend.kind == page.stem
+    backend.config()
+    assert backend.summary
+
+
+def test_every_kind_has_its_page():
+    from memo_core.interfaces.backend import KINDS
+
+    assert {page.stem for page in PAGES} >= set(KINDS)
+
+
+def test_the_pages_backends_do_what_they_say():
+    made = {page.stem: plugin_of(page) for page in WITH_CODE}
+
+    def build(kind):
+        [backend] = backends_of(made[kind])
+        return backend.factory(backend.config())
+
+    embedder = build("embedder")
+    vectors = embedder.embed(["open the door", "open the lid", "yodel"])
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5) and vectors[0] @ vectors[1] > vectors[0] @ vectors[2]
+    store = build("vectorstore")
+    store.add([7, 9, 11], vectors)
+    assert store.search(vectors[0], 2)[0].tolist() == [7, 9]
+    robot = build("robot")
+    pinocchio = pytest.importorskip("pinocchio")
+    assert pinocchio.buildModelFromXML(robot.urdf).nq == len(robot.joints)
+    [task] = build("suite")
+    assert task.scene(np.random.default_rng(0)).body("block").label == "block"
+    [nudge] = build("skills")
+    assert nudge.signature == "nudge_up(height: float = 0.05) -> None"
