@@ -47,3 +47,13 @@ class Perception(ABC):
         return b""
 
     def restore(self, state: bytes) -> None: ...
+
+    def glance(self) -> SceneGraph:
+        """What a person beside the robot sees now, for teachers: true poses without noise or dropout where the backend
+        can say so. Nothing is remembered and no random number drawn, so that watching changes nothing. By default a
+        look whose state is put back."""
+        state = self.state()
+        try:
+            return self.look()
+        finally:
+            self.restore(state)

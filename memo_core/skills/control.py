@@ -55,3 +55,12 @@ class Control(ABC):
 
     @abstractmethod
     def wait(self, seconds: float) -> None: ...
+
+    # -- checkpoints -------------------------------------------------------------------------------------------------
+    def state(self) -> bytes:
+        """What the control remembers beyond the link and perception and a checkpoint must hold (the last look, what is
+        held). Empty by default."""
+        return b""
+
+    def restore(self, state: bytes) -> None:
+        """Back to what ``state`` gave."""

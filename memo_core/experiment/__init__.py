@@ -1,0 +1,1 @@
+"""Worlds, runs and their folders, teachers, stopping, demo, reports, benchmarks."""
