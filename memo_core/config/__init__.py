@@ -1,0 +1,6 @@
+"""Experiment files: one YAML, layers and overrides, checked against attrs classes, all mistakes at once (DESIGN 4)."""
+
+from memo_core.config.errors import DEFAULT, ConfigErrors, Issue, Origin
+from memo_core.config.experiment import Choice, Experiment, ShownValue, load_experiment
+
+__all__ = ["DEFAULT", "Choice", "ConfigErrors", "Experiment", "Issue", "Origin", "ShownValue", "load_experiment"]

@@ -1,0 +1,262 @@
+"""An experiment, read and checked: which backend of each kind with which settings, and the rooms' own sections."""
+
+from __future__ import annotations
+
+import enum
+import os
+import pathlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config.errors import ConfigErrors, Issue, Origin, dotted
+from memo_core.config.fields import Checker, key_of
+from memo_core.config.layers import Merged, merge
+from memo_core.config.source import Path_
+from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_match
+from memo_core.interfaces.backend import KINDS, Backend
+from memo_core.plugins import NoDefaultBackend, Registry, missing_needs
+
+SINGLE_KINDS = tuple(kind for kind in KINDS if kind != "skills")
+SCALARS: dict[str, Any] = {"task": str, "seed": int}
+SCALAR_DEFAULTS: dict[str, Any] = {"task": None, "seed": 0}
+
+
+@attrs.frozen(eq=False)
+class Choice:
+    """A backend and the settings it will get."""
+
+    backend: Backend
+    settings: Any
+
+    def create(self) -> Any:
+        """What the backend's factory makes of the settings; nothing is opened. Raises ``BackendUnavailable`` where a
+        module it needs is not installed."""
+        needs = attrs.evolve(self.backend.needs, keys=())
+        missing = missing_needs(needs)
+        if missing:
+            what = ", ".join(one.what for one in missing)
+            remedy = "; ".join(one.remedy for one in missing)
+            raise BackendUnavailable(self.backend.kind, self.backend.name, f"missing {what}", remedy)
+        return self.backend.factory(self.settings)
+
+
+@attrs.frozen
+class ShownValue:
+    """One line of ``memo config show``: a dotted path, a value fit for everybody's eyes, and where it is from."""
+
+    path: str
+    value: Any
+    origin: Origin
+
+
+@attrs.frozen(eq=False)
+class Experiment:
+    """A checked experiment. ``choices`` by kind (``skills`` apart, as there may be several), ``sections`` by name,
+    ``values`` for people and records: without secrets."""
+
+    task: str | None
+    seed: int
+    choices: Mapping[str, Choice]
+    skills: tuple[Choice, ...]
+    sections: Mapping[str, Any]
+    values: tuple[ShownValue, ...]
+    undecided: Mapping[str, MemoError] = attrs.field(factory=dict)
+
+    def choice(self, kind: str) -> Choice:
+        """The backend of a kind. Raises ``NoDefaultBackend`` where neither the file nor the plugins settle it."""
+        if kind in self.choices:
+            return self.choices[kind]
+        raise self.undecided.get(kind) or UnknownName("kind of backend", kind, SINGLE_KINDS)
+
+    def create(self, kind: str) -> Any:
+        """Make the backend of a kind (unopened). Raises as ``choice`` and ``Choice.create``."""
+        return self.choice(kind).create()
+
+    def section(self, name: str) -> Any:
+        """The settings of a section that is no backend's. Raises ``UnknownName``."""
+        if name not in self.sections:
+            raise UnknownName("section", name, tuple(self.sections))
+        return self.sections[name]
+
+    def public(self) -> dict[str, Any]:
+        """All values by dotted path, without secrets: what a run records."""
+        return {shown.path: shown.value for shown in self.values}
+
+
+def load_experiment(
+    registry: Registry,
+    file: Path | None = None,
+    overrides: Sequence[str] = (),
+    sections: Mapping[str, type] | None = None,
+    task: str | None = None,
+    seed: int | None = None,
+) -> Experiment:
+    """Read and check an experiment; without a file, the defaults of the installed plugins.
+
+    ``sections`` are the rooms' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
+    and win over the file. Raises ``ConfigErrors`` with everything that is wrong.
+    """
+    given = [f"task={task}" for task in [task] if task is not None] + [f"seed={s}" for s in [seed] if s is not None]
+    merged = merge(file, [*overrides, *given])
+    return _Assembly(registry, sections or {}, merged).experiment()
+
+
+class _Assembly:
+    def __init__(self, registry: Registry, sections: Mapping[str, type], merged: Merged) -> None:
+        self._registry = registry
+        self._sections = sections
+        self._merged = merged
+        self._checker = Checker(merged, _secrets(registry))
+        self._undecided: dict[str, MemoError] = {}
+        self._choices: dict[str, Choice] = {}
+        self._shown: list[ShownValue] = []
+
+    def experiment(self) -> Experiment:
+        known = (*KINDS, *self._sections, *SCALARS)
+        for name in self._merged.values:
+            if name not in known:
+                listed = ", ".join(sorted(known))
+                self._checker.wrong((name,), f"unknown section{close_match(name, known)} (sections: {listed})")
+        scalars = {name: self._scalar(name, wanted) for name, wanted in SCALARS.items()}
+        for kind in SINGLE_KINDS:
+            self._choose(kind)
+        skills = self._choose_skills()
+        sections = {name: self._section(name, cls) for name, cls in self._sections.items()}
+        issues = self._all_issues()
+        if issues:
+            raise ConfigErrors(issues)
+        return Experiment(
+            task=scalars["task"],
+            seed=scalars["seed"],
+            choices=self._choices,
+            skills=skills,
+            sections=sections,
+            values=tuple(self._shown),
+            undecided=self._undecided,
+        )
+
+    def _all_issues(self) -> tuple[Issue, ...]:
+        """In the order of the files, once each; what could not be read is not complained about a second time."""
+        unread = {issue.path for issue in self._merged.issues}
+        found = [*self._merged.issues, *(issue for issue in self._checker.issues if issue.path not in unread)]
+        ordered = sorted(dict.fromkeys(found), key=lambda issue: (issue.origin.file, issue.origin.line or 0))
+        return tuple(ordered)
+
+    def _scalar(self, name: str, wanted: Any) -> Any:
+        value = self._merged.values.get(name, SCALAR_DEFAULTS[name])
+        if value is not None:
+            checked = len(self._checker.issues)
+            try:
+                value = self._checker.value(value, wanted, (name,))
+            except Exception:
+                if len(self._checker.issues) == checked:
+                    raise
+                return None
+            if name == "seed" and value < 0:
+                self._checker.wrong((name,), f"{value} is negative; expected a whole number from 0")
+        self._shown.append(ShownValue(name, self._public((name,), value), self._origin((name,))))
+        return value
+
+    def _section(self, name: str, cls: type) -> Any:
+        values = self._merged.values.get(name)
+        settings = self._checker.section(cls, {} if values is None else values, (name,), f"section {name!r}")
+        if settings is not None:
+            self._show(settings, (name,))
+        return settings
+
+    def _choose(self, kind: str) -> None:
+        values = self._merged.values.get(kind, {})
+        if not isinstance(values, dict):
+            return  # said while the layers were read
+        choice = self._pick(kind, values, (kind,), optional=kind not in self._merged.values)
+        if choice is not None:
+            self._choices[kind] = choice
+
+    def _choose_skills(self) -> tuple[Choice, ...]:
+        items = self._merged.values.get("skills", [])
+        chosen = []
+        for index, item in enumerate(items):
+            path = ("skills", index)
+            if not isinstance(item, dict):
+                self._checker.wrong(path, "must be the name of a skills backend, or `backend:` with its keys")
+                continue
+            chosen.append(self._pick("skills", item, path, optional=False))
+        return tuple(choice for choice in chosen if choice is not None)
+
+    def _pick(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Choice | None:
+        backend = self._backend(kind, values, path, optional)
+        if backend is None:
+            return None
+        keys = {key: value for key, value in values.items() if key != "backend"}
+        settings = self._checker.section(backend.config, keys, path, f"{kind} {backend.name!r}", backend.needs.keys)
+        if settings is None:
+            return None
+        where = (*path, "backend")
+        self._shown.append(ShownValue(dotted(where), backend.name, self._origin(where)))
+        self._show(settings, path)
+        return Choice(backend, settings)
+
+    def _backend(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Backend | None:
+        where = (*path, "backend")
+        name = values.get("backend")
+        try:
+            if name is None:
+                return self._registry.default(kind)
+            if not isinstance(name, str):
+                self._checker.wrong(where, f"must be the name of a backend, not {name!r}")
+                return None
+            return self._registry.get(kind, name)
+        except NoDefaultBackend as error:
+            self._undecided[kind] = error
+            if not optional:
+                self._checker.wrong(path, f"missing value: {error}")
+        except MemoError as error:
+            self._checker.wrong(where, str(error))
+        return None
+
+    # -- what people see -------------------------------------------------------------------------------------------
+    def _show(self, settings: Any, path: Path_) -> None:
+        for field in attrs.fields(type(settings)):
+            if not field.init or field.metadata.get("secret"):
+                continue
+            value, here = getattr(settings, field.name), (*path, key_of(field))
+            if attrs.has(type(value)):
+                self._show(value, here)
+            else:
+                self._shown.append(ShownValue(dotted(here), self._public(here, value), self._origin(here)))
+
+    def _origin(self, path: Path_) -> Origin:
+        """Of a value that is in a file, else ``default``: what surrounds a default is not where it is from."""
+        return self._merged.origins.get(path) or Origin("default")
+
+    def _public(self, path: Path_, value: Any) -> Any:
+        """The value as it was written where it was written, so that nothing from the environment is shown."""
+        shown: Any = self._merged.shown
+        for part in path:
+            if not isinstance(shown, dict) or part not in shown:
+                return plain(value)
+            shown = shown[part]
+        return plain(shown)
+
+
+def plain(value: Any) -> Any:
+    """A settings value as JSON and YAML can hold it."""
+    if attrs.has(type(value)):
+        return {key_of(f): plain(getattr(value, f.name)) for f in attrs.fields(type(value)) if f.init}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, pathlib.PurePath):
+        return str(value)
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+
+def _secrets(registry: Registry) -> dict[str, str]:
+    names = {name for kind in KINDS for backend in registry.backends(kind) for name in backend.needs.keys}
+    return {os.environ[name]: name for name in sorted(names) if os.environ.get(name)}

@@ -1,0 +1,296 @@
+"""Checking plain values against attrs classes: every mistake at once, each at its path, nothing converted in silence.
+
+A whole number is accepted where a number is wanted; text is never read as a number, nor a number as text.
+"""
+
+from __future__ import annotations
+
+import enum
+import pathlib
+import re
+import types
+import typing
+from collections import abc
+from typing import Annotated, Any, Literal, Union
+
+import attrs
+
+from memo_core.config.errors import SECRET_NAME, Issue, Origin, dotted, shown_value
+from memo_core.config.layers import Merged
+from memo_core.config.source import Path_
+from memo_core.errors import close_match
+
+_URL_WITH_PASSWORD = re.compile(r"^[A-Za-z][\w+.-]*://[^/\s:@]*:(?!\$\{)[^/\s@]+@")
+MISSING = "???"  # OmegaConf's word for a value that another layer must give
+
+
+class _Wrong(Exception):
+    """A value that does not fit; already reported."""
+
+
+def field_types(cls: type) -> dict[str, Any]:
+    """The config keys of an attrs class and their types. Raises ``TypeError`` where an annotation has no meaning."""
+    try:
+        hints = typing.get_type_hints(cls, include_extras=True)
+    except NameError as error:
+        raise TypeError(f"config class {cls.__name__}: {error} in an annotation") from None
+    return {key_of(field): hints.get(field.name, Any) for field in attrs.fields(cls) if field.init}
+
+
+def key_of(field: attrs.Attribute) -> str:
+    """The word for a field in a config file."""
+    return field.alias or field.name
+
+
+class Checker:
+    """Checks the values of one merged experiment; ``issues`` grows with what is wrong."""
+
+    def __init__(self, merged: Merged, known_secrets: dict[str, str]) -> None:
+        """``known_secrets`` are the environment's secrets, value to variable name: none may be spelt out in a file."""
+        self._merged = merged
+        self._secrets = {value: name for value, name in known_secrets.items() if len(value) >= 8}
+        self.issues: list[Issue] = []
+
+    def wrong(self, path: Path_, problem: str, origin: Origin | None = None) -> None:
+        self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
+
+    def section(self, cls: type, values: Any, path: Path_, owner: str, secrets: tuple[str, ...] = ()) -> Any:
+        """An instance of ``cls`` from plain ``values``, or None when something is wrong. ``owner`` is how messages call
+        what the keys belong to; ``secrets`` names the environment variables that hold its secrets."""
+        if not isinstance(values, dict):
+            self.wrong(path, f"{shown_value(values, str(path[-1]))} is not a section; expected keys of {owner}")
+            return None
+        before = len(self.issues)
+        hints = field_types(cls)
+        for key in values:
+            if key not in hints:
+                self._unknown(key, (*path, key), tuple(hints), owner, secrets)
+        arguments = {}
+        for field in attrs.fields(cls):
+            key = key_of(field)
+            if not field.init:
+                continue
+            here = (*path, key)
+            if key not in values or values[key] == MISSING:
+                if field.default is attrs.NOTHING or values.get(key) == MISSING:
+                    self.wrong(here, f"missing value: {owner} needs {key!r}, {describe(hints[key])}")
+                continue
+            if field.metadata.get("secret"):
+                self.wrong(here, "is a secret: secrets come from the environment only" + _in_variables(secrets))
+                continue
+            try:
+                arguments[key] = self.value(values[key], hints[key], here)
+            except _Wrong:
+                continue
+        if len(self.issues) > before:
+            return None
+        return self._build(cls, arguments, path)
+
+    def value(self, value: Any, wanted: Any, path: Path_) -> Any:
+        """``value`` as the type ``wanted``. Reports and raises when it does not fit."""
+        if typing.get_origin(wanted) is Annotated:
+            wanted = typing.get_args(wanted)[0]
+        if isinstance(value, str):
+            self._guard_secrets(value, path)
+        origin, args = typing.get_origin(wanted), typing.get_args(wanted)
+        if wanted is Any or wanted is object:
+            self._guard_nested(value, path)
+            return value
+        if origin in (Union, types.UnionType):
+            return self._union(value, args, wanted, path)
+        if value is None and wanted is not type(None):
+            self.wrong(path, f"missing value; expected {describe(wanted)}")
+            raise _Wrong
+        if origin is Literal:
+            if any(value == option and type(value) is type(option) for option in args):
+                return value
+            self._type_error(value, wanted, path, close_match(str(value), [str(a) for a in args]))
+        if isinstance(wanted, type) and attrs.has(wanted):
+            built = self.section(wanted, value, path, repr(path[-1]))
+            if built is None:
+                raise _Wrong
+            return built
+        if isinstance(wanted, type) and issubclass(wanted, enum.Enum):
+            for option in wanted:
+                if value == option.value:
+                    return option
+            self._type_error(value, wanted, path, close_match(str(value), [str(o.value) for o in wanted]))
+        if origin in (list, tuple, set, frozenset, abc.Sequence) or wanted in (list, tuple):
+            return self._sequence(value, wanted, origin or wanted, args, path)
+        if origin in (dict, abc.Mapping) or wanted is dict:
+            return self._mapping(value, wanted, args, path)
+        return self._scalar(value, wanted, path)
+
+    # -- one shape each --------------------------------------------------------------------------------------------
+    def _scalar(self, value: Any, wanted: Any, path: Path_) -> Any:
+        if wanted is float and type(value) in (int, float):
+            return float(value)
+        if wanted is pathlib.Path and isinstance(value, str):
+            return pathlib.Path(value)
+        if wanted in (int, bool, str, type(None)) and type(value) is wanted:
+            return value
+        return self._type_error(value, wanted, path)
+
+    def _union(self, value: Any, options: tuple[Any, ...], wanted: Any, path: Path_) -> Any:
+        if value is None and type(None) in options:
+            return None
+        others = [option for option in options if option is not type(None)]
+        if len(others) == 1:
+            return self.value(value, others[0], path)
+        reported = list(self.issues)
+        for option in others:
+            try:
+                return self.value(value, option, path)
+            except _Wrong:
+                self.issues = list(reported)
+        return self._type_error(value, wanted, path)
+
+    def _sequence(self, value: Any, wanted: Any, origin: Any, args: tuple[Any, ...], path: Path_) -> Any:
+        if not isinstance(value, list):
+            self._type_error(value, wanted, path)
+        if origin is tuple and args and args[-1] is not Ellipsis:
+            if len(value) != len(args):
+                self.wrong(path, f"has {len(value)} values, expected {describe(wanted)}")
+                raise _Wrong
+            item_types: list[Any] = list(args)
+        else:
+            item_types = [args[0] if args else Any] * len(value)
+        items = self._each(
+            (item, kind, (*path, index)) for index, (item, kind) in enumerate(zip(value, item_types, strict=True))
+        )
+        return items if origin in (list, abc.Sequence) else origin(items)
+
+    def _mapping(self, value: Any, wanted: Any, args: tuple[Any, ...], path: Path_) -> Any:
+        if not isinstance(value, dict):
+            self._type_error(value, wanted, path)
+        item_type = args[1] if args else Any
+        items = self._each((item, item_type, (*path, key)) for key, item in value.items())
+        return dict(zip(value, items, strict=True))
+
+    def _each(self, items: abc.Iterable[tuple[Any, Any, Path_]]) -> list[Any]:
+        made, failed = [], False
+        for value, wanted, path in items:
+            try:
+                made.append(self.value(value, wanted, path))
+            except _Wrong:
+                failed = True
+        if failed:
+            raise _Wrong
+        return made
+
+    # -- reporting -------------------------------------------------------------------------------------------------
+    def _type_error(self, value: Any, wanted: Any, path: Path_, hint: str = "") -> typing.NoReturn:
+        name = next((part for part in reversed(path) if isinstance(part, str)), "")
+        self.wrong(path, f"{self._told(value, name, path)} is not {describe(wanted)}{hint}")
+        raise _Wrong
+
+    def _told(self, value: Any, name: str, path: Path_) -> str:
+        shown: Any = self._merged.shown
+        for part in path:
+            try:
+                shown = shown[part]
+            except (KeyError, IndexError, TypeError):
+                break
+        return "the value" if shown != value else shown_value(value, name)
+
+    def _unknown(self, key: str, path: Path_, known: tuple[str, ...], owner: str, secrets: tuple[str, ...]) -> None:
+        if SECRET_NAME.search(key) and not close_match(key, known):
+            self.wrong(path, f"unknown key: secrets come from the environment only{_in_variables(secrets)}")
+            return
+        said = f"unknown key of {owner}{close_match(key, known)}"
+        self.wrong(path, said + (f" (keys: {', '.join(sorted(known))})" if known else " (it has none)"))
+
+    def _guard_secrets(self, text: str, path: Path_) -> None:
+        if self._told(text, "", path) == "the value":
+            return  # it came from the environment
+        if _URL_WITH_PASSWORD.match(text):
+            self.wrong(path, "holds a password: secrets come from the environment only (PGPASSWORD for a database)")
+            raise _Wrong
+        for secret, variable in self._secrets.items():
+            if secret in text:
+                self.wrong(path, f"spells out the secret in {variable}; remove it, it is read from the environment")
+                raise _Wrong
+
+    def _guard_nested(self, value: Any, path: Path_) -> None:
+        items: abc.Iterable[tuple[Any, Any]] = ()
+        if isinstance(value, str):
+            self._guard_secrets(value, path)
+        elif isinstance(value, dict):
+            items = value.items()
+        elif isinstance(value, list):
+            items = enumerate(value)
+        for key, child in items:
+            self._guard_nested(child, (*path, key))
+
+    def _build(self, cls: type, arguments: dict[str, Any], path: Path_) -> Any:
+        try:
+            return cls(**arguments)
+        except Exception as error:
+            if not self._failed_validators(cls, arguments, path):
+                self.wrong(path, _said(error))
+            return None
+
+    def _failed_validators(self, cls: type, arguments: dict[str, Any], path: Path_) -> bool:
+        """Run the validators one by one, so that the second mistake is not hidden behind the first."""
+        try:
+            with attrs.validators.disabled():
+                instance = cls(**arguments)
+        except Exception:
+            return False
+        found = False
+        for field in attrs.fields(cls):
+            if field.validator is None:
+                continue
+            try:
+                field.validator(instance, field, getattr(instance, field.name))
+            except Exception as error:
+                self.wrong((*path, key_of(field)), _said(error))
+                found = True
+        return found
+
+
+def _said(error: BaseException) -> str:
+    # attrs' own validators raise with (message, attribute, wanted, value): only the message is for people.
+    return str(error.args[0]) if error.args else type(error).__name__
+
+
+def _in_variables(names: tuple[str, ...]) -> str:
+    return f" (set {' or '.join(names)})" if names else ""
+
+
+_WORDS = {
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    str: "text",
+    pathlib.Path: "a path",
+    Any: "anything",
+}
+
+
+def describe(wanted: Any) -> str:
+    """A type in the words of somebody who writes a config file."""
+    if typing.get_origin(wanted) is Annotated:
+        wanted = typing.get_args(wanted)[0]
+    origin, args = typing.get_origin(wanted), typing.get_args(wanted)
+    if wanted in _WORDS:
+        return _WORDS[wanted]
+    if wanted is type(None):
+        return "null"
+    if origin in (Union, types.UnionType):
+        return " or ".join(describe(option) for option in args)
+    if origin is Literal:
+        return "one of " + ", ".join(map(str, args)) if len(args) > 1 else repr(args[0])
+    if isinstance(wanted, type) and issubclass(wanted, enum.Enum):
+        return "one of " + ", ".join(str(option.value) for option in wanted)
+    if origin is tuple and args and args[-1] is not Ellipsis:
+        return f"a list of {len(args)}: " + ", ".join(describe(arg) for arg in args)
+    if origin in (list, tuple, set, frozenset, abc.Sequence):
+        return f"a list, each {describe(args[0])}" if args else "a list"
+    if wanted in (list, tuple):
+        return "a list"
+    if origin in (dict, abc.Mapping) or wanted is dict:
+        return "keys with values" + (f", each {describe(args[1])}" if args else "")
+    if isinstance(wanted, type) and attrs.has(wanted):
+        return "a section with keys " + ", ".join(field_types(wanted))
+    return getattr(wanted, "__name__", str(wanted))

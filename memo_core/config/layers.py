@@ -1,0 +1,250 @@
+"""Stacking the layers of an experiment: what a file extends, the file, ``--set``; then interpolation.
+
+Later layers win, mapping by mapping (OmegaConf); lists are replaced whole. A layer that names another backend for a
+section replaces that section: the keys of the backend below would not fit the new one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config.errors import Issue, Origin, dotted
+from memo_core.config.source import Path_, Source, read_file, read_value
+from memo_core.interfaces.backend import KINDS
+
+
+@attrs.define
+class Merged:
+    """All layers in one: resolved ``values``; ``shown`` are the same with the expression in place of whatever came
+    from the environment; where each is from; and what is wrong so far."""
+
+    values: dict[str, Any]
+    shown: dict[str, Any]
+    origins: dict[Path_, Origin]
+    issues: list[Issue]
+
+    def origin(self, path: Path_) -> Origin:
+        """Of the value itself or, for what is absent, of the nearest thing around it."""
+        while path:
+            if path in self.origins:
+                return self.origins[path]
+            path = path[:-1]
+        return self.origins.get((), Origin("default"))
+
+
+def merge(file: Path | None, overrides: Sequence[str] = ()) -> Merged:
+    """Read the file, what it extends, and ``--set`` overrides (``llm.model=gemini``), and stack them."""
+    layers = _with_bases(file, str(file), ()) if file is not None else []
+    layers.append(_overrides(overrides))
+    issues = [issue for layer in layers for issue in layer.issues]
+    for layer in layers:
+        issues += _normalise(layer)
+    stacked: list[Source] = []
+    for layer in layers:
+        _make_room(stacked, layer)
+        stacked.append(layer)
+    origins = {path: origin for layer in stacked for path, origin in layer.origins.items()}
+    if file is not None:
+        origins.setdefault((), Origin(str(file)))
+    values, shown, failed = _resolve([layer.values for layer in stacked], origins)
+    return Merged(values, shown, origins, issues + failed)
+
+
+def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]:
+    """The layers of a file, lowest first. ``above`` are the files that extend it."""
+    source = read_file(file, shown)
+    extends = source.values.pop("extends", None)
+    at = source.origins.pop(("extends",), Origin(shown))
+    bases = [extends] if isinstance(extends, str) else extends or []
+    if not isinstance(bases, list) or not all(isinstance(base, str) for base in bases):
+        source.issues.append(Issue(at, "extends", "must be the path of a file, or a list of paths"))
+        bases = []
+    layers: list[Source] = []
+    chain = (*above, file.resolve())
+    for index, base in enumerate(bases):
+        here = source.origins.pop(("extends", index), at)
+        path = file.parent / Path(base).expanduser()
+        if path.resolve() in chain:
+            names = " -> ".join(p.name for p in (*chain, path.resolve()))
+            source.issues.append(Issue(here, "extends", f"files extend each other in a circle: {names}"))
+        elif not path.is_file():
+            source.issues.append(Issue(here, "extends", f"there is no file {str(path)!r}"))
+        else:
+            layers += _with_bases(path, str(path), chain)
+    return [*layers, source]
+
+
+def _overrides(overrides: Sequence[str]) -> Source:
+    source = Source()
+    for override in overrides:
+        name, equals, text = override.partition("=")
+        parts = tuple(part.strip() for part in name.split("."))
+        origin = Origin("--set")
+        if not equals or not all(parts):
+            source.issues.append(Issue(Origin("--set"), "", f"{name!r} is not of the form section.key=value"))
+            continue
+        try:
+            value = read_value(text)
+        except ValueError as error:
+            source.issues.append(Issue(origin, ".".join(parts), f"the value is not YAML: {error}"))
+            continue
+        if parts == ("extends",):
+            source.issues.append(Issue(origin, "extends", "can only be set in a file"))
+            continue
+        _place(source, parts, value, origin)
+    return source
+
+
+def _place(source: Source, parts: tuple[str, ...], value: Any, origin: Origin) -> None:
+    into = source.values
+    for index, part in enumerate(parts[:-1]):
+        child = into.setdefault(part, {})
+        if isinstance(child, str) and index == 0 and part in KINDS:
+            child = into[part] = {"backend": child}
+        if not isinstance(child, dict):
+            source.issues.append(Issue(origin, ".".join(parts), f"{part} was already set to a value without keys"))
+            return
+        source.origins[parts[: index + 1]] = origin
+        into = child
+    into[parts[-1]] = value
+    for path in ((), *_paths(value)):
+        source.origins[(*parts, *path)] = origin
+
+
+def _paths(value: Any, path: Path_ = ()) -> Iterable[Path_]:
+    items: Iterable[tuple[Any, Any]] = ()
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list):
+        items = enumerate(value)
+    for key, child in items:
+        yield (*path, key)
+        yield from _paths(child, (*path, key))
+
+
+def _normalise(layer: Source) -> list[Issue]:
+    """``llm: offline`` is short for ``llm: {backend: offline}``; ``skills`` is always a list; an empty section has no
+    keys."""
+    issues = []
+    for kind in KINDS:
+        if kind not in layer.values:
+            continue
+        origin = layer.origins.get((kind,), Origin("--set"))
+        value = layer.values[kind]
+        if kind == "skills":
+            layer.values[kind] = _skill_list(layer, value)
+        elif isinstance(value, str):
+            layer.values[kind] = {"backend": value}
+            layer.origins[(kind, "backend")] = origin
+        elif value is None:
+            layer.values[kind] = {}
+        elif not isinstance(value, dict):
+            del layer.values[kind]
+            issues.append(Issue(origin, kind, "must be the name of a backend, or `backend:` with its keys"))
+    return issues
+
+
+def _skill_list(layer: Source, value: Any) -> list[Any]:
+    if isinstance(value, (str, dict)):
+        for path in [path for path in layer.origins if path[0] == "skills" and len(path) > 1]:
+            layer.origins[("skills", 0, *path[1:])] = layer.origins.pop(path)
+        value = [value]
+    items = []
+    for index, item in enumerate(value or []):
+        if isinstance(item, str):
+            origin = layer.origins.get(("skills", index), layer.origins.get(("skills",), Origin("--set")))
+            layer.origins[("skills", index, "backend")] = origin
+            item = {"backend": item}
+        items.append(item)
+    return items
+
+
+def _make_room(below: list[Source], layer: Source) -> None:
+    """Drop from the layers below what this one replaces as a whole."""
+    for kind, section in layer.values.items():
+        replaced = kind == "skills"
+        if kind in KINDS and isinstance(section, dict) and "backend" in section:
+            named = [other.values[kind]["backend"] for other in below if "backend" in (other.values.get(kind) or {})]
+            replaced = bool(named) and named[-1] != section["backend"]
+        if not replaced:
+            continue
+        for other in below:
+            other.values.pop(kind, None)
+            for path in [path for path in other.origins if path[0] == kind]:
+                del other.origins[path]
+
+
+def _resolve(
+    layers: list[dict[str, Any]], origins: dict[Path_, Origin]
+) -> tuple[dict[str, Any], dict[str, Any], list[Issue]]:
+    """Resolved values, values to show, and the expressions that cannot be resolved."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    def origin(path: Path_) -> Origin:
+        return origins.get(path) or (origin(path[:-1]) if path else Origin("default"))
+
+    try:
+        config = OmegaConf.merge(*[OmegaConf.create(values) for values in layers])
+    except (OmegaConfBaseException, TypeError, ValueError) as error:
+        key = getattr(error, "full_key", None) or ""
+        path: Path_ = tuple(key.split(".")) if key else ()
+        return {}, {}, [Issue(origin(path), key, f"cannot be merged: {_first_line(error)}")]
+    raw = OmegaConf.to_container(config, resolve=False)
+    assert isinstance(raw, dict)
+    issues: list[Issue] = []
+    from_environment: set[str] = set()
+    resolved: dict[Path_, Any] = {}
+    expressions = [(path, value) for path, value in _leaves(raw) if isinstance(value, str) and "${" in value]
+    for path, expression in expressions:
+        node: Any = config
+        try:
+            for part in path:
+                node = node[part]
+            resolved[path] = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+        except (OmegaConfBaseException, ValueError, TypeError, KeyError) as error:
+            issues.append(Issue(origin(path), dotted(path), f"{expression} cannot be resolved: {_first_line(error)}"))
+            resolved[path] = None
+            continue
+        if "oc.env" in expression and resolved[path] is not None:
+            from_environment.add(str(resolved[path]))
+    if issues:
+        failed = {issue.path for issue in issues}
+        raw = _replaced(raw, {path: None for path, _ in expressions if dotted(path) in failed})
+    values = _replaced(raw, resolved)
+    # An expression that only repeats what another took from the environment hides it just as well.
+    public = {
+        path: value
+        for path, value in resolved.items()
+        if not any(secret and secret in str(value) for secret in from_environment)
+    }
+    return values, _replaced(raw, public), issues
+
+
+def _leaves(value: Any, path: Path_ = ()) -> Iterable[tuple[Path_, Any]]:
+    if isinstance(value, dict):
+        for key, child in value.items():
+            yield from _leaves(child, (*path, key))
+    elif isinstance(value, list):
+        for index, child in enumerate(value):
+            yield from _leaves(child, (*path, index))
+    else:
+        yield path, value
+
+
+def _replaced(value: Any, by: dict[Path_, Any], path: Path_ = ()) -> Any:
+    if path in by:
+        return by[path]
+    if isinstance(value, dict):
+        return {key: _replaced(child, by, (*path, key)) for key, child in value.items()}
+    if isinstance(value, list):
+        return [_replaced(child, by, (*path, index)) for index, child in enumerate(value)]
+    return value
+
+
+def _first_line(error: BaseException) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

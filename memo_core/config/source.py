@@ -1,0 +1,149 @@
+"""Reading YAML so that every value still knows its file and line, and nothing is guessed.
+
+The scalars are those of YAML 1.2: ``true``/``false`` are the only booleans (so ``no`` is a word), ``1e-3`` is a number,
+``010``, ``1:30`` and dates are text.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.config.errors import Issue, Origin, dotted
+
+Path_ = tuple[str | int, ...]
+
+
+class _Loader(yaml.SafeLoader):
+    yaml_implicit_resolvers: dict[str, Any] = {}
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF"))
+_Loader.add_implicit_resolver("tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0|[1-9][0-9_]*)$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(
+        r"^[-+]?(?:(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+|\.(?:inf|Inf|nan|NaN))$"
+    ),
+    list("-+0123456789."),
+)
+_Loader.add_implicit_resolver("tag:yaml.org,2002:null", re.compile(r"^(?:~|null|Null|)$"), ["~", "n", "N", ""])
+_Loader.add_implicit_resolver("tag:yaml.org,2002:merge", re.compile(r"^<<$"), ["<"])
+
+
+@attrs.define
+class Source:
+    """One layer of an experiment: plain values, where each is from, and what could not be read."""
+
+    values: dict[str, Any] = attrs.field(factory=dict)
+    origins: dict[Path_, Origin] = attrs.field(factory=dict)
+    issues: list[Issue] = attrs.field(factory=list)
+
+
+def read_file(file: Path, shown: str) -> Source:
+    """Read one file; ``shown`` is how messages call it. Does not raise: mistakes are in ``issues``."""
+    whole = Origin(shown)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return Source(issues=[Issue(whole, "", "there is no such file")])
+    except UnicodeDecodeError:
+        return Source(issues=[Issue(whole, "", "is not UTF-8 text")])
+    except OSError as error:
+        return Source(issues=[Issue(whole, "", f"cannot be read: {error.strerror or error}")])
+    return read_text(text, shown)
+
+
+def read_text(text: str, shown: str) -> Source:
+    """Read YAML text; see ``read_file``."""
+    source = Source()
+    try:
+        loader = _Loader(text)
+        node = loader.get_single_node()
+    except yaml.YAMLError as error:
+        return Source(issues=[_syntax_issue(error, shown)])
+    if node is None:
+        return source
+    if not isinstance(node, yaml.MappingNode):
+        problem = "must hold `section: …` lines at its top level"
+        return Source(issues=[Issue(Origin(shown, node.start_mark.line + 1), "", problem)])
+    _Reading(loader, shown, source).mapping(node, (), source.values)
+    return source
+
+
+def read_value(text: str) -> Any:
+    """One YAML value, as after ``--set key=``. Raises ``ValueError`` with the reason."""
+    try:
+        return yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(getattr(error, "problem", None) or str(error)) from None
+
+
+def _syntax_issue(error: yaml.YAMLError, shown: str) -> Issue:
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or " ".join(str(error).split())
+    context = getattr(error, "context", None)
+    said = f"not YAML: {problem}" + (f" {context}" if context else "")
+    return Issue(Origin(shown, mark.line + 1 if mark else None), "", said)
+
+
+class _Reading:
+    """Walks a node tree, so that duplicate keys and line numbers are not lost as in plain loading."""
+
+    def __init__(self, loader: yaml.SafeLoader, shown: str, source: Source) -> None:
+        self._loader = loader
+        self._shown = shown
+        self._source = source
+        self._open: set[int] = set()
+
+    def mapping(self, node: yaml.MappingNode, path: Path_, into: dict[str, Any]) -> None:
+        first: dict[str, int] = {}
+        for key, _ in node.value:
+            name, line = str(key.value), key.start_mark.line + 1
+            if name in first and name != "<<":
+                self._issue(key, (*path, name), f"given twice (first in line {first[name]})")
+            first.setdefault(name, line)
+        try:
+            self._loader.flatten_mapping(node)
+        except yaml.YAMLError as error:
+            self._source.issues.append(_syntax_issue(error, self._shown))
+            return
+        for key, child in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._issue(key, path, "a key must be a word")
+                continue
+            here = (*path, str(key.value))
+            self._source.origins[here] = Origin(self._shown, key.start_mark.line + 1)
+            into[str(key.value)] = self._value(child, here)
+
+    def _value(self, node: yaml.Node, path: Path_) -> Any:
+        if id(node) in self._open:
+            self._issue(node, path, "an alias may not contain itself")
+            return None
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.MappingNode):
+                mapping: dict[str, Any] = {}
+                self.mapping(node, path, mapping)
+                return mapping
+            if isinstance(node, yaml.SequenceNode):
+                values = []
+                for index, item in enumerate(node.value):
+                    here = (*path, index)
+                    self._source.origins[here] = Origin(self._shown, item.start_mark.line + 1)
+                    values.append(self._value(item, here))
+                return values
+            try:
+                return self._loader.construct_object(node)
+            except (yaml.YAMLError, ValueError) as error:
+                self._issue(node, path, f"not YAML: {getattr(error, 'problem', None) or error}")
+                return None
+        finally:
+            self._open.discard(id(node))
+
+    def _issue(self, node: yaml.Node, path: Path_, problem: str) -> None:
+        self._source.issues.append(Issue(Origin(self._shown, node.start_mark.line + 1), dotted(path), problem))
