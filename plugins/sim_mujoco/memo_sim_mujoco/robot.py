@@ -1,0 +1,199 @@
+"""Building a RobotDescription as part of an MjSpec: links, position servos, gravity compensation, the gripper."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+
+from memo_core.arm.urdf import Urdf, UrdfJoint, UrdfLink, UrdfShape, read_urdf
+from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.interfaces.robot import GripperDescription, RobotDescription
+from memo_core.scene.description import Geom, Material
+from memo_sim_mujoco.scene import LIMIT_SOLREF, add_shape, surface
+
+PREFIX = "robot/"
+FINGER_TENDON = "robot/fingers"
+FINGER_SERVO = "robot/gripper"
+# A finger's drive: its reflected inertia (kg) makes the stiff servo below stable at 2 ms.
+FINGER_ARMATURE = 0.4
+FINGER_STIFFNESS = 8000.0  # N/m of opening
+FINGER_DAMPING = 90.0  # N s/m of opening, critical for two fingers of 0.5 kg
+_LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
+
+
+def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool) -> None:
+    """Add the robot with its base frame at the world's origin.
+
+    Raises ``InvalidArgument`` when the URDF and the description do not fit together.
+    """
+    urdf = read_urdf(robot.urdf, robot.mesh_folder)
+    _check(urdf, robot)
+    bits = (2, 3 if self_collision else 1)
+    children: dict[str, list[UrdfJoint]] = {}
+    for joint in urdf.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    _add_link(spec, spec.worldbody, urdf.links[urdf.root], None, robot, bits)
+    stack = [urdf.root]
+    while stack:
+        name = stack.pop()
+        for joint in children.get(name, []):
+            parent = spec.body(PREFIX + name)
+            _add_link(spec, parent, urdf.links[joint.child], joint, robot, bits)
+            stack.append(joint.child)
+    if self_collision:
+        for first, second in _may_touch(urdf, robot):
+            spec.add_exclude(bodyname1=PREFIX + first, bodyname2=PREFIX + second)
+    for described in robot.joints:
+        spec.add_actuator(
+            name=PREFIX + described.name,
+            target=PREFIX + described.name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            gainprm=[described.kp] + [0.0] * 9,
+            biasprm=[0.0, -described.kp, -described.kv] + [0.0] * 7,
+            forcelimited=True,
+            forcerange=(-described.effort, described.effort),
+        )
+    if robot.gripper.finger_joints:
+        _add_gripper(spec, robot.gripper)
+
+
+def _check(urdf: Urdf, robot: RobotDescription) -> None:
+    for name in (*robot.joint_names, *robot.gripper.finger_joints):
+        urdf.joint(name)
+    for name in (*robot.gripper.pads, robot.tool_link):
+        if name not in urdf.links:
+            raise InvalidArgument(f"robot {robot.name!r}", f"its URDF has no link {name!r}", ", ".join(urdf.links))
+    driven = {*robot.joint_names, *robot.gripper.finger_joints}
+    loose = [joint.name for joint in urdf.joints if joint.kind != "fixed" and joint.name not in driven]
+    if loose:
+        problem = f"nothing drives the URDF's joints {', '.join(loose)}"
+        raise InvalidArgument(f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed")
+    if robot.gripper.kind == "vacuum":
+        raise BackendUnavailable("simulator", "mujoco", "it has no vacuum grippers yet", "use a parallel gripper")
+    if len(robot.home) != len(robot.joints):
+        raise InvalidArgument(f"robot {robot.name!r}", f"home has {len(robot.home)} values", f"{len(robot.joints)}")
+
+
+def _add_link(
+    spec: mujoco.MjSpec,
+    parent: Any,
+    link: UrdfLink,
+    joint: UrdfJoint | None,
+    robot: RobotDescription,
+    bits: tuple[int, int],
+) -> None:
+    origin = joint.origin if joint is not None else None
+    body = parent.add_body(name=PREFIX + link.name, gravcomp=1.0)
+    if origin is not None:
+        body.pos, body.quat = origin.position, origin.orientation
+    if link.mass > 0:
+        body.explicitinertial = True
+        body.mass = link.mass
+        # A rotated inertial frame is turned into the link's axes: MuJoCo takes a full tensor in those only.
+        body.ipos = link.centre.position
+        body.fullinertia = _turned(link)
+    if joint is not None and joint.kind != "fixed":
+        _add_joint(body, joint, robot)
+    for shape in link.visuals or link.collisions:
+        look = _geom(shape, _LINK_COLOUR)
+        add_shape(spec, body, look, f"robot link {link.name!r}", contype=0, conaffinity=0, group=2, mass=0.0)
+    pad = link.name in robot.gripper.pads
+    material = Material(friction=robot.gripper.pad_friction, torsional=0.01) if pad else Material(friction=0.5)
+    for shape in link.collisions:
+        add_shape(
+            spec,
+            body,
+            _geom(shape, (0.2, 0.6, 0.9, 0.4)),
+            f"robot link {link.name!r}",
+            contype=bits[0],
+            conaffinity=bits[1],
+            group=3,
+            mass=0.0,
+            **surface(material),
+        )
+
+
+def _add_joint(body: Any, joint: UrdfJoint, robot: RobotDescription) -> None:
+    described = {one.name: one for one in robot.joints}.get(joint.name)
+    common = {"name": PREFIX + joint.name, "axis": joint.axis, "limited": True, "solref_limit": LIMIT_SOLREF}
+    if described is None:
+        body.add_joint(
+            type=mujoco.mjtJoint.mjJNT_SLIDE, range=(joint.lower, joint.upper), armature=FINGER_ARMATURE, **common
+        )
+        return
+    body.add_joint(
+        type=mujoco.mjtJoint.mjJNT_HINGE if joint.kind == "revolute" else mujoco.mjtJoint.mjJNT_SLIDE,
+        range=(described.lower, described.upper),
+        armature=described.armature,
+        actgravcomp=True,
+        actfrclimited=True,
+        actfrcrange=(-described.effort, described.effort),
+        **common,
+    )
+
+
+def _add_gripper(spec: mujoco.MjSpec, gripper: GripperDescription) -> None:
+    """One tendon along all fingers, whose length is the opening, pulled by a servo of limited force; and a gear that
+    keeps the fingers symmetric."""
+    tendon = spec.add_tendon(name=FINGER_TENDON)
+    for name in gripper.finger_joints:
+        tendon.wrap_joint(PREFIX + name, 1.0)
+    first, *others = gripper.finger_joints
+    for name in others:
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=PREFIX + first,
+            name2=PREFIX + name,
+            data=[0.0, 1.0] + [0.0] * 10,
+            solref=(0.005, 1.0),
+        )
+    spec.add_actuator(
+        name=FINGER_SERVO,
+        target=FINGER_TENDON,
+        trntype=mujoco.mjtTrn.mjTRN_TENDON,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        gainprm=[FINGER_STIFFNESS] + [0.0] * 9,
+        biasprm=[0.0, -FINGER_STIFFNESS, -FINGER_DAMPING] + [0.0] * 7,
+        forcelimited=True,
+        forcerange=(-gripper.max_force, gripper.max_force),
+    )
+
+
+def _may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
+    """Pairs of links that do not collide: joined ones (what is rigidly fixed counts as one) and those allowed."""
+    group = {urdf.root: urdf.root}
+    pairs: set[tuple[str, str]] = set()
+    joined: list[tuple[str, str]] = []
+    for joint in urdf.joints:
+        group[joint.child] = group[joint.parent] if joint.kind == "fixed" else joint.child
+        joined.append((group[joint.parent], group[joint.child]))
+    for first, second in joined:
+        for one in group:
+            for other in group:
+                if group[one] == first and group[other] == second and one != other:
+                    pairs.add((one, other) if one < other else (other, one))
+    for first, second in robot.allowed_contacts:
+        pairs.add((first, second) if first < second else (second, first))
+    return pairs
+
+
+def _geom(shape: UrdfShape, colour: tuple[float, float, float, float]) -> Geom:
+    if shape.shape == "mesh":
+        if len(set(shape.size)) != 1:
+            raise InvalidArgument("URDF", f"mesh {shape.mesh!r} is scaled by {shape.size}", "the same scale on all axes")
+        return Geom("mesh", shape.size[:1], shape.pose, shape.colour or colour, mesh=shape.mesh)
+    return Geom(shape.shape, shape.size, shape.pose, shape.colour or colour)
+
+
+def _turned(link: UrdfLink) -> tuple[float, ...]:
+    import numpy as np
+
+    xx, yy, zz, xy, xz, yz = link.inertia
+    rotation = link.centre.rotation
+    tensor = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+    return (tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2])

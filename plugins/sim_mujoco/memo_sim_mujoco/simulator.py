@@ -1,0 +1,356 @@
+"""MuJoCo as a ``Simulator``. All that runs inside a tick is kept to a few microseconds of Python."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.scene.description import SceneDescription
+from memo_core.scene.pose import Array, Pose
+from memo_sim_mujoco.pictures import REMEDY, Pictures, choose_gl, require_display
+from memo_sim_mujoco.settings import MujocoSettings
+
+_MAGIC = b"MEMOMJ01"
+_HEADER = struct.Struct("<8s16sddd")  # magic, fingerprint, gripper goal (m), ramp (m), force (N)
+_VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the window
+
+
+@attrs.define(auto_exc=True, eq=False)
+class SimulationDiverged(MemoError):
+    """The physics became unstable (NaN or huge accelerations); the state is worthless."""
+
+    time: float
+    warning: str
+
+    def __str__(self) -> str:
+        return f"the simulation diverged at {self.time:.3f} s ({self.warning}); use a smaller simulator.timestep"
+
+
+class MujocoSimulator(Simulator):
+    """One robot in one scene. After ``build``, ``model`` and ``data`` are MuJoCo's own, for whoever needs more."""
+
+    def __init__(self, settings: MujocoSettings | None = None) -> None:
+        self.settings = settings or MujocoSettings()
+        self.timestep = self.settings.timestep
+        self.control_period = self.settings.timestep * self.settings.steps_per_tick
+        self._listeners: tuple[Callable[[], None], ...] = ()
+        self._mujoco: Any = None
+        self._world: Any = None
+        self._pictures: Pictures | None = None
+        self._viewer: Any = None
+
+    # -- life ------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        """Import MuJoCo. Raises ``BackendUnavailable``."""
+        choose_gl()
+        try:
+            import mujoco
+        except ImportError as error:
+            raise BackendUnavailable("simulator", "mujoco", str(error), "pip install 'mujoco>=4,<5'") from error
+        self._mujoco = mujoco
+
+    def close(self) -> None:
+        self._forget_pictures()
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+        self._listeners = ()
+        self._world = None
+
+    def build(self, scene: SceneDescription, robot: RobotDescription) -> None:
+        if self._mujoco is None:
+            raise BackendUnavailable("simulator", "mujoco", "it is not open", "call open() or use it as a context manager")
+        from memo_sim_mujoco.world import build_world
+
+        self._forget_pictures()
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+        world = build_world(scene, robot, self.settings)
+        self._world = world
+        self._cameras = {camera.name: (number, camera) for number, camera in enumerate(scene.cameras)}
+        self._families = _families(scene, world)
+        self._bind(world)
+        self._refresh()
+
+    def _bind(self, world: Any) -> None:
+        """Keep what the hot loop touches: attribute chains through the bindings cost more than the work."""
+        self.model, self.data = world.model, world.data
+        self._step = self._mujoco.mj_step
+        self._steps = self.settings.steps_per_tick
+        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._arm = slice(0, len(world.arm_qpos))
+        first_qpos, first_dof = int(world.arm_qpos[0]), int(world.arm_dof[0])
+        self._arm_qpos = self._qpos[first_qpos : first_qpos + len(world.arm_qpos)]
+        self._arm_qvel = self._qvel[first_dof : first_dof + len(world.arm_dof)]
+        self._arm_torque = self.data.qfrc_actuator[first_dof : first_dof + len(world.arm_dof)]
+        self._arm_ctrl = self._ctrl[self._arm]
+        self._fingers = [int(address) for address in world.finger_qpos]
+        self._servo = world.finger_servo
+        gripper = world.robot.gripper
+        self._goal = self._ramp = float(self._ctrl[self._servo]) if self._servo >= 0 else 0.0
+        self._force = gripper.max_force
+        self._ramp_step = gripper.speed * self.control_period
+        self._latches = world.latches
+        self._latch_on = [True] * len(world.latches)
+        self._set_latches()
+        warning = self._mujoco.mjtWarning
+        self._warnings = self.data.warning.number
+        self._fatal = (int(warning.mjWARN_BADQPOS), int(warning.mjWARN_BADQVEL), int(warning.mjWARN_BADQACC))
+        self._stale = False
+        self._seen = 0.0
+
+    # -- reading the world -------------------------------------------------------------------------------------------
+    @property
+    def time(self) -> float:
+        return float(self.data.time)
+
+    def body_pose(self, body: str) -> Pose:
+        free = self._world.free_qpos.get(body)
+        if free is not None:
+            start = free[0]
+            values = self._qpos[start : start + 7].tolist()
+            return Pose(values[:3], values[3:])
+        index = self._world.body_ids[body]
+        self._freshen()
+        return Pose(self.data.xpos[index].tolist(), self.data.xquat[index].tolist())
+
+    def body_velocity(self, body: str) -> tuple[Array, Array]:
+        index = self._world.body_ids[body]
+        self._freshen()
+        mujoco = self._mujoco
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comVel(self.model, self.data)
+        velocity = np.empty(6)
+        # The body's frame rather than its centre of mass: what moves with the pose that body_pose tells.
+        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, index, velocity, 0)
+        return velocity[3:].copy(), velocity[:3].copy()
+
+    def joint_position(self, joint: str) -> float:
+        return float(self._qpos[self._world.joint_qpos[joint]])
+
+    def joint_velocity(self, joint: str) -> float:
+        return float(self._qvel[self._world.joint_dof[joint]])
+
+    def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
+        wanted = None if body is None else self._families[body]
+        names = self._world.body_names
+        data, found = self.data, []
+        pairs = self.model.geom_bodyid[data.contact.geom].tolist() if data.ncon else []
+        force = np.empty(6)
+        for number, (one, other) in enumerate(pairs):
+            if wanted is not None and one not in wanted and other not in wanted:
+                continue
+            self._mujoco.mj_contactForce(self.model, data, number, force)
+            position = data.contact.pos[number].tolist()
+            found.append(Contact(names[one], names[other], tuple(position), float(force[0])))
+        return tuple(found)
+
+    def tool_pose(self) -> Pose:
+        self._freshen()
+        index = self._world.tool_body
+        link = Pose(self.data.xpos[index].tolist(), self.data.xquat[index].tolist())
+        return link * self._world.robot.tool_offset
+
+    # -- the joint-level link ------------------------------------------------------------------------------------------
+    def joint_positions(self) -> Array:
+        return self._arm_qpos.copy()
+
+    def joint_velocities(self) -> Array:
+        return self._arm_qvel.copy()
+
+    def joint_torques(self) -> Array:
+        return self._arm_torque.copy()
+
+    def gripper_width(self) -> float:
+        qpos = self._qpos
+        return float(sum(qpos[address] for address in self._fingers))
+
+    def gripper_effort(self) -> float:
+        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot."""
+        data, mujoco = self.data, self._mujoco
+        pads = self._world.pad_bodies
+        if not data.ncon or not pads:
+            return 0.0
+        pressed = dict.fromkeys((body for body, _ in pads), 0.0)
+        slides = dict(pads)
+        own = self._world.robot_bodies
+        force = np.empty(6)
+        for number, (one, other) in enumerate(self.model.geom_bodyid[data.contact.geom].tolist()):
+            pad = one if one in pressed else other if other in pressed else None
+            if pad is None or (one in own and other in own):
+                continue
+            mujoco.mj_contactForce(self.model, data, number, force)
+            along = data.contact.frame[number].reshape(3, 3).T @ force[:3]
+            sign = -1.0 if pad == one else 1.0
+            pressed[pad] += sign * float(along @ data.xaxis[slides[pad]])
+        return max(0.0, min(pressed.values()))
+
+    def command_joints(self, targets: Array) -> None:
+        if not math.isfinite(np.dot(targets, targets)):
+            raise InvalidArgument("targets", f"not all finite: {np.asarray(targets).tolist()}", "angles in rad")
+        self._arm_ctrl[:] = targets
+
+    def command_gripper(self, width: float, force: float) -> None:
+        gripper = self._world.robot.gripper
+        if not (math.isfinite(width) and math.isfinite(force)) or force <= 0:
+            raise InvalidArgument("gripper", f"width {width} m with {force} N", "a finite width and a force above 0")
+        self._goal = min(max(width, 0.0), gripper.stroke)
+        self._set_force(min(force, gripper.max_force))
+
+    def tick(self) -> None:
+        if self._ramp != self._goal:
+            self._advance_gripper()
+        if self._latches:
+            self._set_latches()
+        self._step(self.model, self.data, self._steps)
+        self._stale = True
+        warnings = self._warnings
+        for kind in self._fatal:
+            if warnings[kind]:
+                raise SimulationDiverged(self.time, self._mujoco.mjtWarning(kind).name)
+        for listener in self._listeners:
+            listener()
+        if self._viewer is not None:
+            self._show()
+
+    def add_tick_listener(self, listener: Callable[[], None]) -> None:
+        self._listeners = (*self._listeners, listener)
+
+    def remove_tick_listener(self, listener: Callable[[], None]) -> None:
+        self._listeners = tuple(one for one in self._listeners if one != listener)
+
+    def _advance_gripper(self) -> None:
+        """Move the servo's set point at the gripper's own speed, so that a strong grip does not mean a slam."""
+        left = self._goal - self._ramp
+        step = self._ramp_step
+        self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
+        self._ctrl[self._servo] = self._ramp
+
+    def _set_force(self, force: float) -> None:
+        self._force = force
+        if self._servo >= 0:
+            self.model.actuator_forcerange[self._servo] = (-force, force)
+
+    def _set_latches(self) -> None:
+        """Whether a latch holds follows from the joint's position alone, so a checkpoint need not remember it."""
+        for number, latch in enumerate(self._latches):
+            inside = abs(self._qpos[latch.qpos] - latch.position) < latch.width
+            if inside != self._latch_on[number]:
+                self._latch_on[number] = inside
+                self.model.actuator_gainprm[latch.actuator, 0] = latch.gain if inside else 0.0
+                self.model.actuator_biasprm[latch.actuator, 1:3] = latch.bias if inside else 0.0
+
+    # -- state -----------------------------------------------------------------------------------------------------------
+    def checkpoint(self) -> bytes:
+        mujoco = self._mujoco
+        state = np.empty(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION))
+        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        # So that reading contacts right after a checkpoint and right after its restore says the same.
+        self._refresh()
+        return _HEADER.pack(_MAGIC, self._world.fingerprint, self._goal, self._ramp, self._force) + state.tobytes()
+
+    def restore(self, checkpoint: bytes) -> None:
+        mujoco = self._mujoco
+        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+        if len(checkpoint) < _HEADER.size or checkpoint[: len(_MAGIC)] != _MAGIC:
+            raise InvalidArgument("checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave")
+        _, fingerprint, goal, ramp, force = _HEADER.unpack_from(checkpoint)
+        if fingerprint != self._world.fingerprint:
+            raise InvalidArgument("checkpoint", "it is of another scene, robot or simulator version", "one of this scene")
+        if len(checkpoint) != _HEADER.size + 8 * size:
+            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{_HEADER.size + 8 * size}")
+        state = np.frombuffer(checkpoint, dtype=np.float64, offset=_HEADER.size)
+        mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        self._goal, self._ramp = goal, ramp
+        self._set_force(force)
+        self._set_latches()
+        self._warnings[:] = 0
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Recompute everything derived from the state, leaving the state (the solver's warm start too) as it is."""
+        mujoco, kind = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, state, kind)
+        mujoco.mj_forward(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, kind)
+        self._stale = False
+
+    def _freshen(self) -> None:
+        """After a step MuJoCo's poses are those before its last integration; bring them up to the state."""
+        if self._stale:
+            self._mujoco.mj_kinematics(self.model, self.data)
+            self._stale = False
+
+    # -- pictures ----------------------------------------------------------------------------------------------------------
+    def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        pictures, index, size = self._camera(camera, width, height)
+        return pictures.colour(index, *size)
+
+    def render_depth(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        pictures, index, size = self._camera(camera, width, height)
+        return pictures.depth(index, *size)
+
+    def render_segmentation(
+        self, camera: str, width: int | None = None, height: int | None = None
+    ) -> tuple[np.ndarray, Sequence[str]]:
+        pictures, index, size = self._camera(camera, width, height)
+        return pictures.segmentation(index, *size), self._world.body_names
+
+    def _camera(self, name: str, width: int | None, height: int | None) -> tuple[Pictures, int, tuple[int, int]]:
+        if name not in self._cameras:
+            raise UnknownName("camera", name, tuple(self._cameras))
+        if self._pictures is None:
+            world = self._world
+            self._pictures = Pictures(world.model, world.data, world.body_names, self.settings.shadows)
+        index, camera = self._cameras[name]
+        size = (width or camera.resolution[0], height or camera.resolution[1])
+        if min(size) < 1 or max(size) > 4096:
+            raise InvalidArgument("width, height", f"{size[0]} x {size[1]} pixels", "1 to 4096 each")
+        if self._stale:
+            self._freshen()
+        # Camera and light poses follow from the bodies'.
+        self._mujoco.mj_camlight(self.model, self.data)
+        return self._pictures, index, size
+
+    def _forget_pictures(self) -> None:
+        if self._pictures is not None:
+            self._pictures.close()
+            self._pictures = None
+
+    def view(self) -> None:
+        """A window onto the running simulation; closing it changes nothing."""
+        require_display()
+        if self._viewer is not None:
+            return
+        try:
+            import mujoco.viewer
+
+            self._viewer = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
+        except (ImportError, OSError, RuntimeError) as error:
+            raise BackendUnavailable("viewer", "mujoco", str(error), REMEDY) from error
+
+    def _show(self) -> None:
+        if not self._viewer.is_running():
+            self._viewer = None
+        elif abs(self.data.time - self._seen) >= _VIEWER_PERIOD:
+            self._seen = float(self.data.time)
+            self._viewer.sync()
+
+
+def _families(scene: SceneDescription, world: Any) -> dict[str, frozenset[int]]:
+    """Every body's id with those of its children."""
+    families = {name: {index} for name, index in world.body_ids.items()}
+    pairs = [(body.name, parent.name) for body, parent in scene.walk() if parent is not None]
+    for child, parent in reversed(pairs):
+        families[parent] |= families[child]
+    return {name: frozenset(ids) for name, ids in families.items()}

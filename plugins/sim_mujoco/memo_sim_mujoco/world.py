@@ -1,0 +1,176 @@
+"""A compiled world: the model, its data, and where everything of the descriptions is found in them."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import attrs
+import mujoco
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
+from memo_sim_mujoco.robot import FINGER_SERVO, PREFIX, add_robot
+from memo_sim_mujoco.scene import add_look, add_scene
+from memo_sim_mujoco.settings import MujocoSettings
+
+DENSE_UP_TO = 60  # degrees of freedom
+
+
+@attrs.frozen(eq=False)
+class Latched:
+    """Where one latch acts: it holds while the joint is within ``width`` of ``position``."""
+
+    actuator: int
+    qpos: int
+    position: float
+    width: float
+    gain: float
+    bias: tuple[float, float]
+
+
+@attrs.frozen(eq=False)
+class World:
+    """``body_ids`` maps names (scene bodies, ``robot/LINK``) to MuJoCo's; ``body_names`` is its inverse by id."""
+
+    model: Any
+    data: Any
+    robot: RobotDescription
+    fingerprint: bytes
+    body_ids: dict[str, int]
+    body_names: tuple[str, ...]
+    joint_qpos: dict[str, int]
+    joint_dof: dict[str, int]
+    free_qpos: dict[str, tuple[int, int]]  # body -> (qpos address, dof address)
+    arm_qpos: np.ndarray
+    arm_dof: np.ndarray
+    finger_qpos: np.ndarray
+    finger_servo: int  # -1 without a gripper
+    pad_bodies: tuple[tuple[int, int], ...]  # (body id, id of the joint it slides on)
+    robot_bodies: frozenset[int]
+    tool_body: int
+    latches: tuple[Latched, ...]
+
+
+def build_world(scene: SceneDescription, robot: RobotDescription, settings: MujocoSettings) -> World:
+    """Compile both descriptions and put the robot at home, gripper open. Raises ``InvalidArgument``."""
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    _set_options(spec, settings)
+    add_look(spec, scene, settings.shadows)
+    add_robot(spec, robot, settings.self_collision)
+    add_scene(spec, scene)
+    try:
+        model = spec.compile()
+        # Dense is faster in small scenes, and 4.0.0's sparse Newton has a wrong Hessian.
+        if settings.jacobian == "auto" and model.nv > DENSE_UP_TO:
+            spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+            model = spec.compile()
+    except ValueError as error:
+        raise InvalidArgument("scene", f"MuJoCo cannot build it ({error})", "a scene that can exist") from error
+    _damp_free_bodies(model, scene)
+    data = mujoco.MjData(model)
+    world = _index(model, data, scene, robot)
+    _start(world, scene)
+    return world
+
+
+def _set_options(spec: Any, settings: MujocoSettings) -> None:
+    option = spec.option
+    option.timestep = settings.timestep
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = settings.impratio
+    option.iterations = settings.iterations
+    option.tolerance = settings.tolerance
+    option.solver = {
+        "newton": mujoco.mjtSolver.mjSOL_NEWTON,
+        "cg": mujoco.mjtSolver.mjSOL_CG,
+        "pgs": mujoco.mjtSolver.mjSOL_PGS,
+    }[settings.solver]
+    option.jacobian = {
+        "auto": mujoco.mjtJacobian.mjJAC_DENSE,
+        "dense": mujoco.mjtJacobian.mjJAC_DENSE,
+        "sparse": mujoco.mjtJacobian.mjJAC_SPARSE,
+    }[settings.jacobian]
+    # A diverged simulation must be an error, not a silent start from the beginning.
+    option.disableflags = int(option.disableflags) | int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+
+
+def _damp_free_bodies(model: Any, scene: SceneDescription) -> None:
+    for body, _ in scene.walk():
+        if isinstance(body.joint, Free) and body.joint.damping > 0:
+            index = model.body(body.name).id
+            dof = int(model.body_dofadr[index])
+            model.dof_damping[dof : dof + 3] = body.joint.damping * model.body_mass[index]
+            model.dof_damping[dof + 3 : dof + 6] = body.joint.damping * model.body_inertia[index].max()
+
+
+def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescription) -> World:
+    names = tuple("floor" if index == 0 else model.body(index).name for index in range(model.nbody))
+    joint_qpos, joint_dof, free = {}, {}, {}
+    for body, _ in scene.walk():
+        if isinstance(body.joint, (Hinge, Slide)):
+            joint = model.joint(body.joint.name)
+            joint_qpos[body.joint.name] = int(joint.qposadr[0])
+            joint_dof[body.joint.name] = int(joint.dofadr[0])
+        elif isinstance(body.joint, Free):
+            joint = model.joint(f"{body.name}/free")
+            free[body.name] = (int(joint.qposadr[0]), int(joint.dofadr[0]))
+    arm = [model.joint(PREFIX + name) for name in robot.joint_names]
+    fingers = [model.joint(PREFIX + name) for name in robot.gripper.finger_joints]
+    slides = {int(model.jnt_bodyid[joint.id]): joint.id for joint in fingers}
+    ids = {name: index for index, name in enumerate(names)}
+    pads = tuple((ids[PREFIX + pad], slides.get(ids[PREFIX + pad], -1)) for pad in robot.gripper.pads)
+    servo = model.actuator(FINGER_SERVO).id if fingers else -1
+    return World(
+        model=model,
+        data=data,
+        robot=robot,
+        fingerprint=_fingerprint(model),
+        body_ids=ids,
+        body_names=names,
+        joint_qpos=joint_qpos,
+        joint_dof=joint_dof,
+        free_qpos=free,
+        arm_qpos=np.array([joint.qposadr[0] for joint in arm], dtype=np.intp),
+        arm_dof=np.array([joint.dofadr[0] for joint in arm], dtype=np.intp),
+        finger_qpos=np.array([joint.qposadr[0] for joint in fingers], dtype=np.intp),
+        finger_servo=servo,
+        pad_bodies=pads,
+        robot_bodies=frozenset(index for index, name in enumerate(names) if name.startswith(PREFIX)),
+        tool_body=ids[PREFIX + robot.tool_link],
+        latches=tuple(_latched(model, number, latch, joint_qpos) for number, latch in enumerate(scene.latches)),
+    )
+
+
+def _latched(model: Any, number: int, latch: Any, joint_qpos: dict[str, int]) -> Latched:
+    actuator = model.actuator(f"latch/{number}").id
+    bias = model.actuator_biasprm[actuator]
+    gain = float(model.actuator_gainprm[actuator, 0])
+    return Latched(actuator, joint_qpos[latch.joint], latch.position, latch.width, gain, (float(bias[1]), float(bias[2])))
+
+
+def _fingerprint(model: Any) -> bytes:
+    """Identifies everything the physics depends on: checkpoints of another model or engine are not continued."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return hashlib.sha256(mujoco.__version__.encode() + buffer.tobytes()).digest()[:16]
+
+
+def _start(world: World, scene: SceneDescription) -> None:
+    data = world.data
+    data.qpos[world.arm_qpos] = world.robot.home
+    data.ctrl[: len(world.arm_qpos)] = world.robot.home
+    for address, name in zip(world.finger_qpos, world.robot.gripper.finger_joints, strict=True):
+        data.qpos[address] = world.model.joint(PREFIX + name).range[1]
+    if world.finger_servo >= 0:
+        data.ctrl[world.finger_servo] = data.qpos[world.finger_qpos].sum()
+    for body, _ in scene.walk():
+        if isinstance(body.joint, (Hinge, Slide)):
+            data.qpos[world.joint_qpos[body.joint.name]] = body.joint.initial
+    for latch in world.latches:
+        data.ctrl[latch.actuator] = latch.position
