@@ -16,7 +16,11 @@ from memo_core.scene.pose import Pose
 
 @attrs.frozen
 class JointDescription:
-    """One arm joint. Angles in rad, torques in Nm, position-servo gains in Nm/rad and Nm s/rad."""
+    """One arm joint. Angles in rad, torques in Nm, position-servo gains in Nm/rad and Nm s/rad.
+
+    The servo's torque is kp (target - q) - kv dq/dt, so that it lags kv/kp seconds behind a moving target: to follow
+    q(t) without lag, command q(t) + kv/kp dq/dt.
+    """
 
     name: str  # as in the URDF
     lower: float

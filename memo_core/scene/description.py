@@ -159,7 +159,12 @@ class Camera:
 
 @attrs.frozen
 class SceneDescription:
-    """All there is in a scene but the robot. ``table_height`` is the z of the table's top (m)."""
+    """All there is in a scene but the robot. ``table_height`` is the z of the table's top (m).
+
+    Simulators add a solid floor 0.75 m below it and, unless a body is called ``table``, a table whose top (1.6 x 1.6 m,
+    x -0.35 to 1.25) is at that height. Bodies joined by a hinge or slide do not collide with each other (nor does what
+    is rigidly attached to either): the joint's range says how far they move.
+    """
 
     bodies: tuple[Body, ...]
     cameras: tuple[Camera, ...] = ()
