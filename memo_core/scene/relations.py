@@ -1,0 +1,121 @@
+"""Predicates behind the scene graph's relations: plain geometry of boxes, from any perception backend's nodes.
+
+"Left" and "in front of" are said as seen by the robot: left is +y, in front is nearer to its base (smaller x).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+
+import numpy as np
+
+from memo_core.scene.graph import Node, Relation
+from memo_core.scene.pose import Array
+
+TABLE = "table"  # what things that lie on nothing else are on; not a node
+TOUCHING_M = 0.02  # vertical gap up to which one thing lies on another
+BESIDE_M = 0.05  # gap between two things that are next to each other
+NEARBY_M = 0.40  # distance up to which left, right, in front and behind are worth saying
+HELD_M = 0.015  # distance from the tool centre up to which a thing between the fingers is the one held
+
+
+def contains(space: Node, point: Sequence[float] | Array, margin: float = 0.005) -> bool:
+    """Whether a point (base frame, m) lies in a node's box, grown by ``margin`` on every side."""
+    local = np.abs(space.pose.inverse().apply(np.asarray(point, dtype=float)))
+    return bool(np.all(local <= np.asarray(space.size) / 2 + margin))
+
+
+def distance_to_box(node: Node, point: Sequence[float] | Array) -> float:
+    """Metres from a point (base frame) to a node's box; 0 inside."""
+    outside = np.abs(node.pose.inverse().apply(np.asarray(point, dtype=float))) - np.asarray(node.size) / 2
+    return float(np.linalg.norm(np.maximum(outside, 0.0)))
+
+
+def lies_on(upper: Node, lower: Node) -> bool:
+    """Whether ``upper`` rests on ``lower``: its underside at the other's top, its centre above the other's box."""
+    bottom, top = upper.bounds()[0][2], lower.bounds()[1][2]
+    if abs(bottom - top) > TOUCHING_M or upper.pose.position[2] <= top:
+        return False
+    low, high = lower.bounds()
+    x, y, _ = upper.pose.position
+    return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1])
+
+
+def gap(a: Node, b: Node) -> float:
+    """Horizontal distance (m) between the upright boxes of two nodes; 0 where they overlap from above."""
+    (low_a, high_a), (low_b, high_b) = a.bounds(), b.bounds()
+    apart = np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)
+    return float(math.hypot(apart[0], apart[1]))
+
+
+def side(a: Node, b: Node) -> str:
+    """Where ``a`` is, seen from ``b``: "left of", "right of", "in front of" or "behind"."""
+    dx, dy = (a.pose.position[i] - b.pose.position[i] for i in (0, 1))
+    if abs(dy) > abs(dx):
+        return "left of" if dy > 0 else "right of"
+    return "in front of" if dx < 0 else "behind"
+
+
+def containment(nodes: Sequence[Node]) -> list[Relation]:
+    """``in`` relations: what lies in a visible inside is in the thing whose inside it is."""
+    found = []
+    for thing in _things(nodes):
+        spaces = [n for n in nodes if n.kind == "space" and n.part_of != thing.id and contains(n, thing.pose.position)]
+        if spaces:
+            innermost = min(spaces, key=lambda space: math.prod(space.size))
+            found.append(Relation(thing.id, "in", innermost.part_of or innermost.id))
+    return found
+
+
+def support(nodes: Sequence[Node], table_height: float, held: Collection[str] = ()) -> list[Relation]:
+    """``on`` relations between objects, fixtures and the table. What is held is on nothing."""
+    found = []
+    for thing in _things(nodes):
+        if thing.id in held:
+            continue
+        below = [
+            n
+            for n in nodes
+            if n.id != thing.id and n.part_of != thing.id and n.kind in ("object", "fixture") and lies_on(thing, n)
+        ]
+        if below:
+            nearest = max(below, key=lambda n: n.bounds()[1][2])
+            found.append(Relation(thing.id, "on", nearest.id))
+        elif abs(thing.bounds()[0][2] - table_height) <= TOUCHING_M:
+            found.append(Relation(thing.id, "on", TABLE))
+    return found
+
+
+def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = ()) -> list[Relation]:
+    """How objects near each other are arranged, one relation a pair and ``next to`` for close ones.
+
+    ``apart_from``: pairs of ids already related (stacked, held, one in the other) of which nothing more is said.
+    """
+    skipped = {frozenset(pair) for pair in apart_from}
+    things = _things(nodes)
+    found = []
+    for i, a in enumerate(things):
+        for b in things[i + 1 :]:
+            if frozenset((a.id, b.id)) in skipped:
+                continue
+            if math.dist(a.pose.position[:2], b.pose.position[:2]) > NEARBY_M:
+                continue
+            found.append(Relation(a.id, side(a, b), b.id))
+            if gap(a, b) < BESIDE_M:
+                found.append(Relation(a.id, "next to", b.id))
+    return found
+
+
+def held_thing(nodes: Sequence[Node], tool_centre: Sequence[float] | Array) -> Node | None:
+    """What a gripper that feels something holds: the nearest object at the tool centre, else the nearest part."""
+    for kinds in (("object",), ("part",)):
+        near = [(distance_to_box(n, tool_centre), math.prod(n.size), n.id, n) for n in nodes if n.kind in kinds]
+        near = [item for item in near if item[0] <= HELD_M]
+        if near:
+            return min(near, key=lambda item: item[:3])[3]
+    return None
+
+
+def _things(nodes: Sequence[Node]) -> list[Node]:
+    return [node for node in nodes if node.kind == "object"]

@@ -1,0 +1,99 @@
+"""The box a person would draw around a body: of its geoms, along the body's own axes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.scene.description import Body, Geom, Part
+from memo_core.scene.pose import Array, Pose
+
+INSIDE_PART_M = 0.005
+MOUNTING_SHARE = 0.05  # a geom below this share of the body's volume that touches a part is the part's mounting
+
+
+def body_box(body: Body) -> tuple[Pose, tuple[float, float, float]] | None:
+    """(pose of the box's centre in the body's frame, full extents), without what belongs to the body's parts; with
+    unlabelled pieces that are fixed to it. None when the body has no geoms."""
+    pieces = list(_pieces(body, Pose(), body.parts))
+    if not pieces:
+        return None
+    total = sum(float(np.prod(high - low)) for low, high in pieces)
+    own = [piece for piece in pieces if not _belongs_to_part(piece, body.parts, total)] or pieces
+    low = np.min([piece[0] for piece in own], axis=0)
+    high = np.max([piece[1] for piece in own], axis=0)
+    return Pose(tuple((low + high) / 2)), tuple(float(v) for v in high - low)  # type: ignore[return-value]
+
+
+def _pieces(body: Body, pose: Pose, parts: Sequence[Part]):
+    for geom in body.geoms:
+        yield geom_bounds(geom, pose)
+    for child in body.bodies:
+        if child.joint is None and not child.label and not child.parts:
+            yield from _pieces(child, pose * child.pose, parts)
+
+
+def _belongs_to_part(piece: tuple[Array, Array], parts: Sequence[Part], total: float) -> bool:
+    low, high = piece
+    for part in parts:
+        part_low, part_high = _upright(part.pose, np.asarray(part.size) / 2)
+        if np.all(low >= part_low - INSIDE_PART_M) and np.all(high <= part_high + INSIDE_PART_M):
+            return True
+        touches = np.all(low <= part_high + INSIDE_PART_M) and np.all(high >= part_low - INSIDE_PART_M)
+        if touches and float(np.prod(high - low)) < MOUNTING_SHARE * total:
+            return True
+    return False
+
+
+def geom_bounds(geom: Geom, frame: Pose = Pose()) -> tuple[Array, Array]:
+    """Lowest and highest corner (m) of a geom along the axes of the frame that ``frame`` poses its body in."""
+    pose = frame * geom.pose
+    if geom.shape == "mesh":
+        points = pose.apply(_vertices(geom) * geom.size[0])
+        return points.min(axis=0), points.max(axis=0)
+    if geom.shape == "box":
+        return _upright(pose, np.asarray(geom.size) / 2)
+    centre = np.asarray(pose.position)
+    if geom.shape == "sphere":
+        reach = np.full(3, geom.size[0])
+    else:
+        radius, length = geom.size[:2]
+        axis = pose.rotation[:, 2]
+        along = np.abs(axis) * length / 2
+        across = np.ones(3) if geom.shape == "capsule" else np.sqrt(np.maximum(1 - axis**2, 0.0))
+        reach = along + radius * across
+    return centre - reach, centre + reach
+
+
+def _upright(pose: Pose, half: Array) -> tuple[Array, Array]:
+    reach = np.abs(pose.rotation) @ half
+    return np.asarray(pose.position) - reach, np.asarray(pose.position) + reach
+
+
+def _vertices(geom: Geom) -> Array:
+    """Vertices of an .obj or .stl file, shape (n, 3)."""
+    path = Path(geom.mesh or "")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InvalidArgument(
+            "mesh", f"{geom.mesh!r} cannot be read ({error.strerror})", "an .obj or .stl file"
+        ) from None
+    if path.suffix.lower() == ".obj":
+        rows = [line.split()[1:4] for line in data.decode(errors="replace").splitlines() if line.startswith("v ")]
+    elif data[:5] == b"solid" and b"facet" in data[:500]:
+        rows = [line.split()[1:4] for line in data.decode(errors="replace").splitlines() if "vertex" in line]
+    else:
+        count = struct.unpack_from("<I", data, 80)[0]
+        records = np.frombuffer(
+            data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), count=count, offset=84
+        )
+        return records["v"].reshape(-1, 3).astype(float)
+    points = np.asarray(rows, dtype=float)
+    if points.ndim != 2 or len(points) == 0:
+        raise InvalidArgument("mesh", f"{geom.mesh!r} has no vertices", "an .obj or .stl file")
+    return points

@@ -1,0 +1,260 @@
+"""A scene graph from a simulator's true state: what a perfect camera could say, and nothing hidden (DESIGN 1).
+
+Every labelled body is a node, as are the visible parts of bodies and every inside that is not closed. Whatever lies in
+a closed inside is absent, and so is everything about how a thing moves.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import attrs
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.scene import relations
+from memo_core.scene.description import Body, Cavity, Free, SceneDescription
+from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_perception.boxes import body_box
+from memo_perception.settings import GroundTruthSettings
+
+
+@attrs.frozen(eq=False)
+class _Seen:
+    """One thing that could be seen: posed in the frame of the body that carries it."""
+
+    id: str
+    label: str
+    kind: str
+    body: Body
+    pose: Pose
+    size: tuple[float, float, float]
+    part_of: str | None
+    cavity: Cavity | None = None
+    droppable: str | None = None  # id of the free object it belongs to
+    lineage: tuple[str, ...] = ()  # names of its body and that body's ancestors
+
+
+@attrs.frozen
+class _Closing:
+    """A body that closes a cavity: closed while its joint is within ``within`` of ``at``."""
+
+    node: str
+    joint: str
+    at: float
+    within: float
+
+
+class GroundTruth(Perception):
+    """See the module. ``start`` needs a simulator and its scene; a restored state gives the same looks again."""
+
+    def __init__(self, settings: GroundTruthSettings | None = None) -> None:
+        self.settings = settings or GroundTruthSettings()
+        self._context: PerceptionContext | None = None
+        self._things: list[_Seen] = []
+        self._closings: list[_Closing] = []
+        self._labels: dict[str, str] = {}
+
+    def start(self, context: PerceptionContext) -> None:
+        if context.simulator is None or context.scene is None:
+            raise InvalidArgument(
+                "perception.backend", "'ground-truth' reads a simulator, and there is none", "a backend for cameras"
+            )
+        unknown = set(self.settings.images) - {camera.name for camera in context.scene.cameras}
+        if unknown:
+            known = ", ".join(camera.name for camera in context.scene.cameras) or "none"
+            raise InvalidArgument("perception.images", f"no camera {sorted(unknown)[0]!r} here", f"one of: {known}")
+        self._context = context
+        self._things = list(_visible_things(context.scene))
+        self._closings = list(_closings(context.scene, self._things))
+        self._labels = {}
+
+    def look(self) -> SceneGraph:
+        context = self._started()
+        simulator, scene = context.simulator, context.scene
+        assert simulator is not None and scene is not None
+        poses = {thing.body.name: simulator.body_pose(thing.body.name) for thing in self._things}
+        shut = [thing for thing in self._things if thing.cavity and self._closed(thing.cavity)]
+        visible = [thing for thing in self._things if not self._hidden(thing, shut, poses)]
+        visible = self._noticed(visible)
+        seen_as = {name: self._misplaced(pose) for name, pose in poses.items()}
+        time = simulator.time
+        nodes = tuple(
+            Node(
+                id=thing.id,
+                label=self._label(thing),
+                pose=seen_as[thing.body.name] * thing.pose,
+                size=thing.size,
+                part_of=thing.part_of,
+                kind=thing.kind,
+                opening=_turned(seen_as[thing.body.name], thing.cavity.opening) if thing.cavity else None,
+                time=time,
+            )
+            for thing in visible
+        )
+        return SceneGraph(
+            nodes, tuple(self._relations(nodes)), self._observation(), scene.table_height, scene.label, time
+        )
+
+    def state(self) -> bytes:
+        context = self._started()
+        return json.dumps({"rng": _plain(context.rng.bit_generator.state), "labels": self._labels}).encode()
+
+    def restore(self, state: bytes) -> None:
+        context = self._started()
+        try:
+            memory = json.loads(state)
+            context.rng.bit_generator.state = memory["rng"]
+            self._labels = dict(memory["labels"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
+
+    # -- what is visible ----------------------------------------------------------------------------------------------
+
+    def _closed(self, cavity: Cavity) -> bool:
+        if cavity.door is None:
+            return False
+        position = self._started().simulator.joint_position(cavity.door)  # type: ignore[union-attr]
+        return abs(position - cavity.closed_at) <= cavity.closed_within
+
+    def _hidden(self, thing: _Seen, shut: list[_Seen], poses: dict[str, Pose]) -> bool:
+        if thing in shut:
+            return True
+        centre = (poses[thing.body.name] * thing.pose).position
+        return any(_around(cavity, poses[cavity.body.name], centre) for cavity in shut if _may_hide(cavity, thing))
+
+    def _noticed(self, visible: list[_Seen]) -> list[_Seen]:
+        if not self.settings.dropout:
+            return visible
+        objects = sorted({thing.droppable for thing in visible if thing.droppable})
+        missed = {o for o in objects if self._started().rng.random() < self.settings.dropout}
+        return [thing for thing in visible if thing.droppable not in missed]
+
+    def _misplaced(self, pose: Pose) -> Pose:
+        if not (self.settings.position_noise or self.settings.rotation_noise):
+            return pose
+        rng = self._started().rng
+        shift = rng.normal(0.0, 1.0, 3) * self.settings.position_noise
+        turn = rng.normal(0.0, 1.0, 3) * self.settings.rotation_noise
+        angle = float(np.linalg.norm(turn))
+        rotation = quaternion_from_axis_angle(turn.tolist(), angle) if angle > 1e-12 else (1.0, 0.0, 0.0, 0.0)
+        return Pose(tuple(np.asarray(pose.position) + shift), (Pose(orientation=rotation) * pose).orientation)
+
+    def _label(self, thing: _Seen) -> str:
+        """What it is called from its first sight on: its label, with a number when that is taken."""
+        if thing.id not in self._labels:
+            taken = {label.lower() for label in self._labels.values()}
+            label, number = thing.label, 2
+            while label.lower() in taken:
+                label, number = f"{thing.label} {number}", number + 1
+            self._labels[thing.id] = label
+        return self._labels[thing.id]
+
+    # -- what is said of it -------------------------------------------------------------------------------------------
+
+    def _relations(self, nodes: tuple[Node, ...]) -> Iterator[Relation]:
+        context = self._started()
+        ids = {node.id for node in nodes}
+        for closing in self._closings:
+            if closing.node in ids:
+                away = abs(context.simulator.joint_position(closing.joint) - closing.at)  # type: ignore[union-attr]
+                yield Relation(closing.node, "closed" if away <= closing.within else "open")
+        held = relations.held_thing(nodes, context.tool_pose().position) if context.link.holding() else None
+        if held is not None:
+            yield Relation(held.id, "held")
+        held_ids = {held.id} if held else set()
+        inside = relations.containment(nodes)
+        on = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids)
+        yield from inside
+        yield from on
+        related = [(r.subject, r.object) for r in [*inside, *on] if r.object]
+        loose = [node for node in nodes if node.id not in held_ids]
+        yield from relations.arrangement(loose, related)
+
+    def _observation(self) -> Observation:
+        context = self._started()
+        rgb = {name: context.simulator.render(name) for name in self.settings.images}  # type: ignore[union-attr]
+        depth = {name: context.simulator.render_depth(name) for name in self.settings.images}  # type: ignore[union-attr]
+        return Observation(context.tool_pose(), context.link.gripper_width(), context.link.holding(), rgb, depth)
+
+    def _started(self) -> PerceptionContext:
+        if self._context is None:
+            raise InvalidArgument("perception", "looked before start()", "start(context) first")
+        return self._context
+
+
+# -- reading a scene description ---------------------------------------------------------------------------------------
+
+
+def _visible_things(scene: SceneDescription) -> Iterator[_Seen]:
+    taken = {body.name for body, _ in scene.walk()}
+    owners: dict[str, tuple[str | None, str | None]] = {}  # body -> (nearest labelled node, free object it belongs to)
+    lineages: dict[str, tuple[str, ...]] = {}
+    for body, parent in scene.walk():
+        owner, loose = owners[parent.name] if parent is not None else (None, None)
+        lineage = lineages[body.name] = (body.name, *(lineages[parent.name] if parent is not None else ()))
+        if body.label and not body.fixture and (owner is None or isinstance(body.joint, Free)):
+            loose = body.name
+        if body.label:
+            yield attrs.evolve(_body_thing(body, owner, loose), lineage=lineage)
+            owner = body.name
+        owners[body.name] = (owner, loose)
+        for part in body.parts:
+            id = _unique(part.id, body, taken)
+            yield _Seen(id, part.label, "part", body, part.pose, part.size, owner, None, loose, lineage)
+        for cavity in body.cavities:
+            id = _unique(cavity.id, body, taken)
+            yield _Seen(id, cavity.label, "space", body, cavity.pose, cavity.size, owner, cavity, loose, lineage)
+
+
+def _body_thing(body: Body, owner: str | None, loose: str | None) -> _Seen:
+    box = body_box(body)
+    if box is None:
+        raise InvalidArgument(f"scene body {body.name!r}", "a label but no geoms: it cannot be seen", "geoms")
+    independent = owner is None or isinstance(body.joint, Free)
+    kind = "fixture" if independent and body.fixture else "object" if independent else "part"
+    return _Seen(body.name, body.label, kind, body, *box, None if independent else owner, None, loose)
+
+
+def _unique(id: str, body: Body, taken: set[str]) -> str:
+    if id in taken:
+        id = f"{body.name}/{id}"
+    if id in taken:
+        raise InvalidArgument(f"scene body {body.name!r}", f"two things have the id {id!r}", "unique ids")
+    taken.add(id)
+    return id
+
+
+def _closings(scene: SceneDescription, things: list[_Seen]) -> Iterator[_Closing]:
+    """The labelled bodies whose joints close a cavity."""
+    cavities = {c.door: c for body, _ in scene.walk() for c in body.cavities if c.door is not None}
+    nodes = {thing.id for thing in things if thing.id == thing.body.name}
+    for body, _ in scene.walk():
+        joint = getattr(body.joint, "name", None)
+        if joint in cavities and body.name in nodes:
+            cavity = cavities[joint]
+            yield _Closing(body.name, joint, cavity.closed_at, cavity.closed_within)
+
+
+def _may_hide(cavity: _Seen, thing: _Seen) -> bool:
+    """A closed inside hides everything in it but the body it is the inside of and what that body hangs on."""
+    return thing.body.name not in cavity.lineage
+
+
+def _around(cavity: _Seen, body_pose: Pose, centre: tuple[float, float, float]) -> bool:
+    local = np.abs((body_pose * cavity.pose).inverse().apply(np.asarray(centre)))
+    return bool(np.all(local <= np.asarray(cavity.size) / 2 + 0.01))
+
+
+def _turned(pose: Pose, direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    return tuple(float(v) for v in pose.rotation @ np.asarray(direction))  # type: ignore[return-value]
+
+
+def _plain(value):
+    """JSON-ready copy of a generator's state."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value

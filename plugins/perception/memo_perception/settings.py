@@ -1,0 +1,26 @@
+"""What a config may set of this distribution's backends."""
+
+from __future__ import annotations
+
+import attrs
+from attrs.validators import and_, ge, le
+
+
+@attrs.frozen
+class GroundTruthSettings:
+    """Settings of the ``ground-truth`` backend."""
+
+    position_noise: float = attrs.field(
+        default=0.0, validator=ge(0.0), metadata={"help": "standard deviation of a seen position along each axis (m)"}
+    )
+    rotation_noise: float = attrs.field(
+        default=0.0, validator=ge(0.0), metadata={"help": "standard deviation of a seen rotation about each axis (rad)"}
+    )
+    dropout: float = attrs.field(
+        default=0.0,
+        validator=and_(ge(0.0), le(1.0)),
+        metadata={"help": "probability that one look misses an object (furniture is never missed)"},
+    )
+    images: tuple[str, ...] = attrs.field(
+        default=(), metadata={"help": "cameras whose RGB and depth go into the observation"}
+    )
