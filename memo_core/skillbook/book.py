@@ -1,0 +1,403 @@
+"""The skillbook as the policy and the command line use it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from types import TracebackType
+
+import numpy as np
+import sqlalchemy as sa
+
+from memo_core.errors import InvalidArgument, MemoError, UnknownName
+from memo_core.interfaces.embedder import Embedder
+from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.skillbook import rows, tables
+from memo_core.skillbook.database import Database, SkillbookError
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
+from memo_core.skillbook.forget import forget_person
+from memo_core.skillbook.index import KeyIndex
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever
+from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.wording import KeyVectors
+
+_F, _E = tables.feedback.c, tables.entries.c
+
+
+class Skillbook:
+    """One open book: ``with Skillbook("sqlite:///book.db", embedder, store) as book: ...``
+
+    ``url`` is a database URL or a file's path; ``sqlite://`` is an empty book in memory. Without ``embedder`` and
+    ``store`` everything works but retrieval and search. Both are opened when first needed; the store is this book's
+    own, the embedder may be shared and is left open. Safe to use from several threads one after the other; several
+    processes may use one book at the same time.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        embedder: Embedder | None = None,
+        store: VectorStore | None = None,
+        settings: RetrievalSettings | None = None,
+        read_only: bool = False,
+    ) -> None:
+        self.settings = settings or RetrievalSettings()
+        self._database = Database(url, read_only)
+        self._store = store
+        self._vectors = TextVectors(self._database, embedder) if embedder is not None else None
+        self._retriever: Retriever | None = None
+
+    @property
+    def url(self) -> str:
+        """The book's URL; it never holds a password."""
+        return self._database.name
+
+    @property
+    def read_only(self) -> bool:
+        return self._database.read_only
+
+    def open(self) -> Skillbook:
+        """Idempotent. Raises ``SkillbookError``: newer schema, no skillbook, network file system, other embedder."""
+        self._database.open()
+        try:
+            if self._vectors is not None:
+                self._vectors.check_embedder()
+        except BaseException:
+            self._database.close()
+            raise
+        return self
+
+    def close(self) -> None:
+        """Idempotent. Nothing is written here: what was acknowledged is on disk already."""
+        self._retriever = None
+        if self._store is not None:
+            self._store.close()
+        self._database.close()
+
+    def __enter__(self) -> Skillbook:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # -- what people said ----------------------------------------------------------------------------------------------
+    def record_feedback(
+        self,
+        words: str,
+        who: str,
+        *,
+        task: str = "",
+        subtask: str = "",
+        scene: str = "",
+        scene_graph: str = "",
+        code: str = "",
+        run: str = "",
+        kind: FeedbackKind = "correction",
+        when: float | None = None,
+    ) -> int:
+        """Keep what a person said, verbatim; it is on disk when this returns. Call it before any model is asked.
+
+        An approval (``kind="approval"``) may have no words. Returns the feedback's id. Raises ``InvalidArgument``,
+        ``ReadOnlyBook``.
+        """
+        if kind == "correction" and not words.strip():
+            raise InvalidArgument("words", "nothing was said", "what the person said")
+        if not who.strip():
+            raise InvalidArgument("who", "nobody is named", "a name or a pseudonym, so that the person can withdraw")
+        with self._database.write() as connection:
+            return rows.insert(
+                connection,
+                tables.feedback,
+                kind=kind,
+                words=words,
+                who=who,
+                time=time.time() if when is None else when,
+                task=task,
+                subtask=subtask,
+                scene=scene,
+                scene_graph=scene_graph,
+                code=code,
+                run=run,
+                status="pending",
+                reason="",
+            )
+
+    def feedback(self, feedback_id: int) -> Feedback:
+        """Raises ``UnknownName``."""
+        with self._database.read() as connection:
+            found = rows.feedback_where(connection, _F.id == feedback_id)
+            known = [] if found else rows.ids_of(connection.execute(sa.select(_F.id)))
+        if not found:
+            raise UnknownName("feedback", str(feedback_id), tuple(map(str, known[-20:])))
+        return found[0]
+
+    def pending_feedback(self, parked: bool = False) -> list[Feedback]:
+        """Feedback that no entry was made from yet, oldest first; with ``parked`` also what was set aside."""
+        statuses = ("pending", "parked") if parked else ("pending",)
+        with self._database.read() as connection:
+            return rows.feedback_where(connection, _F.status.in_(statuses))
+
+    def mark_processed(self, feedback_id: int) -> None:
+        self._set_status(feedback_id, "processed", "")
+
+    def park(self, feedback_id: int, reason: str) -> None:
+        """Set feedback aside that could not be processed; it is kept and shown with the reason."""
+        self._set_status(feedback_id, "parked", reason)
+
+    # -- what was learnt -----------------------------------------------------------------------------------------------
+    def add_lessons(
+        self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
+    ) -> tuple[Entry, ...]:
+        """Store what one feedback taught, all or nothing, and mark it processed. Corrections go under ``key``, general
+        statements under the global key.
+
+        A second call for the same feedback changes nothing and returns what the first one stored.
+        Raises ``UnknownName`` (feedback), ``NotAKey``, ``InvalidArgument`` (an empty text), ``ReadOnlyBook``.
+        """
+        items = [("correction", text) for text in corrections] + [("general", text) for text in general]
+        return self._add(feedback_id, key, items, scene, "feedback")
+
+    def add_template(
+        self, feedback_id: int, key: Key | str, code: str, scene: str = "", derived_from: Iterable[int] = ()
+    ) -> Entry:
+        """Store the documented function made from approved code; ``feedback_id`` is the recorded approval.
+
+        ``derived_from``: further feedback that the code owes something to, so that it survives when only the approving
+        person is forgotten. A second call for the same approval changes nothing and returns the first template.
+        """
+        return self._add(feedback_id, key, [("template", code)], scene, "template", derived_from)[0]
+
+    def add_alias(self, spelling: Key | str, key: Key | str) -> None:
+        """Keep entries for one key under another of nearly the same spelling, from now on and in retrieval."""
+        alias, target = _key(spelling), _key(key)
+        if alias == target:
+            return
+        with self._database.write() as connection:
+            target_id = rows.key_id(connection, self._database.upsert(tables.keys), target)
+            connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == str(alias)))
+            old = connection.execute(
+                sa.select(tables.keys.c.id).where(
+                    tables.keys.c.action == alias.action, tables.keys.c.objects == rows.objects_text(alias)
+                )
+            ).scalar()
+            if old is not None and old != target_id:
+                connection.execute(sa.update(tables.entries).where(_E.key == old).values(key=target_id))
+                connection.execute(sa.update(tables.aliases).where(tables.aliases.c.key == old).values(key=target_id))
+                connection.execute(sa.delete(tables.keys).where(tables.keys.c.id == old))
+            rows.insert_plain(connection, tables.aliases, spelling=str(alias), key=target_id)
+            self._database.next_generation(connection)
+
+    def note_use(self, entry_ids: Iterable[int], success: bool) -> None:
+        """Count that entries were served to code that ran and, with ``success``, that the code was approved."""
+        ids = sorted(set(entry_ids))
+        if not ids:
+            return
+        values = {"uses": _E.uses + 1, "confirmed_uses": _E.confirmed_uses + int(success)}
+        with self._database.write() as connection:
+            connection.execute(sa.update(tables.entries).where(_E.id.in_(ids)).values(**values))
+
+    # -- asking --------------------------------------------------------------------------------------------------------
+    def retrieve(self, subtask: Key | str, task: str = "", scene: str = "") -> Retrieval:
+        """What a subtask is served (``memo_core.skillbook.retrieval``). ``task`` (the instruction) and ``scene`` are
+        part of the question but take no part in the score. Raises ``SkillbookError``, ``NotAKey``."""
+        if self._retriever is None:
+            if self._vectors is None or self._store is None:
+                raise SkillbookError(
+                    self.url, "was opened without an embedder or a vector store", "configure both to retrieve"
+                )
+            key_vectors = KeyVectors(self._vectors, self.settings.wording, self.settings.actions)
+            index = KeyIndex(self._store, key_vectors)
+            self._retriever = Retriever(self._database, self._vectors, index, key_vectors, self.settings)
+        return self._retriever.retrieve(_key(subtask))
+
+    def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
+        """Valid entries whose text is most similar to ``text``, with the cosine, best first."""
+        if self._vectors is None:
+            raise SkillbookError(self.url, "was opened without an embedder", "configure one to search")
+        entries = self.entries()
+        if not entries or count < 1:
+            return []
+        similar = self._vectors.get([entry.text for entry in entries]) @ self._vectors.get([text])[0]
+        best = np.argsort(-similar, kind="stable")[:count]
+        return [(entries[i], float(similar[i])) for i in best]
+
+    def entries(
+        self, kind: str | None = None, key: Key | str | None = None, who: str | None = None, superseded: bool = False
+    ) -> list[Entry]:
+        """Entries in the order they were stored, optionally of one kind, under one key, from one person, or with those
+        that were superseded."""
+        conditions: list[sa.ColumnElement[bool]] = [] if superseded else [_E.superseded_by.is_(None)]
+        if kind is not None:
+            conditions.append(_E.kind == kind)
+        if key is not None:
+            wanted = _key(key)
+            conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == rows.objects_text(wanted)]
+        if who is not None:
+            of_person = (
+                sa.select(tables.sources.c.entry)
+                .join(tables.feedback, tables.sources.c.feedback == _F.id)
+                .where(_F.who == who)
+            )
+            conditions.append(_E.id.in_(of_person))
+        with self._database.read() as connection:
+            return rows.entries_where(connection, *conditions)
+
+    def entry(self, entry_id: int) -> Entry:
+        """Raises ``UnknownName``."""
+        with self._database.read() as connection:
+            found = rows.entries_by_id(connection, [entry_id])
+            known = [] if found else rows.ids_of(connection.execute(sa.select(_E.id)))
+        if not found:
+            raise UnknownName("entry", str(entry_id), tuple(map(str, known[-20:])))
+        return found[entry_id]
+
+    def people(self) -> list[str]:
+        with self._database.read() as connection:
+            return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
+
+    def generation(self) -> int:
+        """Grows with every change to what can be retrieved."""
+        with self._database.read() as connection:
+            return int(self._database.meta(connection)["generation"])
+
+    def stats(self) -> Stats:
+        valid = _E.superseded_by.is_(None)
+        with self._database.read() as connection:
+            meta = self._database.meta(connection)
+            kinds = {
+                kind: rows.count(connection, tables.entries, valid, _E.kind == kind)
+                for kind in ("correction", "general", "template")
+            }
+            characters = connection.execute(
+                sa.select(sa.func.coalesce(sa.func.sum(sa.func.length(_E.text)), 0)).where(valid)
+            ).scalar_one()
+            return Stats(
+                feedback=rows.count(connection, tables.feedback),
+                pending=rows.count(connection, tables.feedback, _F.status == "pending"),
+                parked=rows.count(connection, tables.feedback, _F.status == "parked"),
+                people=connection.execute(sa.select(sa.func.count(_F.who.distinct()))).scalar_one(),
+                keys=rows.count(connection, tables.keys, tables.keys.c.action != ""),
+                corrections=kinds["correction"],
+                general=kinds["general"],
+                templates=kinds["template"],
+                superseded=rows.count(connection, tables.entries, sa.not_(valid)),
+                characters=int(characters),
+                generation=int(meta["generation"]),
+                embedder=meta.get("embedder", ""),
+                bytes=self._database.size(),
+            )
+
+    # -- the right to withdraw -----------------------------------------------------------------------------------------
+    def forget(self, who: str) -> Forgotten:
+        """Remove a person's words and what derives only from them, also from the file's free pages.
+
+        Raises ``UnknownName`` when the book has nothing from that person.
+        """
+        known = self.people()
+        if who not in known:
+            raise UnknownName("person", who, tuple(known))
+        with self._database.write() as connection:
+            forgotten, texts = forget_person(connection, who)
+            self._database.next_generation(connection)
+        if self._vectors is not None:
+            self._vectors.forget(texts)
+        self._database.erase_traces()
+        return forgotten
+
+    # -- inside --------------------------------------------------------------------------------------------------------
+    def _set_status(self, feedback_id: int, status: str, reason: str) -> None:
+        with self._database.write() as connection:
+            changed = connection.execute(
+                sa.update(tables.feedback).where(_F.id == feedback_id).values(status=status, reason=reason)
+            )
+        if not changed.rowcount:
+            raise UnknownName("feedback", str(feedback_id), ())
+
+    def _add(
+        self,
+        feedback_id: int,
+        key: Key | str,
+        items: Sequence[tuple[str, str]],
+        scene: str,
+        phase: str,
+        derived_from: Iterable[int] = (),
+    ) -> tuple[Entry, ...]:
+        for kind, text in items:
+            if not text.strip():
+                raise InvalidArgument(kind, "an entry without text", "a text")
+        wanted, now = _key(key), time.time()
+        with self._database.write() as connection:
+            origin = rows.feedback_where(connection, _F.id == feedback_id)
+            if not origin:
+                raise UnknownName("feedback", str(feedback_id), ())
+            there = rows.entries_where(connection, _E.feedback == feedback_id, _E.phase == phase)
+            if there:
+                return tuple(there)
+            upsert = self._database.upsert(tables.keys)
+            key_ids = {
+                kind: rows.key_id(connection, upsert, GLOBAL_KEY if kind == "general" else wanted) for kind, _ in items
+            }
+            revision_of = {
+                key_id: rows.insert(connection, tables.revisions, key=key_id, time=now, reason=f"{phase} {feedback_id}")
+                for key_id in sorted(set(key_ids.values()))
+            }
+            added = [
+                rows.insert(
+                    connection,
+                    tables.entries,
+                    kind=kind,
+                    key=key_ids[kind],
+                    text=text,
+                    scene=scene,
+                    feedback=feedback_id,
+                    phase=phase,
+                    ordinal=ordinal,
+                    revision=revision_of[key_ids[kind]],
+                    superseded_by=None,
+                    created=now,
+                )
+                for ordinal, (kind, text) in enumerate(items)
+            ]
+            origins = sorted({feedback_id, *derived_from})
+            for entry in added:
+                for source in origins:
+                    rows.insert_plain(connection, tables.sources, entry=entry, feedback=source)
+            connection.execute(
+                sa.update(tables.feedback).where(_F.id == feedback_id).values(status="processed", reason="")
+            )
+            if added:
+                self._database.next_generation(connection)
+            stored = rows.entries_by_id(connection, added)
+        return tuple(stored[entry] for entry in added)
+
+
+def _key(key: Key | str) -> Key:
+    return key if isinstance(key, Key) else Key.parse(key)
+
+
+def reembed(url: str, embedder: Embedder) -> int:
+    """Give a book to another embedder: its vectors are made anew. Returns how many texts were embedded.
+
+    The switch is one transaction; interrupted before it, the book still belongs to the former embedder.
+    """
+    database = Database(url)
+    database.open()
+    try:
+        embedder.open()
+        with database.read() as connection:
+            texts = sorted({row.text for row in rows.valid_entry_rows(connection)})
+        with database.write() as connection:
+            connection.execute(sa.delete(tables.vectors))
+            database.set_meta(connection, "embedder", embedder.name)
+            database.set_meta(connection, "dimension", str(embedder.dimension))
+            database.next_generation(connection)
+        if texts:
+            TextVectors(database, embedder).get(texts)
+        return len(texts)
+    except MemoError:
+        raise
+    finally:
+        database.close()

@@ -1,0 +1,318 @@
+"""Opening the book's database and writing to it so that nothing acknowledged is lost.
+
+SQLite by default: write-ahead log, ``synchronous=FULL``, write transactions begin IMMEDIATE. ``postgresql://`` for a
+laboratory that shares one book. What the book promises (``docs/skillbook.md``) rests on this file.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import attrs
+import sqlalchemy as sa
+from sqlalchemy.pool import StaticPool
+
+from memo_core.errors import InvalidArgument, MemoError
+from memo_core.skillbook import tables
+
+_NETWORK = """
+nfs nfs4 cifs smb smb2 smb3 smbfs afs ncpfs 9p lustre gpfs ceph glusterfs beegfs orangefs pvfs2 davfs vboxsf prl_fs
+fuse.sshfs fuse.glusterfs fuse.ceph-fuse fuse.s3fs fuse.rclone fuse.gcsfuse fuse.davfs2
+"""
+NETWORK_FILESYSTEMS = frozenset(_NETWORK.split())
+
+
+@attrs.define(auto_exc=True, eq=False)
+class SkillbookError(MemoError):
+    """A book that cannot be opened or used as asked. ``book`` is its URL without secrets."""
+
+    book: str
+    problem: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"skillbook {self.book}: {self.problem}" + (f" ({self.remedy})" if self.remedy else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class ReadOnlyBook(SkillbookError):
+    """A write to a book that was opened read-only."""
+
+
+_URL_FORMS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
+
+
+class Database:
+    """One open database. ``read`` and ``write`` give a connection in a transaction; ``write`` serialises writers."""
+
+    def __init__(self, url: str, read_only: bool = False) -> None:
+        self.read_only = read_only
+        self._url = _parse(url)
+        self.name = self._url.render_as_string(hide_password=True)
+        self._engine: sa.Engine | None = None
+        self._memory_lock = threading.RLock()  # the one connection of a book in memory is used by one thread at a time
+
+    @property
+    def in_memory(self) -> bool:
+        return self._url.get_backend_name() == "sqlite" and self._url.database in (None, "", ":memory:")
+
+    @property
+    def is_sqlite(self) -> bool:
+        return self._url.get_backend_name() == "sqlite"
+
+    def open(self) -> None:
+        """Connect, create the tables of a new book, check the schema. Idempotent. Raises ``SkillbookError``."""
+        if self._engine is not None:
+            return
+        engine = self._sqlite_engine() if self.is_sqlite else self._server_engine()
+        self._engine = engine
+        try:
+            self._prepare()
+        except sa.exc.DatabaseError as error:
+            self.close()
+            raise SkillbookError(self.name, f"cannot be opened: {error.orig}") from error
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Idempotent."""
+        if self._engine is not None:
+            self._engine.dispose()
+            self._engine = None
+
+    @property
+    def engine(self) -> sa.Engine:
+        if self._engine is None:
+            raise SkillbookError(self.name, "is not open", "use it inside `with`, or call open() first")
+        return self._engine
+
+    @contextmanager
+    def read(self) -> Iterator[sa.Connection]:
+        """A connection in a read transaction: one consistent state of the book."""
+        with self._exclusive(), self.engine.connect() as connection, connection.begin():
+            yield connection
+
+    @contextmanager
+    def write(self) -> Iterator[sa.Connection]:
+        """A connection in a write transaction, durable when the block ends, undone when it raises."""
+        if self.read_only:
+            raise ReadOnlyBook(self.name, "is open read-only", "evaluations never write")
+        with self._exclusive(), self._writing() as connection, connection.begin():
+            if not self.is_sqlite:
+                lock = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
+                connection.execute(lock.with_for_update())
+            yield connection
+
+    def upsert(self, table: sa.Table) -> sa.Insert:
+        """An INSERT that passes over rows that exist."""
+        if self.is_sqlite:
+            from sqlalchemy.dialects.sqlite import insert
+        else:
+            from sqlalchemy.dialects.postgresql import insert  # type: ignore[assignment]
+        return insert(table).on_conflict_do_nothing()
+
+    # -- meta ----------------------------------------------------------------------------------------------------------
+    @staticmethod
+    def meta(connection: sa.Connection) -> dict[str, str]:
+        return {name: value for name, value in connection.execute(sa.select(tables.meta.c.name, tables.meta.c.value))}
+
+    @staticmethod
+    def set_meta(connection: sa.Connection, name: str, value: str) -> None:
+        changed = connection.execute(sa.update(tables.meta).where(tables.meta.c.name == name).values(value=value))
+        if not changed.rowcount:
+            connection.execute(sa.insert(tables.meta).values(name=name, value=value))
+
+    def next_generation(self, connection: sa.Connection) -> int:
+        """Count the change that this write transaction makes to what can be retrieved."""
+        generation = int(self.meta(connection)["generation"]) + 1
+        self.set_meta(connection, "generation", str(generation))
+        return generation
+
+    def size(self) -> int:
+        """Bytes of the database file; 0 where there is none."""
+        path = Path(str(self._url.database)).expanduser() if self.is_sqlite and not self.in_memory else None
+        return path.stat().st_size if path is not None and path.exists() else 0
+
+    def erase_traces(self) -> None:
+        """After a deletion: rewrite the file without free pages and empty the log, so that deleted words are gone."""
+        if not self.is_sqlite:
+            return
+        with self._exclusive(), self.engine.connect() as connection:
+            raw = connection.connection.dbapi_connection
+            assert raw is not None
+            raw.execute("VACUUM")
+            raw.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    # -- opening -------------------------------------------------------------------------------------------------------
+    def _writing(self) -> sa.Connection:
+        return self.engine.connect().execution_options(memo_write=True)
+
+    @contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        if not self.in_memory:
+            yield
+            return
+        with self._memory_lock:
+            yield
+
+    def _sqlite_engine(self) -> sa.Engine:
+        if self.in_memory:
+            engine = sa.create_engine("sqlite://", poolclass=StaticPool, connect_args={"check_same_thread": False})
+        else:
+            path = Path(str(self._url.database)).expanduser().absolute()
+            self._check_path(path)
+            quoted = str(path).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
+            mode = "rwc"
+            if self.read_only:
+                bare = not path.with_name(path.name + "-wal").exists() and not os.access(path.parent, os.W_OK)
+                mode = "ro&immutable=1" if bare else "ro"  # on a read-only medium the log's index cannot be made
+            address = f"file:{quoted}?mode={mode}"
+            engine = sa.create_engine(
+                "sqlite://",
+                creator=lambda: sqlite3.connect(address, uri=True, timeout=60.0, check_same_thread=False),
+                poolclass=sa.QueuePool,
+            )
+        writable = self.in_memory or not self.read_only
+        sa.event.listen(engine, "connect", lambda raw, _record: _configure_sqlite(raw, writable))
+        sa.event.listen(engine, "begin", _begin_sqlite)
+        return engine
+
+    def _check_path(self, path: Path) -> None:
+        if path.is_dir():
+            raise SkillbookError(self.name, f"{path} is a folder", "name a file, e.g. sqlite:///book.db")
+        if self.read_only and not path.exists():
+            raise SkillbookError(self.name, f"there is no file {path}", "teach something first, or check the path")
+        if not self.read_only:
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise SkillbookError(self.name, f"its folder {path.parent} cannot be made: {error.strerror}") from error
+        kind = filesystem_of(path)
+        if kind in NETWORK_FILESYSTEMS:
+            raise SkillbookError(
+                self.name,
+                f"{path} is on a network file system ({kind}), where SQLite's locks cannot be trusted",
+                "keep it on a local disk, or share a book with postgresql://user@host/database",
+            )
+
+    def _server_engine(self) -> sa.Engine:
+        try:
+            engine = sa.create_engine(self._url, pool_pre_ping=True)
+        except ModuleNotFoundError as error:
+            problem = f"its driver {error.name!r} is not installed"
+            raise SkillbookError(self.name, problem, "pip install 'psycopg[binary]'") from error
+        if self.read_only:
+            engine = engine.execution_options(postgresql_readonly=True)
+        return engine
+
+    def _prepare(self) -> None:
+        with self.read() as connection:
+            names = set(sa.inspect(connection).get_table_names())
+            found = self.meta(connection) if "meta" in names else {}
+        if not found:
+            if names:
+                raise SkillbookError(
+                    self.name, "this database is no skillbook: it has other tables", "choose another file"
+                )
+            if self.read_only and not self.in_memory:
+                raise SkillbookError(self.name, "this file is no skillbook", "check the path")
+            self._create()
+            return
+        version = found.get("schema_version", "?")
+        if not version.isdigit() or int(version) > tables.SCHEMA_VERSION:
+            raise SkillbookError(
+                self.name,
+                f"it has schema version {version}, this MEMO knows up to {tables.SCHEMA_VERSION}",
+                "update memo-core, or use another book",
+            )
+
+    def _create(self) -> None:
+        with self._exclusive(), self._writing() as connection, connection.begin():
+            tables.metadata.create_all(connection)
+            now = repr(time.time())
+            first = {
+                "schema_version": str(tables.SCHEMA_VERSION),
+                "book": uuid.uuid4().hex,
+                "generation": "0",
+                "created": now,
+            }
+            for name, value in first.items():
+                connection.execute(self.upsert(tables.meta).values(name=name, value=value))
+
+
+def _parse(url: str) -> sa.URL:
+    if "://" not in url:
+        return sa.URL.create("sqlite", database=url)
+    try:
+        parsed = sa.engine.make_url(url)
+    except sa.exc.ArgumentError:
+        raise InvalidArgument("skillbook", f"{url!r} is no database URL", _URL_FORMS) from None
+    if parsed.password is not None:
+        raise InvalidArgument(
+            "skillbook", "the URL holds a password", "it in the environment (PGPASSWORD) or ~/.pgpass"
+        )
+    if parsed.get_backend_name() not in ("sqlite", "postgresql"):
+        raise InvalidArgument("skillbook", f"{parsed.get_backend_name()!r} is not supported", _URL_FORMS)
+    if parsed.drivername == "postgresql":
+        parsed = parsed.set(drivername="postgresql+psycopg")
+    return parsed
+
+
+def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
+    raw.isolation_level = None  # the driver would begin DEFERRED by itself, and late
+    cursor = raw.cursor()
+    cursor.execute("PRAGMA foreign_keys=ON")
+    if writable:
+        cursor.execute("PRAGMA busy_timeout=60000")
+        _switch_to_wal(cursor)
+        cursor.execute("PRAGMA synchronous=FULL")
+        cursor.execute("PRAGMA secure_delete=ON")
+    else:
+        cursor.execute("PRAGMA query_only=ON")
+    cursor.close()
+
+
+def _switch_to_wal(cursor: sqlite3.Cursor) -> None:
+    # busy_timeout does not cover this switch: of several processes that open a new book at once, one is told "locked"
+    deadline = time.monotonic() + 60.0
+    while True:
+        try:
+            cursor.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > deadline:
+                raise
+            time.sleep(0.02)
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    write = connection.get_execution_options().get("memo_write", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if write else "BEGIN")
+
+
+def filesystem_of(path: Path, mountinfo: Path = Path("/proc/self/mountinfo")) -> str:
+    """The kind of file system ``path`` is or would be on ("ext4", "nfs4"); "" where the system does not tell."""
+    try:
+        lines = mountinfo.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    target = os.path.realpath(path)
+    best, kind = "", ""
+    for line in lines:
+        fields, _, tail = line.partition(" - ")
+        parts = fields.split()
+        if len(parts) < 5 or not tail:
+            continue
+        point = parts[4].replace("\\040", " ").replace("\\011", "\t").replace("\\012", "\n").replace("\\134", "\\")
+        inside = target == point or target.startswith(point.rstrip("/") + "/")
+        if inside and len(point) >= len(best):
+            best, kind = point, tail.split()[0]
+    return kind

@@ -1,0 +1,85 @@
+"""What the book holds, as values: feedback as it was given, and the entries made from it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+
+from memo_core.skillbook.keys import Key
+
+EntryKind = Literal["correction", "general", "template"]
+FeedbackKind = Literal["correction", "approval"]
+Status = Literal["pending", "processed", "parked"]
+
+GLOBAL_KEY = Key("", ())  # all general statements share it
+
+
+@attrs.frozen
+class Feedback:
+    """What a person said, verbatim, with what they were looking at. An approval may have no words."""
+
+    id: int
+    kind: str  # FeedbackKind
+    words: str
+    who: str
+    time: float  # s since the epoch
+    task: str
+    subtask: str
+    scene: str  # the scene's label
+    scene_graph: str
+    code: str
+    run: str
+    status: str  # Status
+    reason: str  # why it is parked
+
+
+@attrs.frozen
+class Entry:
+    """One correction, general statement or template. ``revision`` brought it in, ``superseded_by`` retired it."""
+
+    id: int
+    kind: str  # EntryKind
+    key: Key  # GLOBAL_KEY for general statements
+    text: str
+    scene: str  # label of the scene it was taught in
+    feedback: int | None  # where it came from
+    revision: int
+    superseded_by: int | None
+    uses: int  # times it was served to code that ran
+    confirmed_uses: int  # times that code was approved
+    created: float  # s since the epoch
+
+
+@attrs.frozen
+class Stats:
+    """Counts of a book."""
+
+    feedback: int
+    pending: int
+    parked: int
+    people: int
+    keys: int
+    corrections: int
+    general: int
+    templates: int
+    superseded: int
+    characters: int  # of the valid entries
+    generation: int
+    embedder: str
+    bytes: int  # of the database file; 0 where there is none
+
+
+@attrs.frozen
+class Forgotten:
+    """What ``forget`` removed."""
+
+    who: str
+    feedback: int
+    entries: int
+    keys: int
+
+
+def key_label(key: Key) -> str:
+    """The key as prompts and tables show it; general statements have none of their own."""
+    return str(key) if key.objects else "*"

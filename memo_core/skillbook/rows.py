@@ -1,0 +1,127 @@
+"""Reading and writing the book's rows as values."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.skillbook import tables
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback
+from memo_core.skillbook.keys import Key
+
+_E, _K = tables.entries.c, tables.keys.c
+_ENTRY = sa.select(tables.entries, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
+_BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
+_VALID = (
+    sa.select(_E.id, _E.kind, _E.key, _E.text, _K.action, _K.objects)
+    .join(tables.keys, _E.key == _K.id)
+    .where(_E.superseded_by.is_(None))
+    .order_by(_E.id)
+)
+FEEDBACK_FIELDS = tuple(field.name for field in attrs.fields(Feedback))
+
+
+@attrs.frozen
+class ValidRow:
+    """What the index is built from."""
+
+    id: int
+    kind: str
+    key_id: int
+    key: Key
+    text: str
+
+
+def key_of(action: str, objects: str) -> Key:
+    """The key of a row of ``keys``."""
+    return Key(action, tuple(json.loads(objects))) if action else GLOBAL_KEY
+
+
+def objects_text(key: Key) -> str:
+    """How a key's objects are written in its row."""
+    return json.dumps(list(key.objects), ensure_ascii=False)
+
+
+def entry_of(row: Any) -> Entry:
+    return Entry(
+        id=row.id,
+        kind=row.kind,
+        key=key_of(row.action, row.objects),
+        text=row.text,
+        scene=row.scene,
+        feedback=row.feedback,
+        revision=row.revision,
+        superseded_by=row.superseded_by,
+        uses=row.uses,
+        confirmed_uses=row.confirmed_uses,
+        created=row.created,
+    )
+
+
+def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, Entry]:
+    if not ids:
+        return {}
+    return {row.id: entry_of(row) for row in connection.execute(_BY_ID, {"ids": list(ids)})}
+
+
+def entries_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> list[Entry]:
+    return [entry_of(row) for row in connection.execute(_ENTRY.where(*conditions).order_by(_E.id))]
+
+
+def valid_entry_rows(connection: sa.Connection) -> list[ValidRow]:
+    """All entries that no revision retired."""
+    known: dict[int, Key] = {}
+    rows = []
+    for entry, kind, key, text, action, objects in connection.execute(_VALID):
+        if key not in known:
+            known[key] = key_of(action, objects)
+        rows.append(ValidRow(entry, kind, key, known[key], text))
+    return rows
+
+
+def alias_rows(connection: sa.Connection) -> dict[str, Key]:
+    """Spelling of a key -> the key it is kept under."""
+    query = sa.select(tables.aliases.c.spelling, _K.action, _K.objects).join(tables.keys, tables.aliases.c.key == _K.id)
+    return {spelling: key_of(action, objects) for spelling, action, objects in connection.execute(query)}
+
+
+def feedback_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> list[Feedback]:
+    query = sa.select(tables.feedback).where(*conditions).order_by(tables.feedback.c.id)
+    return [Feedback(**{name: row._mapping[name] for name in FEEDBACK_FIELDS}) for row in connection.execute(query)]
+
+
+def key_id(connection: sa.Connection, upsert: sa.Insert, key: Key) -> int:
+    """The id of a key's row, made if missing; an alias leads to the key it stands for."""
+    alias = connection.execute(sa.select(tables.aliases.c.key).where(tables.aliases.c.spelling == str(key))).scalar()
+    if alias is not None:
+        return int(alias)
+    values = {"action": key.action, "objects": objects_text(key)}
+    connection.execute(upsert.values(**values))
+    found = connection.execute(
+        sa.select(_K.id).where(_K.action == values["action"], _K.objects == values["objects"])
+    ).scalar_one()
+    return int(found)
+
+
+def insert(connection: sa.Connection, table: sa.Table, **values: Any) -> int:
+    """Insert one row; its id."""
+    key = connection.execute(sa.insert(table).values(**values)).inserted_primary_key
+    assert key is not None
+    return int(key[0])
+
+
+def insert_plain(connection: sa.Connection, table: sa.Table, **values: Any) -> None:
+    """Insert one row of a table whose key is not made by the database."""
+    connection.execute(sa.insert(table).values(**values))
+
+
+def count(connection: sa.Connection, table: sa.Table, *conditions: sa.ColumnElement[bool]) -> int:
+    return int(connection.execute(sa.select(sa.func.count()).select_from(table).where(*conditions)).scalar_one())
+
+
+def ids_of(rows: Iterable[Any]) -> list[int]:
+    return [int(row[0]) for row in rows]

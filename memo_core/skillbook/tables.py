@@ -1,0 +1,98 @@
+"""The book's tables. Nothing is overwritten that a person said; superseded entries stay until somebody is forgotten."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+SCHEMA_VERSION = 1
+
+metadata = sa.MetaData()
+_ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
+
+meta = sa.Table(  # schema_version, book, generation, embedder, dimension, created
+    "meta",
+    metadata,
+    sa.Column("name", sa.String(40), primary_key=True),
+    sa.Column("value", sa.Text, nullable=False),
+)
+
+feedback = sa.Table(
+    "feedback",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("kind", sa.String(20), nullable=False),  # correction, approval
+    sa.Column("words", sa.Text, nullable=False),  # verbatim
+    sa.Column("who", sa.Text, nullable=False, index=True),
+    sa.Column("time", sa.Float, nullable=False),  # s since the epoch
+    sa.Column("task", sa.Text, nullable=False),
+    sa.Column("subtask", sa.Text, nullable=False),
+    sa.Column("scene", sa.Text, nullable=False),  # the scene's label
+    sa.Column("scene_graph", sa.Text, nullable=False),  # as the prompt showed it
+    sa.Column("code", sa.Text, nullable=False),
+    sa.Column("run", sa.Text, nullable=False),
+    sa.Column("status", sa.String(20), nullable=False, index=True),  # pending, processed, parked
+    sa.Column("reason", sa.Text, nullable=False),
+    sqlite_autoincrement=True,
+)
+
+keys = sa.Table(
+    "keys",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("action", sa.Text, nullable=False),
+    sa.Column("objects", sa.Text, nullable=False),  # JSON list; "[]" with the empty action: the global key
+    sa.UniqueConstraint("action", "objects"),
+    sqlite_autoincrement=True,
+)
+
+aliases = sa.Table(
+    "aliases",
+    metadata,
+    sa.Column("spelling", sa.Text, primary_key=True),
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), nullable=False, index=True),
+)
+
+revisions = sa.Table(  # every change to the set of valid entries; rolling one back restores what it superseded
+    "revisions",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="SET NULL"), nullable=True, index=True),
+    sa.Column("time", sa.Float, nullable=False),
+    sa.Column("reason", sa.Text, nullable=False),  # feedback, template, import, cluster, rollback
+    sqlite_autoincrement=True,
+)
+
+entries = sa.Table(
+    "entries",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("kind", sa.String(20), nullable=False),  # correction, general, template
+    sa.Column("key", sa.ForeignKey("keys.id"), nullable=False, index=True),
+    sa.Column("text", sa.Text, nullable=False),
+    sa.Column("scene", sa.Text, nullable=False),
+    sa.Column("feedback", sa.ForeignKey("feedback.id", ondelete="SET NULL"), nullable=True),
+    sa.Column("phase", sa.String(20), nullable=False),
+    sa.Column("ordinal", sa.Integer, nullable=False),
+    sa.Column("revision", sa.ForeignKey("revisions.id"), nullable=False),
+    sa.Column("superseded_by", sa.ForeignKey("revisions.id"), nullable=True, index=True),
+    sa.Column("uses", sa.Integer, nullable=False, server_default="0"),
+    sa.Column("confirmed_uses", sa.Integer, nullable=False, server_default="0"),
+    sa.Column("created", sa.Float, nullable=False),
+    sa.UniqueConstraint("feedback", "phase", "ordinal"),
+    sqlite_autoincrement=True,
+)
+
+sources = sa.Table(  # which feedback an entry derives from, for `forget`
+    "sources",
+    metadata,
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("feedback", sa.ForeignKey("feedback.id", ondelete="CASCADE"), primary_key=True, index=True),
+)
+
+vectors = sa.Table(  # a cache; the digest of the text, so that no words are kept twice
+    "vectors",
+    metadata,
+    sa.Column("embedder", sa.String(200), primary_key=True),
+    sa.Column("digest", sa.String(64), primary_key=True),
+    sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
+)

@@ -1,0 +1,100 @@
+"""Unit vectors of texts: from memory, from the book's cache, or from the embedder, in that order."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import sqlalchemy as sa
+
+from memo_core.interfaces.embedder import Embedder
+from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database, SkillbookError
+
+_CHUNK = 500  # bind parameters a statement
+_KEPT = 200_000  # vectors in memory
+
+
+def digest(text: str) -> str:
+    """What a text's vector is stored under."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class TextVectors:
+    """Unit vectors, float32. The embedder is opened when a text is met that nobody embedded before."""
+
+    def __init__(self, database: Database, embedder: Embedder) -> None:
+        self._database = database
+        self._embedder = embedder
+        self._known: dict[str, np.ndarray] = {}
+
+    @property
+    def name(self) -> str:
+        return self._embedder.name
+
+    def check_embedder(self) -> None:
+        """Raises ``SkillbookError`` when the book's vectors are another embedder's."""
+        with self._database.read() as connection:
+            stored = self._database.meta(connection).get("embedder", "")
+        if stored and stored != self.name:
+            raise SkillbookError(
+                self._database.name,
+                f"its keys and texts were embedded by {stored!r}, the configured embedder is {self.name!r}",
+                f"configure the former, or embed it anew: memo skillbook reembed --skillbook {self._database.name}",
+            )
+
+    def get(self, texts: Sequence[str]) -> np.ndarray:
+        """Shape (len(texts), dimension). Newly embedded texts are cached in the book unless it is read-only."""
+        wanted = {text: digest(text) for text in texts if text not in self._known}
+        if wanted:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+                wanted = {text: digest(text) for text in texts}
+            self._load(wanted)
+            missing = [text for text in wanted if text not in self._known]
+            if missing:
+                self._embed(missing)
+        return np.stack([self._known[text] for text in texts])
+
+    def forget(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            self._known.pop(text, None)
+
+    def _load(self, wanted: dict[str, str]) -> None:
+        by_digest = {value: text for text, value in wanted.items()}
+        digests = list(by_digest)
+        table = tables.vectors.c
+        with self._database.read() as connection:
+            for start in range(0, len(digests), _CHUNK):
+                rows = connection.execute(
+                    sa.select(table.digest, table.vector).where(
+                        table.embedder == self.name, table.digest.in_(digests[start : start + _CHUNK])
+                    )
+                )
+                for found, blob in rows:
+                    self._known[by_digest[found]] = np.frombuffer(blob, dtype="<f4")
+
+    def _embed(self, texts: list[str]) -> None:
+        self._embedder.open()
+        vectors = np.asarray(self._embedder.embed(texts), dtype="<f4")
+        self._known.update(zip(texts, vectors, strict=True))
+        if self._database.read_only:
+            return
+        with self._database.write() as connection:
+            meta = self._database.meta(connection)
+            if "embedder" not in meta:
+                self._database.set_meta(connection, "embedder", self.name)
+                self._database.set_meta(connection, "dimension", str(vectors.shape[1]))
+            elif meta["embedder"] != self.name or int(meta["dimension"]) != vectors.shape[1]:
+                raise SkillbookError(
+                    self._database.name,
+                    f"it was embedded by {meta['embedder']!r} with {meta['dimension']} dimensions, "
+                    f"this is {self.name!r} with {vectors.shape[1]}",
+                    "memo skillbook reembed",
+                )
+            rows = [
+                {"embedder": self.name, "digest": digest(t), "vector": v.tobytes()}
+                for t, v in zip(texts, vectors, strict=True)
+            ]
+            connection.execute(self._database.upsert(tables.vectors), rows)

@@ -1,0 +1,61 @@
+"""From a key to its two unit vectors. What a sentence model is shown of a verb and a noun decides what it can tell
+apart; the phrases are settings and their defaults were measured (``docs/skillbook.md``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.vectors import TextVectors
+
+
+def _one_place(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
+    if value.count("{}") != 1 or value.replace("{}", "").count("{"):
+        raise InvalidArgument(f"skillbook.{attribute.name}", f"{value!r} has no place for a word", "one {}")
+
+
+@attrs.frozen
+class Wording:
+    """The phrases in which actions and objects are embedded."""
+
+    action: str = attrs.field(default="to {} an object with a robot arm", validator=_one_place)
+    object: str = attrs.field(default="to use a {} with a robot arm", validator=_one_place)
+
+
+class KeyVectors:
+    """Vectors of keys for one embedder, wording and table of actions.
+
+    The action is the phrase of the verb that stands for its synonym group. The objects are the concatenation of what is
+    moved (the mean, where several) and where to (zero, where none), made one unit vector: a phrase that names both
+    ("to move a {} to a {}") cannot keep the roles, its cosine with the exchanged one is 0.99.
+    """
+
+    def __init__(self, vectors: TextVectors, wording: Wording, actions: Actions) -> None:
+        self._vectors = vectors
+        self._wording = wording
+        self._actions = actions
+
+    def fingerprint(self) -> str:
+        """Changes with whatever the vectors of keys depend on besides the keys."""
+        groups = sorted(self._actions.groups.items())
+        return f"{self._vectors.name}|{self._wording.action}|{self._wording.object}|{groups}"
+
+    def get(self, keys: Sequence[Key]) -> tuple[np.ndarray, np.ndarray]:
+        """Unit vectors of actions, shape (len(keys), d), and of objects, shape (len(keys), 2 d), float32."""
+        verbs = [self._wording.action.replace("{}", self._actions.canonical(key.action)) for key in keys]
+        names = sorted({name for key in keys for name in key.objects})
+        nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))
+        actions = self._vectors.get(verbs)
+        objects = np.zeros((len(keys), 2 * actions.shape[1]), dtype=np.float32)
+        for row, key in zip(objects, keys, strict=True):
+            moved = np.mean([nouns[name] for name in key.moved], axis=0)
+            row[: actions.shape[1]] = moved / np.linalg.norm(moved)
+            if key.destination is not None:
+                row[actions.shape[1] :] = nouns[key.destination]
+            row /= np.linalg.norm(row)
+        return actions, objects
