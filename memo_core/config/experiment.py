@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import enum
 import os
 import pathlib
@@ -215,7 +216,17 @@ class _Assembly:
                 self._checker.wrong(path, f"missing value: {error}")
         except MemoError as error:
             self._checker.wrong(where, str(error))
+            self._check_keys_of_nearest(kind, name, values, path)
         return None
+
+    def _check_keys_of_nearest(self, kind: str, name: Any, values: dict[str, Any], path: Path_) -> None:
+        """The other mistakes in the section of a misspelt backend belong to the same report."""
+        near = difflib.get_close_matches(str(name), self._registry.names(kind), n=1, cutoff=0.7)
+        if not near:
+            return
+        meant = self._registry.get(kind, near[0])
+        keys = {key: value for key, value in values.items() if key != "backend"}
+        self._checker.section(meant.config, keys, path, f"{kind} {meant.name!r}", meant.needs.keys)
 
     # -- what people see -------------------------------------------------------------------------------------------
     def _show(self, settings: Any, path: Path_) -> None:

@@ -18,7 +18,7 @@ import attrs
 from memo_core.config.errors import SECRET_NAME, Issue, Origin, dotted, shown_value
 from memo_core.config.layers import Merged
 from memo_core.config.source import Path_
-from memo_core.errors import close_match
+from memo_core.errors import InvalidArgument, MemoError, close_match
 
 _URL_WITH_PASSWORD = re.compile(r"^[A-Za-z][\w+.-]*://[^/\s:@]*:(?!\$\{)[^/\s@]+@")
 MISSING = "???"  # OmegaConf's word for a value that another layer must give
@@ -250,6 +250,10 @@ class Checker:
 
 
 def _said(error: BaseException) -> str:
+    if isinstance(error, InvalidArgument):  # the path stands before it already
+        return error.problem + (f"; expected {error.expected}" if error.expected else "")
+    if isinstance(error, MemoError):
+        return str(error)
     # attrs' own validators raise with (message, attribute, wanted, value): only the message is for people.
     return str(error.args[0]) if error.args else type(error).__name__
 

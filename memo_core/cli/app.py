@@ -1,0 +1,81 @@
+"""The tree of commands. Only the module of the command that was typed is imported; the help needs a line of each."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Annotated
+
+import typer
+
+# name -> the line in the help. Its module has an ``app`` (a group of commands) or one ``command``.
+COMMANDS = {
+    "run": "Run a task: plan, write code, move, listen, remember.",
+    "demo": "Teach the simulated arm once and watch the lesson carry over.",
+    "exec": "Run a file of robot code in a task's scene, in the sandbox.",
+    "tasks": "The tasks there are, and whether they can be done.",
+    "skillbook": "Look into a skillbook, search it, take things out.",
+    "config": "Experiment files: show, check, schema.",
+    "plugins": "Plugins and their backends.",
+    "prompts": "The texts that are sent to language models.",
+    "bench": "Measure this machine: simulation, retrieval, start-up, stopping.",
+    "doctor": "What works on this machine, and what would make the rest work.",
+}
+MODULES = {name: f"memo_core.cli.{name}" for name in COMMANDS} | {"exec": "memo_core.cli.execute"}
+INTERRUPTED = 130
+
+
+def run_app(arguments: list[str]) -> int:
+    """Run one command and return its exit code. ``MemoError`` and ``KeyboardInterrupt`` are left to the caller."""
+    # `--debug` is wanted most when the command has already been typed, so it may stand anywhere.
+    arguments = [argument for argument in arguments if argument != "--debug"]
+    typed = next((argument for argument in arguments if not argument.startswith("-")), "")
+    try:
+        _tree(typed)(arguments, prog_name="memo")
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            raise KeyboardInterrupt from None
+        return ended.code if isinstance(ended.code, int) else int(bool(ended.code))
+    return 0
+
+
+def _tree(typed: str) -> typer.Typer:
+    tree = typer.Typer(
+        name="memo",
+        help="MEMO: a robot arm keeps what people tell it.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    tree.callback()(_options)
+    for name, line in COMMANDS.items():
+        if name != typed:
+            tree.command(name, help=line)(_untyped)
+            continue
+        module = importlib.import_module(MODULES[name])
+        if hasattr(module, "app"):
+            tree.add_typer(module.app, name=name, help=line, no_args_is_help=True)
+        else:
+            tree.command(name, short_help=line)(module.command)
+    return tree
+
+
+def _untyped() -> None:
+    """Stands in for a command that was not typed; it is listed, never called."""
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"memo {version('memo-core')}")
+        raise typer.Exit()
+
+
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass

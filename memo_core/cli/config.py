@@ -1,0 +1,62 @@
+"""``memo config``: what an experiment file means, what is wrong with it, and its schema."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry
+from memo_core.cli.output import print_json, print_table
+
+app = typer.Typer(help="Experiment files.")
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="The experiment file.")]
+OptionalFile = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The experiment file; none: the defaults.")]
+
+
+@app.command()
+def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
+    """Report every mistake in an experiment file. Exit code 0 or 2."""
+    from memo_core.config import ConfigErrors
+
+    try:
+        load(file, overrides)
+    except ConfigErrors as errors:
+        if not json:
+            raise
+        print_json({"file": str(file), "valid": False, "errors": [issue.as_json() for issue in errors.issues]})
+        raise typer.Exit(errors.exit_code) from None
+    if json:
+        print_json({"file": str(file), "valid": True, "errors": []})
+    else:
+        print(f"{file}: in order")
+
+
+@app.command()
+def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Print every value of the resolved experiment and where it is from: file and line, --set, or default."""
+    _, experiment = load(file or config, overrides)
+    if json:
+        shown = [
+            {"path": v.path, "value": v.value, "file": v.origin.file, "line": v.origin.line} for v in experiment.values
+        ]
+        print_json({"values": shown})
+        return
+    print_table(("key", "value", "from"), [(v.path, _text(v.value), v.origin) for v in experiment.values])
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of experiment files with the installed plugins, for editors."""
+    from memo_core.config.schema import experiment_schema
+    from memo_core.experiment.sections import SECTIONS
+
+    print_json(experiment_schema(load_registry(), SECTIONS))
+
+
+def _text(value: object) -> str:
+    import json
+
+    return json.dumps(value, ensure_ascii=False)

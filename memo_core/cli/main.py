@@ -1,0 +1,59 @@
+"""``memo``: the entry point. Expected errors and Ctrl-C end in one clear line on stderr, never in a traceback.
+
+Even importing the command line happens inside the guard: Ctrl-C a tenth of a second after Enter is no traceback either.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run ``memo`` with these arguments (those of the process by default) and exit with its code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in given or bool(os.environ.get("MEMO_DEBUG"))
+    try:
+        sys.exit(_run(given, debug))
+    except KeyboardInterrupt:
+        if debug:
+            raise
+        _say("interrupted")
+        sys.exit(INTERRUPTED)
+
+
+def _run(given: list[str], debug: bool) -> int:
+    from memo_core.errors import MemoError
+
+    try:
+        from memo_core.cli.app import run_app
+
+        code = run_app(given)
+        sys.stdout.flush()
+        return code
+    except MemoError as error:
+        if debug:
+            raise
+        _say(str(error))
+        return error.exit_code
+    except BrokenPipeError:
+        # Whoever read our output has gone (`memo … | head`). Python would complain once more when it closes stdout.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if debug:
+            raise
+        _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} (a bug; memo --debug shows where)")
+        return 70
+
+
+def _say(line: str) -> None:
+    for part in line.splitlines():
+        print(f"memo: {part}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""Options that several commands share, so that they are spelt and explained alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
+    from memo_core.plugins import Registry
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", "-c", metavar="FILE", help="Experiment file; without it, the plugins' defaults."),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Override one value, e.g. llm.model=gemini."),
+]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the scene and of everything drawn.")]
+Book = Annotated[
+    str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook; without it, the experiment's.")
+]
+
+
+def load_registry() -> Registry:
+    """The installed plugins; what is wrong with any is said on stderr."""
+    from memo_core.cli.output import note
+    from memo_core.plugins import Registry
+
+    registry = Registry()
+    for problem in registry.problems:
+        note(f"memo: warning: {problem}")
+    return registry
+
+
+def load(
+    config: Path | None, overrides: list[str] | None, task: str | None = None, seed: int | None = None
+) -> tuple[Registry, Experiment]:
+    """Plugins and the checked experiment. Raises ``ConfigErrors``."""
+    from memo_core.config import load_experiment
+    from memo_core.experiment.sections import SECTIONS
+
+    registry = load_registry()
+    return registry, load_experiment(registry, config, overrides or (), SECTIONS, task, seed)

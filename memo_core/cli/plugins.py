@@ -1,0 +1,93 @@
+"""``memo plugins``: what is installed, what is broken, and whether a plugin keeps its kind's promises."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from memo_core.cli.options import Json
+from memo_core.cli.output import note, print_json, print_table
+
+if TYPE_CHECKING:
+    from memo_core.interfaces.backend import Backend
+
+app = typer.Typer(help="Plugins and their backends.")
+
+
+@app.command("list")
+def list_plugins(json: Json = False) -> None:
+    """List plugins, their backends, and what is wrong with any."""
+    from memo_core.interfaces.backend import KINDS
+    from memo_core.plugins import Registry
+
+    registry = Registry()
+    backends = [backend for kind in KINDS for backend in registry.backends(kind)]
+    if json:
+        print_json(
+            {
+                "plugins": [
+                    {
+                        "name": plugin.name,
+                        "distribution": plugin.distribution,
+                        "version": plugin.version,
+                        "module": plugin.module,
+                        "listens": plugin.listens,
+                        "error": plugin.error or None,
+                    }
+                    for plugin in registry.plugins
+                ],
+                "backends": [_as_json(backend, registry.plugin_of(backend).distribution) for backend in backends],
+                "problems": list(registry.problems),
+            }
+        )
+        return
+    print_table(
+        ("kind", "backend", "", "distribution", "needs", "summary"),
+        [
+            (b.kind, b.name, "default" if b.default else "", registry.plugin_of(b).distribution, _missing(b), b.summary)
+            for b in backends
+        ],
+    )
+    for plugin in registry.plugins:
+        if plugin.listens:
+            print(f"{plugin.distribution} ({plugin.name}) listens to events")
+    for problem in registry.problems:
+        note(f"memo: warning: {problem}")
+
+
+@app.command()
+def check(
+    name: Annotated[str, typer.Argument(help="A backend's name, or kind/name where several kinds share it.")],
+    json: Json = False,
+) -> None:
+    """Run the conformance suite of a backend's kind on it. Exit code 0 when it keeps every rule, else 1."""
+    from memo_core.plugins import Registry
+    from memo_core.testing.plugins import check_backend, find_backends
+
+    registry = Registry()
+    results = [result for backend in find_backends(registry, name) for result in check_backend(registry, backend)]
+    broken = [result for result in results if result.outcome == "broken"]
+    if json:
+        print_json({"name": name, "conforms": not broken, "rules": [result.as_json() for result in results]})
+    else:
+        print_table(("backend", "rule", "outcome", "why"), [(r.backend, r.rule, r.outcome, r.why) for r in results])
+    if broken:
+        raise typer.Exit(1)
+
+
+def _missing(backend: Backend) -> str:
+    from memo_core.plugins import missing_needs
+
+    return "; ".join(f"{missing.what}: {missing.remedy}" for missing in missing_needs(backend.needs))
+
+
+def _as_json(backend: Backend, distribution: str) -> dict[str, Any]:
+    return {
+        "kind": backend.kind,
+        "name": backend.name,
+        "summary": backend.summary,
+        "distribution": distribution,
+        "default": backend.default,
+        "missing": _missing(backend) or None,
+    }

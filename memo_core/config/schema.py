@@ -1,0 +1,123 @@
+"""JSON Schema of experiment files, from the descriptors that validate them. Editors complete and check by it."""
+
+from __future__ import annotations
+
+import enum
+import pathlib
+import types
+import typing
+from collections import abc
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Union
+
+import attrs
+
+from memo_core.config.experiment import SINGLE_KINDS, plain
+from memo_core.config.fields import field_types, key_of
+from memo_core.interfaces.backend import Backend
+from memo_core.plugins import Registry
+
+INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
+
+
+def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[str, Any]:
+    """The schema for the installed plugins and the rooms' own sections."""
+    properties: dict[str, Any] = {
+        "extends": {
+            "description": "Experiment files below this one, by paths relative to it; what is said here wins.",
+            "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
+        },
+        "task": {"description": "Name of the task (memo tasks list).", "type": "string"},
+        "seed": {"description": "Seed of the scene and of everything drawn.", "type": "integer", "minimum": 0},
+    }
+    for kind in SINGLE_KINDS:
+        properties[kind] = _choice(registry.backends(kind))
+    skills = _choice(registry.backends("skills"))
+    properties["skills"] = {"anyOf": [{"type": "array", "items": skills}, *skills["anyOf"]]}
+    for name, cls in sections.items():
+        properties[name] = _object(cls)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "MEMO experiment",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": properties,
+    }
+
+
+def _choice(backends: tuple[Backend, ...]) -> dict[str, Any]:
+    """A backend's name alone, or `backend:` with the keys of that backend."""
+    options: list[dict[str, Any]] = [{"enum": [backend.name for backend in backends]}] if backends else []
+    for backend in backends:
+        section = _object(backend.config)
+        section["description"] = backend.summary
+        section["properties"] = {"backend": {"const": backend.name}} | section["properties"]
+        if not backend.default and len(backends) > 1:
+            section["required"] = ["backend", *section.get("required", [])]
+        options.append(section)
+    return {"anyOf": options or [{"type": "null"}]}
+
+
+def _object(cls: type) -> dict[str, Any]:
+    hints = field_types(cls)
+    properties: dict[str, Any] = {}
+    required = []
+    for field in attrs.fields(cls):
+        if not field.init or field.metadata.get("secret"):
+            continue
+        schema = _type(hints[key_of(field)])
+        if field.metadata.get("help"):
+            schema["description"] = field.metadata["help"]
+        if field.default is attrs.NOTHING:
+            required.append(key_of(field))
+        elif not isinstance(field.default, attrs.Factory):  # type: ignore[arg-type]
+            schema["default"] = plain(field.default)
+        properties[key_of(field)] = schema
+    section: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
+    return section | ({"required": required} if required else {})
+
+
+_SIMPLE: dict[Any, dict[str, Any]] = {
+    bool: {"type": "boolean"},
+    int: {"type": "integer"},
+    float: {"type": "number"},
+    type(None): {"type": "null"},
+}
+
+
+def _type(wanted: Any) -> dict[str, Any]:
+    """The schema of a type; what is no text may also be an interpolation such as ``${seed}``."""
+    strict = _strict(wanted)
+    if strict.get("type") == "string" or not strict:
+        return strict
+    return {"anyOf": [strict, dict(INTERPOLATION)]}
+
+
+def _strict(wanted: Any) -> dict[str, Any]:
+    if typing.get_origin(wanted) is Annotated:
+        wanted = typing.get_args(wanted)[0]
+    origin, args = typing.get_origin(wanted), typing.get_args(wanted)
+    if wanted in _SIMPLE:
+        return dict(_SIMPLE[wanted])
+    if wanted in (str, pathlib.Path):
+        return {"type": "string"}
+    if origin in (Union, types.UnionType):
+        return {"anyOf": [_strict(option) for option in args]}
+    if origin is Literal:
+        return {"enum": list(args)}
+    if isinstance(wanted, type) and issubclass(wanted, enum.Enum):
+        return {"enum": [option.value for option in wanted]}
+    if isinstance(wanted, type) and attrs.has(wanted):
+        return _object(wanted)
+    if origin is tuple and args and args[-1] is not Ellipsis:
+        return {
+            "type": "array",
+            "prefixItems": [_strict(a) for a in args],
+            "minItems": len(args),
+            "maxItems": len(args),
+        }
+    if origin in (list, tuple, set, frozenset, abc.Sequence) or wanted in (list, tuple):
+        return {"type": "array"} | ({"items": _strict(args[0])} if args else {})
+    if origin in (dict, abc.Mapping) or wanted is dict:
+        return {"type": "object"} | ({"additionalProperties": _strict(args[1])} if args else {})
+    return {}

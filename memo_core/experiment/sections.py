@@ -1,0 +1,28 @@
+"""The sections of an experiment file that belong to no backend. Each room owns its section's class."""
+
+from __future__ import annotations
+
+import attrs
+
+from memo_core.policy.settings import RunSettings
+from memo_core.sandbox.limits import Limits
+from memo_core.skillbook.retrieval import RetrievalSettings
+
+
+@attrs.frozen
+class SkillbookSettings:
+    """Which skillbook an experiment reads and writes."""
+
+    url: str = attrs.field(
+        default="sqlite:///skillbook.db",
+        metadata={"help": "sqlite:///FILE (relative to where memo is started) or postgresql://USER@HOST/NAME"},
+    )
+    read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
+
+
+SECTIONS: dict[str, type] = {
+    "skillbook": SkillbookSettings,
+    "retrieval": RetrievalSettings,
+    "sandbox": Limits,
+    "run": RunSettings,
+}
