@@ -1,0 +1,1 @@
+"""Kinematics, motion and grippers for any serial arm described by a URDF, and the link to a simulator."""
