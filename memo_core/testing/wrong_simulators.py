@@ -1,0 +1,166 @@
+"""Deliberately wrong simulators, one a rule: the conformance suite must reject each of them for that rule.
+
+They are made from a right one (any ``Simulator`` class that takes no arguments), so that whoever writes a simulator
+can check that the suite really looks at theirs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from memo_core.errors import InvalidArgument, MemoError
+from memo_core.scene.pose import Pose
+
+
+def wrong_simulators(right: type) -> dict[str, type]:
+    """Name of the broken rule -> class that breaks it and works otherwise."""
+    base: Any = right
+
+    class StartsElsewhere(base):
+        def build(self, scene, robot):
+            super().build(scene, robot)
+            self.tick()
+
+    class ListensTwice(base):
+        def add_tick_listener(self, listener):
+            super().add_tick_listener(listener)
+            super().add_tick_listener(lambda: None if self.time < 0.025 else listener())
+
+    class HandsOutItsState(base):
+        def build(self, scene, robot):
+            super().build(scene, robot)
+            self._handed = super().joint_positions()
+            self.add_tick_listener(self._hand_out)
+
+        def _hand_out(self):
+            self._handed[:] = super().joint_positions()
+
+        def joint_positions(self):
+            return self._handed
+
+    class FollowsHalfWay(base):
+        def command_joints(self, targets):
+            super().command_joints(np.asarray(targets) * 0.9)
+
+    class TakesNan(base):
+        def command_joints(self, targets):
+            super().command_joints(np.nan_to_num(targets))
+
+    class TellsTheLastToolPose(base):
+        _last = _pose = None
+
+        def build(self, scene, robot):
+            super().build(scene, robot)
+            self._last = self._pose = super().tool_pose()
+
+        def tick(self):
+            super().tick()
+            self._last, self._pose = self._pose, super().tool_pose()
+
+        def tool_pose(self):
+            return self._last
+
+    class WeighsTwice(base):
+        def contacts(self, body=None):
+            return tuple(super().contacts(body)) * 2
+
+    class KnowsOnlyTheEarth(base):
+        def build(self, scene, robot):
+            import attrs
+
+            super().build(attrs.evolve(scene, gravity=9.81), robot)
+
+    class HasNoCatches(base):
+        def build(self, scene, robot):
+            import attrs
+
+            super().build(attrs.evolve(scene, latches=()), robot)
+
+    class IgnoresRanges(base):
+        def joint_position(self, joint):
+            return super().joint_position(joint) * 1.03
+
+    class InventsBodies(base):
+        def body_pose(self, body):
+            try:
+                return super().body_pose(body)
+            except KeyError:
+                return Pose()
+
+    class AlwaysFullForce(base):
+        def command_gripper(self, width, force):
+            super().command_gripper(width, 80.0)
+
+    class SlamsShut(base):
+        def command_gripper(self, width, force):
+            super().command_gripper(width, force)
+            for _ in range(40):
+                self.tick()
+
+    class LetsGo(base):
+        def command_joints(self, targets):
+            super().command_gripper(0.08, 10.0)
+            super().command_joints(targets)
+
+    class ForgetsTheGripper(base):
+        def restore(self, checkpoint):
+            super().restore(checkpoint)
+            super().command_gripper(0.08, 10.0)
+
+    class TakesAnyCheckpoint(base):
+        def restore(self, checkpoint):
+            try:
+                super().restore(checkpoint)
+            except InvalidArgument:
+                pass
+
+    class Drifts(base):
+        _built = 0
+
+        def build(self, scene, robot):
+            super().build(scene, robot)
+            Drifts._built += 1
+
+        def command_joints(self, targets):
+            super().command_joints(np.asarray(targets) + 1e-9 * Drifts._built)
+
+    class ShowsOneFrameForEver(base):
+        def render(self, camera, width=None, height=None):
+            seen = self.__dict__.setdefault("_seen_frames", {})
+            key = (camera, width, height)
+            if key not in seen:
+                seen[key] = super().render(camera, width, height)
+            return seen[key]
+
+    class ClosesOnce(base):
+        _closed = False
+
+        def close(self):
+            if self._closed:
+                raise MemoError("already closed")
+            self._closed = True
+            super().close()
+
+    return {
+        "starts_at_home": StartsElsewhere,
+        "ticks_are_control_periods": ListensTwice,
+        "returned_arrays_are_copies": HandsOutItsState,
+        "arm_follows_targets": FollowsHalfWay,
+        "refuses_non_finite_targets": TakesNan,
+        "tool_pose_is_that_of_the_kinematics": TellsTheLastToolPose,
+        "bodies_rest_on_the_table": WeighsTwice,
+        "bodies_fall_by_gravity": KnowsOnlyTheEarth,
+        "springs_and_catches_hold": HasNoCatches,
+        "joints_keep_their_range": IgnoresRanges,
+        "unknown_names_are_key_errors": InventsBodies,
+        "gripper_holds_with_force": AlwaysFullForce,
+        "gripper_keeps_its_speed": SlamsShut,
+        "a_held_object_is_lifted": LetsGo,
+        "continuing_after_restore_is_exact": ForgetsTheGripper,
+        "foreign_checkpoints_are_refused": TakesAnyCheckpoint,
+        "the_same_commands_give_the_same_motion": Drifts,
+        "pictures_show_the_scene": ShowsOneFrameForEver,
+        "closing_twice_is_fine": ClosesOnce,
+    }
