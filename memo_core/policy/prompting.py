@@ -1,4 +1,4 @@
-"""From the state of a run to messages. The texts are the files in ``prompts/``, one a phase; nothing is hidden in code."""
+"""From the state of a run to messages. The texts are the files in ``prompts/``, one a phase; none is hidden in code."""
 
 from __future__ import annotations
 
@@ -20,13 +20,21 @@ def prompt_source(phase: str) -> str:
     return resources.files("memo_core.policy").joinpath("prompts", f"{phase}.md.j2").read_text(encoding="utf-8")
 
 
-def messages(phase: str, robot: RobotDescription, scene: SceneGraph, overrides: dict[str, str] | None = None, **context: Any) -> tuple[Message, ...]:
-    """The messages of one phase. ``overrides`` maps a phase (or ``system``) to another prompt text; ``context`` holds
-    what the phase's placeholders need. A missing placeholder raises ``jinja2.UndefinedError``."""
+def messages(
+    phase: str,
+    robot: RobotDescription,
+    scene: SceneGraph | str,
+    overrides: dict[str, str] | None = None,
+    **context: Any,
+) -> tuple[Message, ...]:
+    """The messages of one phase. ``scene`` may be a table made earlier by ``scene_table``. ``overrides`` maps a phase (or
+    ``system``) to another prompt text; ``context`` holds what the phase's placeholders need. A missing placeholder
+    raises ``jinja2.UndefinedError``."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True, autoescape=False)
     texts = {name: (overrides or {}).get(name) or prompt_source(name) for name in ("system", phase)}
     system = environment.from_string(texts["system"]).render(robot=robot)
-    user = environment.from_string(texts[phase]).render(robot=robot, scene=scene_table(scene), **context)
+    table = scene if isinstance(scene, str) else scene_table(scene)
+    user = environment.from_string(texts[phase]).render(robot=robot, scene=table, **context)
     return (Message("system", system), Message("user", user))
 
 
@@ -46,8 +54,12 @@ def scene_table(scene: SceneGraph) -> str:
         cells = [node.label, node.kind, owner, _numbers(node.pose.position), _numbers(node.size), _turn(node), opening]
         lines.append("| " + " | ".join(cells) + " |")
     o = scene.observation
-    lines += ["", f"The hand is at {_numbers(o.end_effector.position)}, fingers {o.gripper_width:.3f} m apart, "
-              + ("holding something." if o.holding else "holding nothing."), ""]
+    lines += [
+        "",
+        f"The hand is at {_numbers(o.end_effector.position)}, fingers {o.gripper_width:.3f} m apart, "
+        + ("holding something." if o.holding else "holding nothing."),
+        "",
+    ]
     lines += [f"- {sentence}" for sentence in scene.sentences()]
     return "\n".join(lines)
 

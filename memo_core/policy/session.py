@@ -1,0 +1,96 @@
+"""What a method is given to do a run with, and what it gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, Protocol
+
+import attrs
+
+from memo_core.events import Event
+from memo_core.interfaces.llm import Answer, LanguageModel, Request
+from memo_core.interfaces.teacher import Episode, Verdict
+from memo_core.policy.settings import RunSettings
+from memo_core.policy.stage import Stage
+from memo_core.policy.stopping import StopSwitch
+from memo_core.sandbox.execution import Execution
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.skill import Skill
+
+Status = Literal["approved", "corrected", "unobserved"]
+
+
+class Runner(Protocol):
+    """The sandbox as a method sees it."""
+
+    def run(self, code: str, control: Any, **options: Any) -> Execution: ...
+
+    def subset(self) -> str: ...
+
+
+class Journal(Protocol):
+    """Where a run keeps what it must not lose. Every call returns when it is on disk."""
+
+    def model_call(self, request: Request, answer: Answer | None, problem: str, abandoned: bool) -> str:
+        """Keep a question and its answer (or why there is none); returns the file's name in the run folder."""
+
+    def code(self, subtask: str, attempt: int, repair: int, code: str) -> str: ...
+
+    def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
+
+    def attempt_begins(self, number: int, attempt: int) -> None: ...
+
+    def attempt_ends(self, number: int, attempt: int) -> None: ...
+
+
+class AskTeacher(Protocol):
+    """Puts an episode to whoever watches, in the thread that owns the terminal."""
+
+    def __call__(self, episode: Episode, interrupted: bool) -> Verdict: ...
+
+
+@attrs.frozen(eq=False)
+class Session:
+    """Everything of one run. ``book`` is None where nothing is remembered; ``teacher`` None where nobody watches."""
+
+    run: str
+    stage: Stage
+    llm: LanguageModel
+    skills: dict[str, Skill]
+    sandbox: Runner
+    settings: RunSettings
+    stop: StopSwitch
+    journal: Journal
+    emit: Callable[[Event], None]
+    book: Skillbook | None = None
+    teacher: AskTeacher | None = None
+    who: str = "anonymous"
+    seed: int = 0
+    ending: Callable[[], bool] = lambda: False  # whether the run itself is to end
+
+    def release(self) -> None:
+        """After a stop was answered: let the robot move again."""
+        self.stop.release()
+        self.stage.link.release()
+
+
+@attrs.frozen
+class SubtaskResult:
+    """How one subtask ended. ``code`` is the last that was tried; ``problem`` why it was given up, if it was."""
+
+    subtask: str
+    status: Status
+    attempts: int
+    code: str = ""
+    problem: str = ""
+    interrupted: int = 0  # times somebody pressed stop
+
+
+@attrs.frozen
+class RunResult:
+    """How a run ended. ``reason`` is one sentence; whether the task is done only the success check says."""
+
+    reason: str
+    finished: bool  # the planner said DONE
+    subtasks: tuple[SubtaskResult, ...] = ()
+    robot_s: float = 0.0  # of all attempts together

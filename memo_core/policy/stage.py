@@ -1,0 +1,48 @@
+"""What a method acts in: a world seen from above the arm. ``memo_core.experiment.world.World`` is one."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from memo_core.interfaces.link import Link
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.interfaces.teacher import Sighting
+from memo_core.scene.graph import SceneGraph
+from memo_core.skills.control import Control
+
+
+class Stage(Protocol):
+    """A scene with a robot in it. It says nothing about success: that is for whoever evaluates."""
+
+    @property
+    def instruction(self) -> str: ...
+
+    @property
+    def robot(self) -> RobotDescription: ...
+
+    @property
+    def control(self) -> Control: ...
+
+    @property
+    def link(self) -> Link: ...
+
+    def time(self) -> float:
+        """Seconds on the robot's clock."""
+
+    def look(self) -> SceneGraph:
+        """A fresh look, which is also what the skills see from now on."""
+
+    def settle(self, seconds: float) -> None:
+        """Let things come to rest. Raises ``Stopped``."""
+
+    def checkpoint(self) -> bytes: ...
+
+    def restore(self, checkpoint: bytes) -> None: ...
+
+    def start_watching(self) -> None:
+        """Begin to keep what a person in the room would see."""
+
+    def stop_watching(self) -> tuple[Sighting, ...]: ...
+
+    def glance(self) -> SceneGraph:
+        """What a person in the room sees now."""
