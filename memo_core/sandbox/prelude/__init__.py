@@ -1,0 +1,22 @@
+"""Code that runs inside the sandbox, before the model's: never imported here, read as text and fed to the interpreter."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+
+def source(name: str) -> str:
+    """The text of a prelude: ``base`` (always), ``arrays`` and ``array_functions`` (numpy)."""
+    return resources.files(__package__).joinpath(f"{name}.py").read_text(encoding="utf-8")
+
+
+def array_names() -> dict[str, tuple[str, ...]]:
+    """What the sandbox's numpy offers, by module: ``{"numpy": (...), "numpy.linalg": (...)}``, read off the prelude."""
+    found: dict[str, list[str]] = {"numpy": [], "numpy.linalg": []}
+    for name in re.findall(r"^np\.([\w.]+) = ", source("array_functions"), flags=re.MULTILINE):
+        if name.startswith("linalg."):
+            found["numpy.linalg"].append(name.removeprefix("linalg."))
+        else:
+            found["numpy"].append(name)
+    return {module: tuple(names) for module, names in found.items()}

@@ -1,0 +1,375 @@
+"""Running code that a model wrote (DESIGN 6): hostile until shown otherwise, unable to outlive a stop.
+
+The code runs in an interpreter in a process of its own. Each skill call comes back to this process, which checks types,
+ranges and workspace before the robot hears of it. Python's own names for what goes wrong are used towards the code:
+skills raise ``RuntimeError`` (also under the names ``MotionError`` and ``SkillError``), wrong arguments ``ValueError``.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+from pydantic_monty import (
+    FunctionSnapshot,
+    MontyComplete,
+    MontyCrashedError,
+    MontyError,
+    MontyRuntimeError,
+    MontySession,
+    MontySyntaxError,
+    NameLookupSnapshot,
+)
+
+from memo_core.errors import InvalidArgument, MemoError, Stopped, UnknownName
+from memo_core.events import SkillCalled
+from memo_core.sandbox import prelude, subset
+from memo_core.sandbox.crossing import arguments_from_sandbox, result_for_sandbox
+from memo_core.sandbox.execution import Ended, Execution
+from memo_core.sandbox.limits import Limits
+from memo_core.sandbox.subset import Finding
+from memo_core.sandbox.worker import Watch, WorkerPool
+from memo_core.sandbox.workspace import Workspace
+from memo_core.skills.control import Control
+from memo_core.skills.skill import Skill
+
+_GATE = "_memo_gate"
+_SLEEP = ("time.sleep", "system.sleep")
+_CLOCK = ("time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter", "time.perf_counter_ns")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class _LimitReached(Exception):
+    """A limit the parent keeps: ended with the worker, never shown to the code."""
+
+    kind: str
+    problem: str
+
+
+@attrs.frozen
+class _Program:
+    """Code made ready for the interpreter, or why it is not."""
+
+    source: str = ""
+    arrays: bool = False
+    findings: tuple[Finding, ...] = ()
+
+
+class Sandbox:
+    """Checks and runs code against a skill library. ``run`` may be called from any thread; one run needs one worker."""
+
+    def __init__(self, skills: dict[str, Skill], limits: Limits = Limits()) -> None:
+        self.skills = dict(skills)
+        self.limits = limits
+        self._workers = WorkerPool(limits)
+
+    def open(self) -> None:
+        """Start a warm worker. Idempotent; ``run`` and ``check`` do it when needed."""
+        self._workers.open()
+
+    def close(self) -> None:
+        """End the workers. Idempotent."""
+        self._workers.close()
+
+    def __enter__(self) -> Sandbox:
+        self.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def check(self, code: str) -> list[Finding]:
+        """What will not work, found without running anything: syntax, what is outside the subset, unknown names,
+        skills called with wrong arguments."""
+        return list(self._prepare(code).findings)
+
+    def run(
+        self,
+        code: str,
+        control: Control,
+        *,
+        stopped: Callable[[], bool],
+        workspace: Workspace = Workspace(),
+        on_call: Callable[[SkillCalled], None] | None = None,
+        on_print: Callable[[str], None] | None = None,
+        clock: Callable[[], float] | None = None,
+    ) -> Execution:
+        """Check the code, then run it to its end, an error, a limit or a stop.
+
+        ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
+        milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every piece
+        of output; ``clock`` (s) is what ``time.time()`` shows the code. What a skill raises goes to the code; anything
+        that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
+        """
+        if stopped():
+            return Execution("stopped", error="stopped before the code began", kind="stop")
+        program = self._prepare(code)
+        if program.findings:
+            return _refused(program.findings)
+        with self._workers.session() as session:
+            run = _Run(self.skills, self.limits, control, workspace, stopped, on_call, on_print, clock)
+            return run.execute(session, program)
+
+    def _prepare(self, code: str) -> _Program:
+        if len(code) > self.limits.code:
+            return _Program(findings=(Finding(1, f"{len(code)} characters of code", f"at most {self.limits.code}"),))
+        if "\x00" in code or any("\ud800" <= c <= "\udfff" for c in code):
+            return _Program(findings=(Finding(1, "syntax error: a character that cannot be in a program"),))
+        refused = self._interpreter_refuses(code)
+        if refused is not None and refused.problem.startswith("syntax error"):
+            return _Program(findings=(refused,))
+        try:
+            tree = ast.parse(code)
+        except SyntaxError as error:
+            return _Program(findings=(Finding(error.lineno or 1, f"syntax error: {error.msg}"),))
+        except (ValueError, RecursionError, MemoryError):
+            return _Program(findings=(Finding(1, "syntax error: nested too deeply"),))
+        findings = subset.check(tree, self.skills)
+        if findings:
+            return _Program(findings=tuple(findings))
+        source = subset.rewrite(code, tree)
+        if source != code:
+            refused = self._interpreter_refuses(source)
+        if refused is not None:
+            return _Program(findings=(refused,))
+        return _Program(source, subset.uses_arrays(tree))
+
+    def _interpreter_refuses(self, code: str) -> Finding | None:
+        """Let the interpreter compile the code behind a call that is never answered."""
+        with self._workers.session() as session:
+            try:
+                session.feed_start(f"{_GATE}()\n{code}")
+            except MontySyntaxError as error:
+                return Finding((_line(error, "<python-input-0>") or 2) - 1, f"syntax error: {_one_line(error)}")
+            except MontyRuntimeError as error:
+                problem = _one_line(error).removeprefix("NotImplementedError: ")
+                problem = problem.replace("The monty syntax parser does not yet support", "not available in robot code:")
+                return Finding((_line(error, "<python-input-0>") or 2) - 1, problem)
+            except MontyCrashedError:
+                return Finding(1, "syntax error: the code cannot be read")
+        return None
+
+
+class _Run:
+    """One execution: the loop that answers the interpreter, and what it has seen so far."""
+
+    def __init__(
+        self,
+        skills: dict[str, Skill],
+        limits: Limits,
+        control: Control,
+        workspace: Workspace,
+        stopped: Callable[[], bool],
+        on_call: Callable[[SkillCalled], None] | None,
+        on_print: Callable[[str], None] | None,
+        clock: Callable[[], float] | None,
+    ) -> None:
+        self._skills = skills
+        self._limits = limits
+        self._control = control
+        self._workspace = workspace
+        self._stopped = stopped
+        self._on_call = on_call
+        self._on_print = on_print
+        self._clock = clock
+        self._waited = 0.0
+        self._clock_readings = 0
+        self._printed: list[str] = []
+        self._room = limits.output
+        self._flooded = False
+        self._calls: list[SkillCalled] = []
+        self._raised: dict[str, str] = {}  # message -> kind, of the errors given to the code
+        self._watch: Watch
+        self._source = b""
+        self._filename = ""
+        self._last_line = 0  # of the last call, for limits that strike where the interpreter cannot say
+
+    def execute(self, session: MontySession, program: _Program) -> Execution:
+        pid = session.worker_pid
+        if pid is None:
+            raise RuntimeError("the sandbox's worker has no process")
+        session.feed_run(prelude.source("base"))
+        if program.arrays:
+            session.feed_run(prelude.source("arrays") + prelude.source("array_functions"))
+        self._filename = f"<python-input-{2 if program.arrays else 1}>"
+        self._watch = Watch(pid, self._stopped)
+        self._watch.start()
+        try:
+            return self._ended(session, program.source)
+        except BaseException:
+            self._watch.kill()
+            raise
+        finally:
+            self._watch.end()
+
+    def _ended(self, session: MontySession, source: str) -> Execution:
+        try:
+            self._drive(session, source)
+        except Stopped as stop:
+            self._watch.kill()
+            return self._execution("stopped", "stop", str(stop))
+        except _LimitReached as reached:
+            self._watch.kill()
+            return self._execution("limit", reached.kind, reached.problem)
+        except MontyError as error:
+            return self._from_interpreter(error)
+        return self._execution("done")
+
+    def _drive(self, session: MontySession, source: str) -> None:
+        self._source = source.encode()
+        with self._watch.computing():
+            snapshot = session.feed_start(source, print_callback=self._print)
+        while not isinstance(snapshot, MontyComplete):
+            answer = self._answer(snapshot)
+            with self._watch.computing():
+                snapshot = answer()
+
+    def _answer(self, snapshot: Any) -> Callable[[], Any]:
+        """How to go on from where the code waits."""
+        if self._stopped():
+            raise Stopped("running code")
+        if snapshot.position.filename == self._filename:
+            self._last_line = self._source[: snapshot.position.start].count(b"\n") + 1
+        if isinstance(snapshot, NameLookupSnapshot):
+            skill = self._skills.get(snapshot.variable_name) if snapshot.object_id is None else None
+            return snapshot.resume if skill is None else lambda: snapshot.resume(value=_stub(skill.name))
+        if not isinstance(snapshot, FunctionSnapshot):
+            raise _LimitReached("subset", "async code is not available in robot code")
+        if snapshot.is_os_function and snapshot.function_name in _CLOCK:
+            return lambda: snapshot.resume({"return_value": self._time(str(snapshot.function_name))})
+        if snapshot.is_os_function and snapshot.function_name not in _SLEEP:
+            return snapshot.resume_not_handled
+        result = self._call(snapshot)
+        if self._stopped():
+            raise Stopped("running code")
+        return lambda: snapshot.resume(result)
+
+    def _call(self, snapshot: FunctionSnapshot) -> Any:
+        """One skill call: refused, or made; its outcome in the interpreter's terms."""
+        name = "wait" if snapshot.is_os_function else str(snapshot.function_name)
+        skill = self._skills.get(name)
+        if skill is None:
+            return {"exc_type": "NameError", "message": f"name {name[:100]!r} is not defined"}
+        if len(self._calls) >= self._limits.calls:
+            raise _LimitReached("call limit", f"more than {self._limits.calls} skill calls")
+        arguments: dict[str, Any] = {}
+        try:
+            args, kwargs = arguments_from_sandbox(name, *_given(snapshot, name), self._limits.argument_items)
+            arguments = skill.bind(args, kwargs)
+            self._workspace.refuse(skill, arguments)
+            result = result_for_sandbox(skill.function(self._control, **arguments))
+        except Stopped:
+            self._note(SkillCalled(name, arguments, error="stopped"))
+            raise
+        except MemoError as error:
+            message = " ".join(str(error).split())
+            self._note(SkillCalled(name, arguments, error=message))
+            self._raised[message] = type(error).__name__
+            wrong_value = isinstance(error, (InvalidArgument, UnknownName))
+            return {"exc_type": "ValueError" if wrong_value else "RuntimeError", "message": message}
+        if name == "wait":
+            self._waited += float(arguments.get("seconds", 0.0))
+        self._note(SkillCalled(name, arguments, result))
+        return {"return_value": result}
+
+    def _note(self, call: SkillCalled) -> None:
+        self._calls.append(call)
+        if self._on_call is not None:
+            self._on_call(call)
+
+    def _time(self, function: str) -> float | int:
+        """A clock that code can wait on: the robot's, or the seconds waited, and a millisecond a reading."""
+        self._clock_readings += 1
+        now = (self._clock() if self._clock is not None else self._waited) + 0.001 * self._clock_readings
+        return int(now * 1e9) if function.endswith("_ns") else now
+
+    def _print(self, stream: str, text: str) -> None:
+        if self._flooded:
+            return
+        kept = text[: self._room]
+        self._room -= len(text)
+        self._printed.append(kept)
+        if self._on_print is not None and kept:
+            self._on_print(kept)
+        if self._room < 0:
+            self._flooded = True
+            self._watch.kill()
+
+    # -- endings -------------------------------------------------------------------------------------------------------
+
+    def _execution(self, ended: Ended, kind: str = "", problem: str = "", line: int | None = None) -> Execution:
+        error = f"{kind}: {problem}" if problem else kind
+        if line is not None:
+            error = f"line {line}: {error}"
+        return Execution(ended, "".join(self._printed), error, kind, line, tuple(self._calls))
+
+    def _from_interpreter(self, error: MontyError) -> Execution:
+        if self._watch.fired or self._stopped():
+            return self._execution("stopped", "stop", "stopped while the code was computing")
+        if self._flooded:
+            return self._execution("limit", "output limit", f"more than {self._limits.output} characters printed")
+        if isinstance(error, MontyCrashedError):
+            if error.timed_out:
+                return self._execution("limit", "time limit", self._time_problem())
+            return self._execution("limit", "memory limit", "the interpreter ended; most likely it ran out of memory or stack")
+        line = _line(error, self._filename)
+        kind, problem = type(error.exception()).__name__, _one_line(error, message_only=True)
+        if kind == "TimeoutError" and "time limit exceeded" in problem:
+            return self._execution("limit", "time limit", self._time_problem(), line)
+        if kind == "MemoryError":
+            return self._execution("limit", "memory limit", f"more than {self._limits.memory >> 20} MiB", line)
+        if "suspension" in problem and kind == "RuntimeError":
+            return self._execution("limit", "call limit", "too many calls and name look-ups", line)
+        if "cannot suspend in this synchronous context" in problem:
+            problem = "a skill cannot be called from inside an operator or iteration method; call it from plain code"
+        kind = self._raised.get(problem, kind)
+        return self._execution("error", kind, problem, line)
+
+    def _time_problem(self) -> str:
+        since = f"after the call in line {self._last_line}" if self._last_line else "before any skill call"
+        return (
+            f"the code computed longer than {self._limits.seconds_between_calls:g} s between two skill calls or "
+            f"{self._limits.seconds_in_all:g} s in all; it was {since}"
+        )
+
+
+def _given(snapshot: FunctionSnapshot, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    try:
+        return snapshot.args, snapshot.kwargs
+    except (RecursionError, ValueError, OverflowError, MemoryError):
+        raise InvalidArgument(f"{name}()", "its arguments cannot be read", "numbers, texts, lists or arrays") from None
+
+
+def _stub(name: str) -> Callable[[], None]:
+    """What a skill is as a value, for code that passes it on. Only its name crosses."""
+
+    def stub() -> None: ...
+
+    stub.__name__ = name
+    return stub
+
+
+def _refused(findings: tuple[Finding, ...]) -> Execution:
+    shown = "; ".join(str(finding) for finding in findings[:5])
+    more = f"; and {len(findings) - 5} more" if len(findings) > 5 else ""
+    return Execution(
+        "error", error=f"not run: {shown}{more}"[:2000], kind="subset", line=findings[0].line, findings=findings
+    )
+
+
+def _line(error: MontyError, filename: str) -> int | None:
+    """The innermost line of the code itself: frames of the prelude are of other feeds."""
+    frames = error.traceback() if isinstance(error, (MontyRuntimeError, MontySyntaxError)) else []
+    lines = [frame.line for frame in frames if frame.filename == filename]
+    return lines[-1] if lines else None
+
+
+def _one_line(error: MontyError, message_only: bool = False) -> str:
+    if isinstance(error, (MontyRuntimeError, MontySyntaxError)):
+        text = error.display("msg" if message_only else "type-msg")
+    else:
+        text = str(error)
+    text = " ".join(text.split()).removeprefix("SyntaxError: ")
+    return text if len(text) <= 500 else text[:497] + "..."

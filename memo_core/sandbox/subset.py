@@ -1,0 +1,315 @@
+"""The subset of Python that works, checked before anything moves, and the few rewrites that widen it.
+
+Only code that the interpreter's own parser has accepted may come here: its limit on nesting is what keeps Python's
+recursive parser safe from hostile source.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+from collections.abc import Iterator
+
+import attrs
+
+from memo_core.errors import close_match
+from memo_core.sandbox.modules import BUILTINS, MODULES, REFUSED
+from memo_core.skills.skill import Skill
+
+
+@attrs.frozen
+class Finding:
+    """Something that will not work: its line (from 1), what it is, and what would be right."""
+
+    line: int
+    problem: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+_UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Yield: ("generators (yield) are not available", "build a list and return it"),
+    ast.YieldFrom: ("generators (yield) are not available", "build a list and return it"),
+    ast.AsyncFunctionDef: ("async functions are not available", "write a plain function: a skill returns when it is done"),
+    ast.Await: ("await is not available", "call the skill directly: it returns when it is done"),
+    ast.AsyncFor: ("async for is not available", "use a plain loop"),
+    ast.AsyncWith: ("async with is not available", "use plain statements"),
+    ast.TryStar: ("except* is not available", "use except"),
+}
+
+
+def check(tree: ast.Module, skills: dict[str, Skill]) -> list[Finding]:
+    """Every finding, in the order of lines."""
+    findings = [
+        *_unsupported(tree),
+        *_imports(tree),
+        *_module_attributes(tree),
+        *_names(tree, skills),
+        *_skill_calls(tree, skills),
+    ]
+    return sorted(findings, key=lambda finding: finding.line)
+
+
+def uses_arrays(tree: ast.Module) -> bool:
+    """Whether the code imports numpy or uses ``np`` as if it had."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import) and any(a.name.split(".")[0] == "numpy" for a in node.names):
+            return True
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "numpy":
+            return True
+        if isinstance(node, ast.Name) and node.id == "np":
+            return True
+    return False
+
+
+# -- checks ----------------------------------------------------------------------------------------------------------
+
+
+def _unsupported(tree: ast.Module) -> Iterator[Finding]:
+    for node in ast.walk(tree):
+        if type(node) in _UNSUPPORTED:
+            yield Finding(node.lineno, *_UNSUPPORTED[type(node)])  # type: ignore[attr-defined]
+        elif isinstance(node, ast.comprehension) and node.is_async:
+            yield Finding(node.target.lineno, "async comprehensions are not available", "use a plain one")
+        elif isinstance(node, ast.ClassDef):
+            yield from _class(node)
+        elif isinstance(node, ast.Delete) and not _removable(node):
+            yield Finding(node.lineno, "del works on one item of a list or dict only", "del items[key], or set it to None")
+        elif isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and len(node.exc.args) > 1:
+            yield Finding(node.lineno, "an exception takes one argument here", "put the values into one f-string")
+        elif isinstance(node, ast.Attribute) and _is_dunder(node.attr) and node.attr not in ("__name__", "__doc__"):
+            yield Finding(node.lineno, f"the attribute {node.attr!r} is not available")
+
+
+def _class(node: ast.ClassDef) -> Iterator[Finding]:
+    bases = [ast.unparse(base) for base in node.bases]
+    if any(base.endswith(("Exception", "Error")) for base in bases):
+        yield Finding(node.lineno, "exception classes cannot be defined", "raise RuntimeError('...') and catch that")
+    elif bases != ["object"] and (node.bases or node.keywords):
+        yield Finding(node.lineno, "classes cannot inherit", "use a dataclass, a namedtuple or plain functions")
+    for item in node.body:
+        if isinstance(item, (ast.FunctionDef, ast.AsyncFunctionDef)) and item.decorator_list:
+            shown = ast.unparse(item.decorator_list[0])
+            yield Finding(item.lineno, f"methods cannot be decorated (@{shown})", "write a plain method or a function")
+
+
+def _imports(tree: ast.Module) -> Iterator[Finding]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name not in MODULES:
+                    yield _no_module(node.lineno, alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            if node.level or module not in MODULES:
+                yield _no_module(node.lineno, "." * node.level + module)
+                continue
+            for alias in node.names:
+                name = alias.name
+                if name != "*" and name not in MODULES[module] and f"{module}.{name}" not in MODULES:
+                    yield _no_member(node.lineno, module, name)
+
+
+def _no_module(line: int, name: str) -> Finding:
+    offered = ", ".join(m for m in MODULES if m not in ("__future__", "numpy.linalg"))
+    return Finding(line, f"module {name!r} is not available in robot code", f"there are: {offered}")
+
+
+def _no_member(line: int, module: str, name: str) -> Finding:
+    return Finding(line, f"{module} has no {name!r} in robot code{close_match(name, MODULES[module])}")
+
+
+def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
+    """``np.foo`` where the module, under the name it was imported by, offers no foo."""
+    aliases = {"np": "numpy"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            aliases.update({a.asname or a.name: a.name for a in node.names if a.name in MODULES})
+        elif isinstance(node, ast.ImportFrom) and node.module == "numpy":
+            aliases.update({a.asname or a.name: "numpy.linalg" for a in node.names if a.name == "linalg"})
+    rebound = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Attribute):
+            continue
+        owner = ast.unparse(node.value) if isinstance(node.value, (ast.Name, ast.Attribute)) else ""
+        head = owner.split(".")[0]
+        module = aliases.get(owner) or (f"{aliases[head]}.{owner.partition('.')[2]}" if head in aliases else "")
+        if module in MODULES and head not in rebound and f"{module}.{node.attr}" not in MODULES:
+            if node.attr not in MODULES[module] and not _is_dunder(node.attr):
+                yield _no_member(node.lineno, module, node.attr)
+
+
+def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
+    bound = _bound_names(tree)
+    known = bound | BUILTINS | skills.keys() | {"np", "math", "time"}
+    reported = set()
+    for node in ast.walk(tree):
+        if not (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)):
+            continue
+        name = node.id
+        if name in known or name in reported:
+            continue
+        reported.add(name)
+        if name in REFUSED:
+            yield Finding(node.lineno, f"{name!r} is not available in robot code", REFUSED[name])
+        elif hasattr(builtins, name):
+            yield Finding(node.lineno, f"{name!r} is not available in robot code")
+        else:
+            yield Finding(node.lineno, f"unknown name {name!r}{close_match(name, bound | skills.keys() | BUILTINS)}")
+
+
+def _bound_names(tree: ast.Module) -> set[str]:
+    bound: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
+            bound.add(node.id)
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            bound.add(node.name)
+        elif isinstance(node, ast.arg):
+            bound.add(node.arg)
+        elif isinstance(node, ast.alias):
+            bound.add((node.asname or node.name).split(".")[0])
+        elif (isinstance(node, ast.ExceptHandler) and node.name) or (isinstance(node, (ast.MatchAs, ast.MatchStar)) and node.name):
+            bound.add(node.name)
+        elif isinstance(node, ast.MatchMapping) and node.rest:
+            bound.add(node.rest)
+        if isinstance(node, ast.ImportFrom) and any(a.name == "*" for a in node.names):
+            bound.update(MODULES.get(node.module or "", ()))
+    return bound
+
+
+def _skill_calls(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
+    own = _bound_names(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id not in own:
+            if skill := skills.get(node.func.id):
+                yield from _skill_call(node, skill)
+
+
+def _skill_call(node: ast.Call, skill: Skill) -> Iterator[Finding]:
+    names = [p.name for p in skill.parameters]
+    keywords = [k.arg for k in node.keywords if k.arg is not None]
+    for keyword in keywords:
+        if keyword not in names:
+            problem = f"{skill.name} has no argument {keyword!r}{close_match(keyword, names)}"
+            yield Finding(node.lineno, problem, f"it is {skill.signature}")
+            return
+    if any(isinstance(a, ast.Starred) for a in node.args) or len(keywords) < len(node.keywords):
+        return
+    given = names[: len(node.args)] + keywords
+    missing = [p.name for p in skill.parameters if p.default is inspect.Parameter.empty and p.name not in given]
+    if len(node.args) > len(names):
+        yield Finding(node.lineno, f"{skill.name} takes {len(names)} arguments, not {len(node.args)}", f"it is {skill.signature}")
+    elif len(set(given)) < len(given):
+        yield Finding(node.lineno, f"{skill.name} gets one argument twice", f"it is {skill.signature}")
+    elif missing:
+        yield Finding(node.lineno, f"{skill.name} needs the argument {missing[0]!r}", f"it is {skill.signature}")
+
+
+def _is_dunder(name: str) -> bool:
+    return name.startswith("__") and name.endswith("__")
+
+
+def _removable(node: ast.Delete) -> bool:
+    target = node.targets[0]
+    return len(node.targets) == 1 and isinstance(target, ast.Subscript) and not isinstance(target.slice, ast.Slice)
+
+
+# -- rewrites --------------------------------------------------------------------------------------------------------
+
+
+@attrs.frozen
+class _Edit:
+    """Replacement of the bytes from ``start`` to ``end``, each (line from 1, byte column)."""
+
+    start: tuple[int, int]
+    end: tuple[int, int]
+    text: str
+
+
+def rewrite(code: str, tree: ast.Module) -> str:
+    """The code the interpreter gets: the same lines, with numpy imports bound to the arrays of the prelude, ``del
+    items[i]``, ``.T`` and ``items.sort(key=...)`` spelt in ways it knows."""
+    arrays = uses_arrays(tree)
+    lines = code.encode().splitlines(keepends=True)
+    edits: list[_Edit] = []
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            edits += _import_edits(node)
+        elif isinstance(node, ast.Delete):
+            edits += _delete_edits(node, lines)
+        elif arrays and isinstance(node, ast.Attribute) and node.attr == "T" and isinstance(node.ctx, ast.Load):
+            end = (node.end_lineno or 0, node.end_col_offset or 0)
+            edits.append(_Edit((end[0], end[1] - 1), end, "transpose()"))
+        elif isinstance(node, ast.Expr):
+            edits += _sort_edits(node.value, lines)
+    for edit in sorted(edits, key=lambda e: e.start, reverse=True):
+        _apply(lines, edit)
+    return b"".join(lines).decode()
+
+
+def _import_edits(node: ast.Import | ast.ImportFrom) -> list[_Edit]:
+    bindings: list[str] = []
+    if isinstance(node, ast.Import):
+        if not any(a.name.split(".")[0] == "numpy" for a in node.names):
+            return []
+        for alias in node.names:
+            if alias.name.split(".")[0] != "numpy":
+                bindings.append(f"import {alias.name}" + (f" as {alias.asname}" if alias.asname else ""))
+            elif alias.asname:
+                bindings.append(f"{alias.asname} = _memo_{alias.name}")
+            else:
+                bindings.append("numpy = _memo_numpy")
+    else:
+        module = node.module or ""
+        star = any(a.name == "*" for a in node.names)
+        names = [(n, n) for n in MODULES[module]] if star else [(a.name, a.asname or a.name) for a in node.names]
+        if module.split(".")[0] == "numpy":
+            bindings = [f"{bound} = _memo_{module}.{name}" for name, bound in names]
+        elif star:
+            bindings = [f"from {module} import {', '.join(n for n, _ in names)}"]
+        else:
+            return []
+    text = "; ".join(bindings) + "\n" * ((node.end_lineno or node.lineno) - node.lineno)
+    return [_Edit((node.lineno, node.col_offset), (node.end_lineno or 0, node.end_col_offset or 0), text)]
+
+
+def _delete_edits(node: ast.Delete, lines: list[bytes]) -> list[_Edit]:
+    target = node.targets[0]
+    if not isinstance(target, ast.Subscript):
+        return []
+    owner_end = (target.value.end_lineno or 0, target.value.end_col_offset or 0)
+    end = (node.end_lineno or 0, node.end_col_offset or 0)
+    if target.lineno != node.lineno or lines[owner_end[0] - 1][owner_end[1] : owner_end[1] + 1] != b"[":
+        return []
+    return [
+        _Edit((node.lineno, node.col_offset), (target.lineno, target.col_offset), ""),
+        _Edit(owner_end, (owner_end[0], owner_end[1] + 1), ".pop("),
+        _Edit((end[0], end[1] - 1), end, ")"),
+    ]
+
+
+def _sort_edits(call: ast.expr, lines: list[bytes]) -> list[_Edit]:
+    """``items.sort(key=f)`` as a statement: the interpreter's own cannot call a skill from f."""
+    if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "sort"):
+        return []
+    owner = call.func.value
+    if call.args or not any(k.arg == "key" for k in call.keywords) or not isinstance(owner, (ast.Name, ast.Attribute)):
+        return []
+    end = (owner.end_lineno or 0, owner.end_col_offset or 0)
+    if lines[end[0] - 1][end[1] : end[1] + 6] != b".sort(":
+        return []
+    return [
+        _Edit((owner.lineno, owner.col_offset), (owner.lineno, owner.col_offset), "_memo_sort("),
+        _Edit(end, (end[0], end[1] + 6), ", "),
+    ]
+
+
+def _apply(lines: list[bytes], edit: _Edit) -> None:
+    (first, start), (last, end) = edit.start, edit.end
+    head, tail = lines[first - 1][:start], lines[last - 1][end:]
+    text = (head + edit.text.encode() + tail).splitlines(keepends=True)
+    lines[first - 1 : last] = text + [b""] * (last - first + 1 - len(text))

@@ -1,0 +1,134 @@
+"""The process that interprets generated code: started without environment or files to write, killed for a stop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import shutil
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from pydantic_monty import Monty, MontySession
+from pydantic_monty._binary import find_monty_binary
+
+from memo_core.sandbox.limits import Limits
+
+_POLL = 0.004  # s between two looks at the stop while code computes
+
+
+class WorkerPool:
+    """One warm worker; every session gets a process of its own, so nothing a program did to it reaches the next."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._pool: Monty | None = None
+        self._folder: Path | None = None
+
+    def open(self) -> None:
+        """Start the pool. Idempotent."""
+        if self._pool is not None:
+            return
+        binary = find_monty_binary()
+        if shutil.which("sh"):
+            binary = self._confined(binary)
+        pool = Monty(
+            binary_path=binary,
+            min_processes=1,
+            max_processes=4,
+            max_checkouts_per_worker=1,
+            checkout_timeout=10.0,
+            feed_duration_limit_grace=0.5,
+            turn_duration_limit_grace=0.5,
+        )
+        pool.__enter__()
+        self._pool = pool
+
+    def close(self) -> None:
+        """End all workers. Idempotent."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.__exit__(None, None, None)
+        folder, self._folder = self._folder, None
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def session(self) -> Iterator[MontySession]:
+        """A fresh interpreter in a process of its own, under the limits."""
+        self.open()
+        assert self._pool is not None
+        with self._pool.checkout(
+            script_name="code",
+            limits={
+                "max_turn_duration_secs": self._limits.seconds_between_calls,
+                "max_feed_duration_secs": self._limits.seconds_in_all,
+                "max_memory": self._limits.memory,
+                "max_recursion_depth": self._limits.recursion,
+                "max_suspensions": 4 * self._limits.calls + 1000,
+            },
+            os_policy={"sleep": "call_host", "datetime": "call_host", "random_start": {"seed": 0}},
+            assert_message_annotations=False,
+        ) as session:
+            yield session
+
+    def _confined(self, binary: str) -> str:
+        """A starter that keeps the interpreter's last words off our terminal and takes file writing, core dumps and all
+        but a few file handles from the process, should code ever break out of the interpreter."""
+        self._folder = Path(tempfile.mkdtemp(prefix="memo-sandbox-"))
+        starter = self._folder / "worker"
+        starter.write_text(f'#!/bin/sh\nulimit -c 0; ulimit -f 0; ulimit -n 32\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n')
+        starter.chmod(0o700)
+        return str(starter)
+
+
+class Watch(threading.Thread):
+    """Kills a worker within milliseconds of a stop while its code computes, when nobody else is looking."""
+
+    def __init__(self, pid: int, stopped: Callable[[], bool]) -> None:
+        super().__init__(name="sandbox-watch", daemon=True)
+        self.fired = False
+        self._pid = pid
+        self._stopped = stopped
+        self._computing = threading.Event()
+        self._ended = False
+        self._kill_lock = threading.Lock()
+
+    def run(self) -> None:
+        while True:
+            self._computing.wait()
+            if self._ended:
+                return
+            if self._stopped():
+                self.fired = True
+                self.kill()
+                return
+            time.sleep(_POLL)
+
+    @contextlib.contextmanager
+    def computing(self) -> Iterator[None]:
+        """While the code runs in the worker; elsewhere the thread sleeps and costs the control loop nothing."""
+        self._computing.set()
+        try:
+            yield
+        finally:
+            if not self._ended:
+                self._computing.clear()
+
+    def kill(self) -> None:
+        """Kill the worker; nothing it was about to do happens."""
+        with self._kill_lock:
+            if not self._ended:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(self._pid, signal.SIGKILL)
+
+    def end(self) -> None:
+        """Before the session is given back: from here on the process id may belong to someone else."""
+        with self._kill_lock:
+            self._ended = True
+        self._computing.set()
+        self.join()

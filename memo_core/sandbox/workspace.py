@@ -1,0 +1,68 @@
+"""Where generated code may send the hand. Checked in the parent, before the robot hears of it."""
+
+from __future__ import annotations
+
+import math
+import typing
+from typing import Any
+
+import attrs
+
+from memo_core.errors import MotionError
+from memo_core.skills.skill import Skill
+from memo_core.skills.values import Check
+
+
+@attrs.frozen
+class Workspace:
+    """A box along the base frame's axes (m) and, within it, a sphere about ``centre`` that the arm can reach at most."""
+
+    lower: tuple[float, float, float] = (-1.5, -1.5, -0.5)
+    upper: tuple[float, float, float] = (1.5, 1.5, 2.0)
+    reach: float = 2.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def refuse(self, skill: Skill, arguments: dict[str, Any]) -> None:
+        """Raise ``MotionError`` (cause ``workspace``) when a motion's position or path leaves the workspace.
+
+        ``arguments`` are the checked ones of ``Skill.bind``. Skills that only compute or ask may name any point.
+        """
+        if skill.kind != "motion":
+            return
+        for name, value in arguments.items():
+            if value is None:
+                continue
+            kind = _check_name(skill.types[name])
+            if kind == "Position":
+                self._refuse(skill.name, name, value)
+            elif kind == "Path":
+                for number, (position, _) in enumerate(value):
+                    self._refuse(skill.name, f"{name}[{number}]", position)
+
+    def _refuse(self, skill: str, argument: str, position: list[float]) -> None:
+        shown = "[" + ", ".join(f"{v:.3f}" for v in position) + "]"
+        for axis, value, low, high in zip("xyz", position, self.lower, self.upper, strict=True):
+            if not low <= value <= high:
+                raise MotionError(
+                    skill,
+                    f"{argument} {shown} is outside the workspace: {axis} must be between {low:g} and {high:g} m",
+                    cause="workspace",
+                )
+        distance = math.dist(position, self.centre)
+        if distance > self.reach:
+            raise MotionError(
+                skill,
+                f"{argument} {shown} is outside the workspace: {distance:.3f} m from the robot, {self.reach:g} m at most",
+                cause="workspace",
+            )
+
+
+def _check_name(annotation: Any) -> str:
+    """Name of the ``Check`` in an annotation, also inside ``X | None``."""
+    for check in getattr(annotation, "__metadata__", ()):
+        if isinstance(check, Check):
+            return check.name
+    for inner in typing.get_args(annotation):
+        if found := _check_name(inner):
+            return found
+    return ""
