@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.testing.simulator import RULES, check_simulator
 from memo_core.testing.wrong_simulators import wrong_simulators
-from memo_sim_mujoco.simulator import MujocoSimulator
 
 WRONG = wrong_simulators(MujocoSimulator)
 

@@ -17,6 +17,9 @@ from memo_core.errors import InvalidArgument, close_match
 from memo_core.scene.pose import Pose, multiply_quaternions, quaternion_from_axis_angle
 
 Vector = tuple[float, float, float]
+Colour = tuple[float, float, float, float]
+Tensor = tuple[float, float, float, float, float, float]
+_NO_INERTIA: Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 JointKind = Literal["fixed", "revolute", "prismatic"]
 _KINDS: dict[str, JointKind] = {
     "fixed": "fixed",
@@ -33,19 +36,19 @@ class UrdfShape:
 
     shape: Literal["box", "cylinder", "sphere", "capsule", "mesh"]
     size: tuple[float, ...]
-    pose: Pose = Pose()
-    colour: tuple[float, float, float, float] | None = None
+    pose: Pose = attrs.field(factory=Pose)
+    colour: Colour | None = None
     mesh: str | None = None
 
 
 @attrs.frozen
 class UrdfLink:
-    """``inertia`` is (xx, yy, zz, xy, xz, yz) in the axes of the frame ``centre``, whose origin is the centre of mass."""
+    """``inertia`` is (xx, yy, zz, xy, xz, yz) in the axes of ``centre``, whose origin is the centre of mass."""
 
     name: str
     mass: float = 0.0  # kg
-    centre: Pose = Pose()
-    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    centre: Pose = attrs.field(factory=Pose)
+    inertia: Tensor = _NO_INERTIA
     visuals: tuple[UrdfShape, ...] = ()
     collisions: tuple[UrdfShape, ...] = ()
 
@@ -59,7 +62,7 @@ class UrdfJoint:
     kind: JointKind
     parent: str
     child: str
-    origin: Pose = Pose()
+    origin: Pose = attrs.field(factory=Pose)
     axis: Vector = (1.0, 0.0, 0.0)
     lower: float = -math.inf
     upper: float = math.inf
@@ -103,20 +106,19 @@ def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
     if root.tag != "robot":
         raise InvalidArgument("URDF", f"its root element is <{root.tag}>", "<robot>")
     name = root.get("name", "robot")
-    colours = {
-        str(material.get("name")): colour for material in root.findall("material") if (colour := _colour(material)) is not None
-    }
+    named = {str(material.get("name")): _colour(material) for material in root.findall("material")}
+    colours = {key: colour for key, colour in named.items() if colour is not None}
     links = {link.name: link for link in (_link(element, colours, mesh_folder) for element in root.findall("link"))}
     joints = [_joint(element) for element in root.findall("joint")]
     children: dict[str, str] = {}
     for joint in joints:
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise InvalidArgument(f"URDF joint {joint.name!r}", f"names the link {end!r}, which does not exist", "a <link>")
+                problem = f"names the link {end!r}, which does not exist"
+                raise InvalidArgument(f"URDF joint {joint.name!r}", problem, "a <link>")
         if joint.child in children:
-            raise InvalidArgument(
-                f"URDF link {joint.child!r}", f"has two parents, by {children[joint.child]!r} and {joint.name!r}", "a tree"
-            )
+            problem = f"has two parents, by {children[joint.child]!r} and {joint.name!r}"
+            raise InvalidArgument(f"URDF link {joint.child!r}", problem, "a tree")
         children[joint.child] = joint.name
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
@@ -137,25 +139,26 @@ def _parents_first(root: str, joints: list[UrdfJoint]) -> tuple[UrdfJoint, ...]:
     return tuple(ordered)
 
 
-def _link(element: ElementTree.Element, colours: dict[str, tuple[float, float, float, float]], folder: str | None) -> UrdfLink:
+def _link(element: ElementTree.Element, colours: dict[str, Colour], folder: str | None) -> UrdfLink:
     name = element.get("name")
     if not name:
         raise InvalidArgument("URDF <link>", "has no name", 'name="…"')
     where = f"URDF link {name!r}"
     # Pinocchio's extension: cylinders named here are capsules of the same straight length.
     capsules = {capsule.get("name") for capsule in element.findall("collision_checking/capsule")}
-    mass, centre, inertia = 0.0, Pose(), (0.0,) * 6
+    mass, centre, inertia = 0.0, Pose(), _NO_INERTIA
     inertial = element.find("inertial")
     if inertial is not None:
         mass = _number(where, inertial.find("mass"), "value")
         centre = _origin(where, inertial)
         tensor = inertial.find("inertia")
-        inertia = tuple(_number(where, tensor, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+        xx, yy, zz, xy, xz, yz = (_number(where, tensor, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+        inertia = (xx, yy, zz, xy, xz, yz)
     return UrdfLink(
         name,
         mass,
         centre,
-        inertia,  # type: ignore[arg-type]
+        inertia,
         tuple(_shape(where, visual, colours, folder, set()) for visual in element.findall("visual")),
         tuple(_shape(where, collision, colours, folder, capsules) for collision in element.findall("collision")),
     )
@@ -164,7 +167,7 @@ def _link(element: ElementTree.Element, colours: dict[str, tuple[float, float, f
 def _shape(
     where: str,
     element: ElementTree.Element,
-    colours: dict[str, tuple[float, float, float, float]],
+    colours: dict[str, Colour],
     folder: str | None,
     capsules: set[str | None],
 ) -> UrdfShape:
@@ -240,7 +243,7 @@ def _origin(where: str, element: ElementTree.Element) -> Pose:
     return Pose(position, multiply_quaternions(multiply_quaternions(about_z, about_y), about_x))
 
 
-def _colour(material: ElementTree.Element) -> tuple[float, float, float, float] | None:
+def _colour(material: ElementTree.Element) -> Colour | None:
     colour = material.find("color")
     if colour is None:
         return None

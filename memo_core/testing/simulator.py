@@ -58,7 +58,8 @@ def check_robot() -> RobotDescription:
       <link name="right">{box.format(m=0.1, i=0.0001)}{shape.format(at="0 -0.01 0", size="0.02 0.02 0.04")}</link>
       <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><origin xyz="0 0 {HEIGHT}"/>
         <axis xyz="0 0 1"/>{turn}</joint>
-      <joint name="shoulder" type="revolute"><parent link="column"/><child link="upper"/><axis xyz="0 1 0"/>{turn}</joint>
+      <joint name="shoulder" type="revolute"><parent link="column"/><child link="upper"/>
+        <axis xyz="0 1 0"/>{turn}</joint>
       <joint name="elbow" type="revolute"><parent link="upper"/><child link="hand"/><origin xyz="{REACH} 0 0"/>
         <axis xyz="0 1 0"/>{turn}</joint>
       <joint name="fixed" type="fixed"><parent link="hand"/><child link="tool"/>
@@ -73,7 +74,9 @@ def check_robot() -> RobotDescription:
         for name in ("turn", "shoulder", "elbow")
     )
     gripper = GripperDescription(finger_joints=("finger_left", "finger_right"), pads=("left", "right"))
-    return RobotDescription("crane", urdf, joints, gripper, "tool", home=(0.0, 0.0, 0.0), allowed_contacts=(("left", "right"),))
+    return RobotDescription(
+        "crane", urdf, joints, gripper, "tool", home=(0.0, 0.0, 0.0), allowed_contacts=(("left", "right"),)
+    )
 
 
 def tool_position(joints: np.ndarray) -> np.ndarray:
@@ -146,12 +149,14 @@ def _state(simulator: Simulator) -> tuple[object, ...]:
 
 @rule
 def starts_at_home(make: Make) -> None:
-    """After build: time 0, arm at home, gripper open, scene joints at their initial positions; also when built again."""
+    """After build: time 0, arm at home, gripper open, scene joints at their initial positions; also built again."""
     with make() as simulator:
         for _ in range(2):
             simulator.build(check_scene(), check_robot())
             assert simulator.time == 0.0, f"time is {simulator.time}"
-            assert np.allclose(simulator.joint_positions(), (0, 0, 0), atol=1e-6), f"arm at {simulator.joint_positions()}"
+            assert np.allclose(simulator.joint_positions(), (0, 0, 0), atol=1e-6), (
+                f"arm at {simulator.joint_positions()}"
+            )
             assert abs(simulator.gripper_width() - 0.08) < 0.001, f"gripper at {simulator.gripper_width()} m"
             assert abs(simulator.joint_position("rail") - 0.02) < 1e-6, f"rail at {simulator.joint_position('rail')} m"
             _run(simulator, 0.05)
@@ -280,7 +285,9 @@ def springs_and_catches_hold(make: Make) -> None:
             _run(simulator, 4.0)
             angle = simulator.joint_position("hinge")
             expected = "opened" if opens else "held"
-            assert (angle > 0.8) == opens, f"catch of {effort} Nm against 1 Nm: at {angle:.3f} rad, expected it {expected}"
+            assert (angle > 0.8) == opens, (
+                f"catch of {effort} Nm against 1 Nm: at {angle:.3f} rad, expected it {expected}"
+            )
             # The drawer's own weight stretches its spring: 0.5 kg on 200 N/m.
             height = simulator.joint_position("rail")
             assert abs(height - (0.05 - 0.5 * 9.81 / 200)) < 0.003, f"rail came to {height:.4f} m"
@@ -308,7 +315,7 @@ def unknown_names_are_key_errors(make: Make) -> None:
     with simulator:
         for read in (simulator.body_pose, simulator.body_velocity, simulator.joint_position, simulator.contacts):
             try:
-                read("nothing")  # type: ignore[operator]
+                read("nothing")
             except KeyError:
                 continue
             raise AssertionError(f"{read.__name__}('nothing') raised nothing")
@@ -415,7 +422,11 @@ def foreign_checkpoints_are_refused(make: Make) -> None:
     with simulator:
         own = simulator.checkpoint()
         simulator.build(check_scene(cube=0.05), check_robot())
-        for what, state in (("of another scene", own), ("cut short", simulator.checkpoint()[:-8]), ("of no kind", b"x" * 99)):
+        for what, state in (
+            ("of another scene", own),
+            ("cut short", simulator.checkpoint()[:-8]),
+            ("of no kind", b"x" * 99),
+        ):
             try:
                 simulator.restore(state)
             except InvalidArgument:
@@ -459,7 +470,9 @@ def pictures_show_the_scene(make: Make) -> None:
         cube = names_at == list(names).index("cube")
         points = _points(depth, cube, check_scene().cameras[0])
         off = float(np.abs(points - np.array((REACH, 0, CUBE / 2))).max())
-        assert len(points) > 50 and off < CUBE / 2 + 0.006, f"by depth and segmentation the cube reaches {off:.3f} m out"
+        assert len(points) > 50 and off < CUBE / 2 + 0.006, (
+            f"by depth and segmentation the cube reaches {off:.3f} m out"
+        )
         assert abs(points.max(axis=0)[0] - REACH - CUBE / 2) < 0.006, "the cube's side towards the camera is elsewhere"
         sky = simulator.render_segmentation("away")[0] == -1
         assert sky.any() and np.array_equal(sky, np.isinf(simulator.render_depth("away"))), "nothing there: -1 and inf"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import attrs
+from attrs.validators import ge, gt, le
 
 from memo_core.errors import InvalidArgument, close_match
 from memo_core.interfaces.robot import JointDescription, RobotDescription
@@ -13,35 +14,42 @@ from memo_core.scene.pose import Pose
 from memo_franka.description import panda
 
 
-def _help(text: str, **kwargs):
-    return attrs.field(metadata={"help": text}, **kwargs)
-
-
 @attrs.frozen
 class PandaSettings:
     """What can be configured. The names matter only together with ``urdf``; the defaults are Franka's own."""
 
-    urdf: str | None = _help("path of a URDF to use instead of our own description", default=None)
-    mesh_folder: str | None = _help("folder below which the URDF's package:// and relative meshes lie", default=None)
-    joints: list[str] = _help("the arm's joints, base first", factory=lambda: [f"panda_joint{n}" for n in range(1, 8)])
-    finger_joints: list[str] = _help(
-        "the fingers' slide joints", factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"]
+    urdf: str | None = attrs.field(
+        default=None, metadata={"help": "path of a URDF to use instead of our own description"}
     )
-    pads: list[str] = _help("the links that touch what is held", factory=lambda: ["panda_leftfinger", "panda_rightfinger"])
-    tool_link: str = _help("link the tool frame is fixed to", default="panda_tool")
-    tool_position: list[float] = _help("tool frame in that link, m", factory=lambda: [0.0, 0.0, 0.0])
-    tool_orientation: list[float] = _help("tool frame in that link, quaternion wxyz", factory=lambda: [1.0, 0.0, 0.0, 0.0])
-    home: list[float] | None = _help("home posture, rad, one value a joint", default=None)
-    pad_friction: float = _help("sliding friction of the finger pads", default=1.0)
-    max_force: float = _help("strongest grip, N", default=80.0)
+    mesh_folder: str | None = attrs.field(
+        default=None, metadata={"help": "folder below which the URDF's package:// and relative meshes lie"}
+    )
+    joints: list[str] = attrs.field(
+        factory=lambda: [f"panda_joint{n}" for n in range(1, 8)], metadata={"help": "the arm's joints, base first"}
+    )
+    finger_joints: list[str] = attrs.field(
+        factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"], metadata={"help": "the fingers' slide joints"}
+    )
+    pads: list[str] = attrs.field(
+        factory=lambda: ["panda_leftfinger", "panda_rightfinger"],
+        metadata={"help": "the links that touch what is held"},
+    )
+    tool_link: str = attrs.field(default="panda_tool", metadata={"help": "link the tool frame is fixed to"})
+    tool_position: list[float] = attrs.field(
+        factory=lambda: [0.0, 0.0, 0.0], metadata={"help": "tool frame in that link, m"}
+    )
+    tool_orientation: list[float] = attrs.field(
+        factory=lambda: [1.0, 0.0, 0.0, 0.0], metadata={"help": "tool frame in that link, quaternion wxyz"}
+    )
+    home: list[float] | None = attrs.field(default=None, metadata={"help": "home posture, rad, one value a joint"})
+    pad_friction: float = attrs.field(
+        default=1.0, validator=gt(0.0), metadata={"help": "sliding friction of the finger pads"}
+    )
+    max_force: float = attrs.field(default=80.0, validator=[ge(5.0), le(140.0)], metadata={"help": "strongest grip, N"})
 
 
 def configured(settings: PandaSettings) -> RobotDescription:
     """The description for these settings. Raises ``InvalidArgument`` naming the key that is wrong."""
-    if settings.pad_friction <= 0:
-        raise InvalidArgument("robot.pad_friction", f"is {settings.pad_friction}", "more than 0")
-    if not 5.0 <= settings.max_force <= 140.0:
-        raise InvalidArgument("robot.max_force", f"is {settings.max_force} N", "5 to 140 N")
     description = panda()
     if settings.urdf is not None:
         description = _with_urdf(description, settings)
@@ -101,7 +109,7 @@ def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescripti
         gripper=gripper,
         tool_link=settings.tool_link,
         tool_offset=Pose(tuple(settings.tool_position), tuple(settings.tool_orientation)),
-        allowed_contacts=(tuple(settings.pads),) if len(settings.pads) == 2 else (),
+        allowed_contacts=((settings.pads[0], settings.pads[-1]),),
     )
 
 

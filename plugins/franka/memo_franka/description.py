@@ -80,9 +80,13 @@ _INERTIAS = (
     _Inertia(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
     _Inertia(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
     _Inertia(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
-    _Inertia(1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+    _Inertia(
+        1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)
+    ),
     _Inertia(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
-    _Inertia(0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
+    _Inertia(
+        0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)
+    ),
 )
 _HAND_INERTIA = _Inertia(0.73, (0.0, 0.0, 0.033), (0.0025, 0.0010, 0.0027, 0.0, 0.0, 0.0))
 _FINGER_MASS = 0.10  # kg, with its carriage
@@ -219,7 +223,9 @@ def panda_urdf() -> str:
     for number, ((xyz, rpy), joint) in enumerate(zip(_ORIGINS, _JOINTS, strict=True), start=1):
         name, lower, upper, velocity, _, _, effort, _ = joint
         limit = f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
-        parts.append(_joint(name, "revolute", f"panda_link{number - 1}", f"panda_link{number}", xyz, rpy, "0 0 1", limit))
+        parts.append(
+            _joint(name, "revolute", f"panda_link{number - 1}", f"panda_link{number}", xyz, rpy, "0 0 1", limit)
+        )
     parts.append(_link("panda_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
     parts.append(
         _joint("panda_hand_joint", "fixed", "panda_link7", "panda_hand", (0, 0, _FLANGE), (0, 0, -math.pi / 4))
@@ -258,7 +264,7 @@ def _link(name: str, inertia: _Inertia, visuals: tuple[_Shape, ...], collisions:
     ]
     # URDF has no capsules; a visual one is a cylinder and two spheres, a collision one is marked for Pinocchio below.
     for shape in visuals:
-        lines += [f"    <visual>{_solid(piece)}<material name=\"{piece.colour}\"/></visual>" for piece in _pieces(shape)]
+        lines += [f'    <visual>{_solid(piece)}<material name="{piece.colour}"/></visual>' for piece in _pieces(shape)]
     marks = []
     for number, shape in enumerate(collisions):
         label = f"{name}_{number}"
@@ -281,8 +287,9 @@ def _pieces(shape: _Shape) -> tuple[_Shape, ...]:
         math.sin(yaw) * math.sin(pitch) * length / 2,
         math.cos(pitch) * length / 2,
     )
+    x, y, z = shape.position
     ends = tuple(
-        _Shape("sphere", (radius,), tuple(p + sign * h for p, h in zip(shape.position, half, strict=True)), colour=shape.colour)  # type: ignore[arg-type]
+        _Shape("sphere", (radius,), (x + sign * half[0], y + sign * half[1], z + sign * half[2]), colour=shape.colour)
         for sign in (-1, 1)
     )
     return (attrs.evolve(shape, kind="cylinder"), *ends)

@@ -34,7 +34,9 @@ def _has_display() -> bool:
 def require_display() -> None:
     """Raise ``BackendUnavailable`` where no window can be opened."""
     if platform.system() == "Linux" and not _has_display():
-        raise BackendUnavailable("viewer", "mujoco", "there is no display", "run it in a desktop session, or record a video")
+        raise BackendUnavailable(
+            "viewer", "mujoco", "there is no display", "run it in a desktop session, or record a video"
+        )
 
 
 class Pictures:

@@ -70,7 +70,9 @@ def _check(urdf: Urdf, robot: RobotDescription) -> None:
     loose = [joint.name for joint in urdf.joints if joint.kind != "fixed" and joint.name not in driven]
     if loose:
         problem = f"nothing drives the URDF's joints {', '.join(loose)}"
-        raise InvalidArgument(f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed")
+        raise InvalidArgument(
+            f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed"
+        )
     if robot.gripper.kind == "vacuum":
         raise BackendUnavailable("simulator", "mujoco", "it has no vacuum grippers yet", "use a parallel gripper")
     if len(robot.home) != len(robot.joints):
@@ -185,7 +187,9 @@ def _may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
 def _geom(shape: UrdfShape, colour: tuple[float, float, float, float]) -> Geom:
     if shape.shape == "mesh":
         if len(set(shape.size)) != 1:
-            raise InvalidArgument("URDF", f"mesh {shape.mesh!r} is scaled by {shape.size}", "the same scale on all axes")
+            raise InvalidArgument(
+                "URDF", f"mesh {shape.mesh!r} is scaled by {shape.size}", "the same scale on all axes"
+            )
         return Geom("mesh", shape.size[:1], shape.pose, shape.colour or colour, mesh=shape.mesh)
     return Geom(shape.shape, shape.size, shape.pose, shape.colour or colour)
 

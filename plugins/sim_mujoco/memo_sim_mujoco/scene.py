@@ -65,7 +65,9 @@ def check_names(scene: SceneDescription) -> None:
     joints: set[str] = set()
     for body, _ in scene.walk():
         if not body.name or body.name in bodies or body.name in ("world", "floor") or body.name.startswith("robot/"):
-            raise InvalidArgument("scene", f"two bodies, or one and the house, are called {body.name!r}", "unique names")
+            raise InvalidArgument(
+                "scene", f"two bodies, or one and the house, are called {body.name!r}", "unique names"
+            )
         bodies.add(body.name)
         if isinstance(body.joint, (Hinge, Slide)):
             if body.joint.name in joints or body.joint.name.startswith("robot/"):
@@ -74,7 +76,9 @@ def check_names(scene: SceneDescription) -> None:
     for latch in scene.latches:
         if latch.joint not in joints:
             known = ", ".join(sorted(joints)) or "none"
-            raise InvalidArgument("scene", f"a latch is on the joint {latch.joint!r}, which does not exist", f"one of {known}")
+            raise InvalidArgument(
+                "scene", f"a latch is on the joint {latch.joint!r}, which does not exist", f"one of {known}"
+            )
     cameras = [camera.name for camera in scene.cameras]
     if len(set(cameras)) != len(cameras):
         raise InvalidArgument("scene", "two cameras have the same name", "unique names")

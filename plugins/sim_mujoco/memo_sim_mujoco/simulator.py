@@ -67,7 +67,9 @@ class MujocoSimulator(Simulator):
 
     def build(self, scene: SceneDescription, robot: RobotDescription) -> None:
         if self._mujoco is None:
-            raise BackendUnavailable("simulator", "mujoco", "it is not open", "call open() or use it as a context manager")
+            raise BackendUnavailable(
+                "simulator", "mujoco", "it is not open", "call open() or use it as a context manager"
+            )
         from memo_sim_mujoco.world import build_world
 
         self._forget_pictures()
@@ -249,7 +251,7 @@ class MujocoSimulator(Simulator):
                 self.model.actuator_gainprm[latch.actuator, 0] = latch.gain if inside else 0.0
                 self.model.actuator_biasprm[latch.actuator, 1:3] = latch.bias if inside else 0.0
 
-    # -- state -----------------------------------------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------------------------
     def checkpoint(self) -> bytes:
         mujoco = self._mujoco
         state = np.empty(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION))
@@ -262,10 +264,14 @@ class MujocoSimulator(Simulator):
         mujoco = self._mujoco
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         if len(checkpoint) < _HEADER.size or checkpoint[: len(_MAGIC)] != _MAGIC:
-            raise InvalidArgument("checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave")
+            raise InvalidArgument(
+                "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"
+            )
         _, fingerprint, goal, ramp, force = _HEADER.unpack_from(checkpoint)
         if fingerprint != self._world.fingerprint:
-            raise InvalidArgument("checkpoint", "it is of another scene, robot or simulator version", "one of this scene")
+            raise InvalidArgument(
+                "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
+            )
         if len(checkpoint) != _HEADER.size + 8 * size:
             raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{_HEADER.size + 8 * size}")
         state = np.frombuffer(checkpoint, dtype=np.float64, offset=_HEADER.size)
@@ -291,7 +297,7 @@ class MujocoSimulator(Simulator):
             self._mujoco.mj_kinematics(self.model, self.data)
             self._stale = False
 
-    # -- pictures ----------------------------------------------------------------------------------------------------------
+    # -- pictures ------------------------------------------------------------------------------------------------------
     def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
         pictures, index, size = self._camera(camera, width, height)
         return pictures.colour(index, *size)

@@ -151,7 +151,9 @@ def _latched(model: Any, number: int, latch: Any, joint_qpos: dict[str, int]) ->
     actuator = model.actuator(f"latch/{number}").id
     bias = model.actuator_biasprm[actuator]
     gain = float(model.actuator_gainprm[actuator, 0])
-    return Latched(actuator, joint_qpos[latch.joint], latch.position, latch.width, gain, (float(bias[1]), float(bias[2])))
+    return Latched(
+        actuator, joint_qpos[latch.joint], latch.position, latch.width, gain, (float(bias[1]), float(bias[2]))
+    )
 
 
 def _fingerprint(model: Any) -> bytes:
