@@ -1,0 +1,114 @@
+"""``memo exec``: a file of robot code, in the sandbox, in a task's scene: to try out skills, and for outside checks."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
+from memo_core.cli.output import print_json
+from memo_core.errors import InvalidArgument, MemoError
+
+if TYPE_CHECKING:
+    from memo_core.interfaces.link import Link
+
+
+@attrs.define(auto_exc=True, eq=False)
+class CodeEnded(MemoError):
+    """Robot code that did not run to its end; ``problem`` is the sandbox's line."""
+
+    file: str
+    problem: str
+    exit_code: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.problem}"
+
+
+def command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Robot code; - reads it from stdin.")],
+    task: Annotated[str | None, typer.Option("--task", "-t", help="The task whose scene it runs in.")] = None,
+    seed: Seed = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Run a file of robot code in a task's scene, in the sandbox.
+
+    Exit code 0 only when the code ran to its end. What it prints goes to stdout, a refusal or an error to stderr.
+    """
+    code = _read(file)
+    _, experiment = load(config, overrides, task, seed)
+    if experiment.task is None:
+        raise InvalidArgument("--task", "which scene?", "the name of a task (memo tasks list)")
+    from memo_core.experiment.assembly import sandbox_of, task_of, world_of
+
+    chosen = task_of(experiment, experiment.task)
+    with sandbox_of(experiment) as sandbox:
+        findings = sandbox.check(code)
+        if findings and not json:
+            # Refused code costs nobody the building of a scene.
+            raise CodeEnded(str(file), "; ".join(map(str, findings)))
+        with world_of(experiment, chosen, experiment.seed) as world, _stopping(world.link):
+            on_print = None if json else _print_now
+            execution = sandbox.run(
+                code, world.control, stopped=lambda: world.link.stopped, on_print=on_print, clock=world.time
+            )
+            if not world.link.stopped:
+                world.settle()
+            outcome = world.check()
+    if json:
+        print_json(
+            {
+                "task": chosen.name,
+                "seed": experiment.seed,
+                "ended": execution.ended,
+                "error": execution.error or None,
+                "kind": execution.kind or None,
+                "line": execution.line,
+                "printed": execution.printed,
+                "calls": len(execution.calls),
+                "success": outcome.success,
+                "reason": outcome.reason,
+            }
+        )
+    if not execution.succeeded:
+        stopped = execution.ended == "stopped"
+        raise CodeEnded(str(file), execution.error or execution.ended, 130 if stopped else 1)
+
+
+def _read(file: Path) -> str:
+    try:
+        return sys.stdin.read() if str(file) == "-" else file.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise InvalidArgument("FILE", f"{file} is not UTF-8 text", "a file of robot code") from None
+    except OSError as error:
+        raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file of robot code") from None
+
+
+def _print_now(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+@contextmanager
+def _stopping(link: Link) -> Iterator[None]:
+    """Ctrl-C stops the robot first; a second one ends the process."""
+
+    def stop(*_: Any) -> None:
+        if link.stopped:
+            raise KeyboardInterrupt
+        link.stop()
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

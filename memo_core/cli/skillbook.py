@@ -1,0 +1,239 @@
+"""``memo skillbook``: what people taught, what is made of it, and taking it out again."""
+
+from __future__ import annotations
+
+import datetime
+import json as json_text
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.output import note, print_json, print_table
+from memo_core.errors import InvalidArgument, close_match
+
+if TYPE_CHECKING:
+    from memo_core.skillbook.book import Skillbook
+    from memo_core.skillbook.entries import Entry
+
+app = typer.Typer(help="Skillbooks.")
+
+KINDS = ("correction", "general", "template")
+Kind = Annotated[str | None, typer.Option("--kind", help="Only correction, general or template.")]
+
+
+@app.command("list")
+def list_entries(
+    book: Book = None,
+    kind: Kind = None,
+    key: Annotated[str | None, typer.Option("--key", help="Only this key, e.g. 'OPEN(microwave)'.")] = None,
+    who: Annotated[str | None, typer.Option("--who", help="Only what this person taught.")] = None,
+    superseded: Annotated[bool, typer.Option("--superseded", help="Superseded entries too.")] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """List entries in the order they were stored."""
+    if kind is not None and kind not in KINDS:
+        raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
+    with _reading(book, config, overrides) as opened:
+        entries = opened.entries(kind, key, who, superseded)
+    if json:
+        print_json({"entries": [_as_json(entry) for entry in entries]})
+    else:
+        print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
+
+
+@app.command()
+def show(
+    entry: Annotated[int, typer.Argument(metavar="ID", help="The entry's number.")],
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Show one entry and the words it was made from."""
+    with _reading(book, config, overrides) as opened:
+        found = opened.entry(entry)
+        origin = opened.feedback(found.feedback) if found.feedback is not None else None
+    if json:
+        print_json(_as_json(found) | {"from": attrs.asdict(origin) if origin else None})
+        return
+    state = f"superseded by entry {found.superseded_by}" if found.superseded_by else "valid"
+    print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
+    print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
+    if origin:
+        when = datetime.datetime.fromtimestamp(origin.time).strftime("%Y-%m-%d %H:%M")
+        print(f"\nfrom {origin.who}, {when}, about {origin.subtask} ({origin.task}):\n  {origin.words or '(approved)'}")
+
+
+@app.command()
+def search(
+    words: Annotated[str, typer.Argument(help="What to look for; a subtask such as 'OPEN(oven)' is retrieved for.")],
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="At most so many.")] = 10,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Find entries: by what a subtask would be served and why, or by the similarity of their texts."""
+    from memo_core.experiment.assembly import book_of
+
+    with book_of(load(config, overrides)[1], book, read_only=True) as opened:
+        if "(" in words:
+            found = opened.retrieve(words)
+            results = [
+                {
+                    "id": s.entry.id,
+                    "kind": s.entry.kind,
+                    "key": s.key,
+                    "text": s.text,
+                    "score": s.score,
+                    "action_cosine": s.action_cosine,
+                    "objects_cosine": s.objects_cosine,
+                }
+                for s in found.served
+            ]
+            cut = [{"key": c.key, "score": c.score, "rule": c.rule} for c in found.cut]
+        else:
+            similar = opened.search(words, count)
+            results = [_as_json(entry) | {"score": score} for entry, score in similar]
+            cut = []
+    if json:
+        print_json({"query": words, "results": results, "cut": cut})
+        return
+    print_table(("score", "id", "kind", "key", "text"), [_found_row(result) for result in results])
+    for near in cut[:count]:
+        note(f"not served: {near['key']} ({near['score']:.2f}): {near['rule']}")
+
+
+@app.command()
+def stats(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Count what is in the book."""
+    with _reading(book, config, overrides) as opened:
+        url, counts = opened.url, attrs.asdict(opened.stats())
+    if json:
+        print_json({"url": url} | counts)
+    else:
+        print_table(("", url), list(counts.items()))
+
+
+@app.command()
+def export(
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write; without it, stdout.")] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Write everything in the book as JSON: people's words, entries, and which came from which."""
+    with _reading(book, config, overrides) as opened:
+        exported = export_book(opened)
+    text = json_text.dumps(exported, ensure_ascii=False, indent=2)
+    if out is None:
+        print(text)
+        return
+    try:
+        out.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InvalidArgument("--out", f"{out}: {error.strerror}", "a file that can be written") from None
+    note(f"{len(exported['entries'])} entries, {len(exported['feedback'])} pieces of feedback -> {out}")
+
+
+@app.command()
+def forget(
+    person: Annotated[str, typer.Argument(help="Whose words to remove.")],
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Remove a person's words and what derives only from them. Cannot be undone."""
+    with _writing(book, config, overrides) as opened:
+        if person in opened.people() and not yes:
+            if not sys.stdin.isatty():
+                raise InvalidArgument(
+                    "--yes", "nobody can be asked here whether this is meant", "memo skillbook forget … --yes"
+                )
+            typer.confirm(f"Remove everything {person!r} said from {opened.url}?", abort=True, err=True)
+        forgotten = opened.forget(person)
+    if json:
+        print_json(attrs.asdict(forgotten))
+    else:
+        print(f"removed {forgotten.feedback} pieces of feedback, {forgotten.entries} entries, {forgotten.keys} keys")
+
+
+@app.command()
+def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Give the book to the experiment's embedder: all vectors are made anew."""
+    from memo_core.skillbook.book import reembed as embed_anew
+
+    _, experiment = load(config, overrides)
+    url = book or experiment.section("skillbook").url
+    with _writing(book, config, overrides):
+        pass  # says clearly when there is no such book
+    embedder = experiment.create("embedder")
+    try:
+        texts = embed_anew(url, embedder)
+        name = embedder.name
+    finally:
+        embedder.close()
+    if json:
+        print_json({"texts": texts, "embedder": name})
+    else:
+        print(f"{texts} texts embedded with {name}")
+
+
+def export_book(opened: Skillbook) -> dict[str, Any]:
+    """Everything valid or superseded, and every piece of feedback an entry came from or that waits."""
+    entries = opened.entries(superseded=True)
+    feedback = {entry.feedback: opened.feedback(entry.feedback) for entry in entries if entry.feedback is not None}
+    for waiting in (*opened.pending_feedback(), *opened.pending_feedback(parked=True)):
+        feedback[waiting.id] = waiting
+    return {
+        "format": "memo-skillbook",
+        "version": 1,
+        "feedback": [attrs.asdict(feedback[number]) for number in sorted(feedback)],
+        "entries": [_as_json(entry) for entry in entries],
+    }
+
+
+def _reading(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
+    return _opened(book, config, overrides, read_only=True)
+
+
+def _writing(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
+    with _reading(book, config, overrides):
+        pass  # a mistyped path is an error, not a new empty book
+    return _opened(book, config, overrides, read_only=False)
+
+
+def _opened(book: str | None, config: Path | None, overrides: list[str] | None, read_only: bool) -> Skillbook:
+    """Without embedder and store: listing needs neither, and no backend has to work for it."""
+    from memo_core.skillbook.book import Skillbook
+
+    url = book or load(config, overrides)[1].section("skillbook").url
+    return Skillbook(url, read_only=read_only)
+
+
+def _label(entry: Entry) -> str:
+    from memo_core.skillbook.entries import key_label
+
+    return key_label(entry.key)
+
+
+def _row(entry: Entry) -> tuple[Any, ...]:
+    first, *more = entry.text.strip().splitlines()
+    return entry.id, entry.kind, _label(entry), f"{entry.confirmed_uses}/{entry.uses}", first + (" …" if more else "")
+
+
+def _found_row(result: dict[str, Any]) -> tuple[Any, ...]:
+    first, *more = result["text"].strip().splitlines()
+    return f"{result['score']:.3f}", result["id"], result["kind"], result["key"], first + (" …" if more else "")
+
+
+def _as_json(entry: Entry) -> dict[str, Any]:
+    return attrs.asdict(entry, filter=lambda field, _: field.name != "key") | {"key": _label(entry)}

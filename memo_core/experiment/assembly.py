@@ -1,0 +1,55 @@
+"""From a checked experiment to its parts: the tasks, a world, the sandbox, the book. Nothing is opened here."""
+
+from __future__ import annotations
+
+from memo_core.config import Experiment
+from memo_core.experiment.world import World, find_task
+from memo_core.interfaces.task import Task
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import Skill, skill_library
+
+
+def tasks_of(experiment: Experiment) -> tuple[Task, ...]:
+    """The tasks of the experiment's suite. Raises ``NoDefaultBackend`` where none is installed."""
+    return tuple(experiment.create("suite"))
+
+
+def task_of(experiment: Experiment, name: str) -> Task:
+    """One task by name. Raises ``UnknownName`` with those there are."""
+    return find_task(tasks_of(experiment), name)
+
+
+def library_of(experiment: Experiment) -> dict[str, Skill]:
+    """The skills robot code may call: the built-in ones and those of the experiment's skills backends."""
+    further = [skill for choice in experiment.skills for skill in choice.create()]
+    return skill_library([*BUILTIN_SKILLS, *further])
+
+
+def world_of(experiment: Experiment, task: Task, seed: int) -> World:
+    """An unopened world of a task, with parts of its own."""
+    return World(
+        task,
+        seed,
+        simulator=experiment.create("simulator"),
+        robot=experiment.create("robot"),
+        perception=experiment.create("perception"),
+    )
+
+
+def sandbox_of(experiment: Experiment) -> Sandbox:
+    """An unopened sandbox with the experiment's skills and limits."""
+    return Sandbox(library_of(experiment), experiment.section("sandbox"))
+
+
+def book_of(experiment: Experiment, url: str | None = None, read_only: bool | None = None) -> Skillbook:
+    """The experiment's skillbook, unopened, with its embedder and store; ``url`` and ``read_only`` win over it."""
+    settings = experiment.section("skillbook")
+    return Skillbook(
+        url or settings.url,
+        experiment.create("embedder"),
+        experiment.create("vectorstore"),
+        experiment.section("retrieval"),
+        settings.read_only if read_only is None else read_only,
+    )
