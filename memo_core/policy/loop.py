@@ -43,6 +43,7 @@ class _Attempt:
     """What is known of the attempt at hand, also when it is interrupted half-way."""
 
     number: int
+    scene: SceneGraph  # as the robot saw it at the start
     code: str = ""  # the last that was written
     whole: bool = False  # that code alone, from the subtask's start, is what happened
     error: str = ""
@@ -64,7 +65,8 @@ class Loop:
         self._done: list[str] = []
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
-        self._workspace = _workspace(session)
+        self._scene = self._stage.look()
+        self._workspace = _workspace(session, self._scene)
 
     def run(self) -> RunResult:
         """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
@@ -88,20 +90,25 @@ class Loop:
                 return self._ended(result.problem, False)
             self._done.append(str(key))
 
+    def _look(self) -> SceneGraph:
+        self._scene = self._stage.look()
+        return self._scene
+
     def _ended(self, reason: str, finished: bool) -> RunResult:
         return RunResult(reason, finished, tuple(self._results), self._robot_s)
 
     # -- phase 1 -------------------------------------------------------------------------------------------------------
     def _plan(self) -> Key | None:
         start = self._stage.checkpoint()
-        scene = self._stage.look()
         while True:
+            attempt = _Attempt(1, self._scene)
             try:
                 self._teaching.process_pending()
+                attempt.scene = self._look()
                 context = {"task": self._stage.instruction, "done": self._done}
-                return self._questions.ask("plan", scene, read_plan, **context)[0]
+                return self._questions.ask("plan", attempt.scene, read_plan, **context)[0]
             except Stopped:
-                self._answer_stop(PLANNING, _Attempt(1), self._stage.glance(), scene)
+                self._answer_stop(PLANNING, attempt, self._stage.glance())
                 self._stage.restore(start)
 
     def _asked_too_often(self, key: Key) -> bool:
@@ -116,17 +123,17 @@ class Loop:
         history: list[Tried] = []
         corrected = interrupted = 0
         problem = ""
-        attempt = _Attempt(0)
+        attempt = _Attempt(0, self._scene)
         while attempt.number < self._settings.attempts:
-            attempt = _Attempt(attempt.number + 1)
-            scene, before = self._stage.look(), self._stage.glance()
+            attempt = _Attempt(attempt.number + 1, self._scene)
+            before = self._stage.glance()
             try:
-                verdict = self._attempt(key, number, attempt, history, scene, before)
+                verdict = self._attempt(key, number, attempt, history, before)
             except (LanguageModelError, Unreadable) as error:
                 return self._result(key, "corrected" if corrected else "unobserved", attempt, interrupted, str(error))
             except Stopped:
                 interrupted += 1
-                verdict = self._answer_stop(key, attempt, before, scene)
+                verdict = self._answer_stop(key, attempt, before)
                 if verdict.kind == "silent" and attempt.approved:
                     return self._result(key, "approved", attempt, interrupted)
                 if verdict.kind == "silent":
@@ -156,7 +163,6 @@ class Loop:
         number: int,
         attempt: _Attempt,
         history: Sequence[Tried],
-        scene: SceneGraph,
         before: SceneGraph,
     ) -> Verdict:
         """Retrieve, write, execute (again after errors), be judged, learn. Raises ``Stopped``."""
@@ -166,6 +172,7 @@ class Loop:
         journal.attempt_begins(number, attempt.number)
         self._stage.start_watching()
         try:
+            attempt.scene = self._look()
             self._teaching.process_pending()
             attempt.served = retrieve(session, self._memory, key)
             execution = self._write_and_execute(key, attempt, history)
@@ -174,7 +181,7 @@ class Loop:
             self._robot_s += max(0.0, self._stage.time() - started)
             journal.attempt_ends(number, attempt.number)
         verdict = self._ask(self._episode(key, attempt, before, self._stage.glance()), interrupted=False)
-        self._learn(key, attempt, verdict, scene, execution)
+        self._learn(key, attempt, verdict, execution)
         return verdict
 
     # -- phase 2 and execution -----------------------------------------------------------------------------------------
@@ -198,13 +205,13 @@ class Loop:
         session, served = self._session, attempt.served
         code, asked = self._questions.ask(
             "code",
-            self._stage.look(),
+            self._look(),
             read_code,
             task=self._stage.instruction,
             subtask=str(key),
             done=self._done,
             skills=documentation(session.skills),
-            subset=session.sandbox.subset(),
+            subset=session.subset,
             corrections=served.corrections,
             general=served.general,
             templates=served.templates,
@@ -255,7 +262,7 @@ class Loop:
             return Verdict("silent")
         return self._session.teacher(episode, interrupted)
 
-    def _answer_stop(self, key: Key, attempt: _Attempt, before: SceneGraph, scene: SceneGraph) -> Verdict:
+    def _answer_stop(self, key: Key, attempt: _Attempt, before: SceneGraph) -> Verdict:
         """Ask the person who pressed stop, keep what they say, and let the robot move again. A stop pressed while they
         are asked is answered the same way. Raises ``Stopped`` when the run is to end."""
         while True:
@@ -266,13 +273,13 @@ class Loop:
             except Stopped:
                 continue
             if verdict.kind == "correct":
-                self._teaching.keep(verdict.words, key, scene, attempt.code)
+                self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
             self._session.release()
             return verdict
 
-    def _learn(self, key: Key, attempt: _Attempt, verdict: Verdict, scene: SceneGraph, execution: Execution) -> None:
+    def _learn(self, key: Key, attempt: _Attempt, verdict: Verdict, execution: Execution) -> None:
         if verdict.kind == "correct":
-            self._teaching.keep(verdict.words, key, scene, attempt.code)
+            self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
             self._teaching.failed(attempt.served.entries)
         elif verdict.kind == "approve":
             attempt.approved = True
@@ -280,10 +287,10 @@ class Loop:
             if not worked:
                 self._session.emit(Problem(str(key), "approved, but no template: the code needed several beginnings"))
             code = attempt.code if worked else ""
-            self._teaching.approve(key, scene, code, attempt.served.entries, attempt.served.sources)
+            self._teaching.approve(key, attempt.scene, code, attempt.served.entries, attempt.served.sources)
 
 
-def _workspace(session: Session) -> Workspace:
+def _workspace(session: Session, scene: SceneGraph) -> Workspace:
     reach = session.stage.robot.reach + WORKSPACE_MARGIN_M
-    lower = (-reach, -reach, session.stage.look().table_height - 0.05)
+    lower = (-reach, -reach, scene.table_height - 0.05)
     return Workspace(lower=lower, upper=(reach, reach, reach + 0.4), reach=reach + 0.35)

@@ -23,9 +23,7 @@ Status = Literal["approved", "corrected", "unobserved"]
 class Runner(Protocol):
     """The sandbox as a method sees it."""
 
-    def run(self, code: str, control: Any, **options: Any) -> Execution: ...
-
-    def subset(self) -> str: ...
+    def run(self, code: str, control: Any, *, stopped: Callable[[], bool], **options: Any) -> Execution: ...
 
 
 class Journal(Protocol):
@@ -61,6 +59,7 @@ class Session:
     settings: RunSettings
     stop: StopSwitch
     journal: Journal
+    subset: str  # which Python the sandbox runs, for the prompt
     emit: Callable[[Event], None]
     book: Skillbook | None = None
     teacher: AskTeacher | None = None
