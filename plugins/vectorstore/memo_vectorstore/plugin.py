@@ -1,3 +1,30 @@
 """What this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend, Needs
+from memo_vectorstore.settings import FaissSettings
+
+
+def _faiss(config: FaissSettings) -> Any:
+    from memo_vectorstore.faiss_store import FaissStore
+
+    return FaissStore(config)
+
+
+@hookimpl
+def memo_vector_stores() -> Iterable[Backend]:
+    return (
+        Backend(
+            kind="vectorstore",
+            name="faiss",
+            summary="exact inner products in memory, optionally kept in a file",
+            factory=_faiss,
+            config=FaissSettings,
+            needs=Needs(modules={"faiss": "faiss-cpu"}),
+        ),
+    )
