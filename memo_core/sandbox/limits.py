@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import attrs
+
+
+def _field(default: Any, low: float, high: float, help: str) -> Any:
+    def check(_: Any, attribute: attrs.Attribute[Any], value: Any) -> None:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise ValueError(f"{attribute.name}: {value!r} is not between {low:g} and {high:g}")
+
+    return attrs.field(default=default, validator=check, metadata={"help": help})
 
 
 @attrs.frozen
 class Limits:
-    """Times in seconds of computing inside the sandbox, sizes in bytes unless named otherwise."""
+    """The ``sandbox`` section of an experiment file."""
 
-    seconds_between_calls: float = 5.0
-    seconds_in_all: float = 20.0
-    memory: int = 256 << 20
-    output: int = 64 << 10  # characters printed
-    code: int = 100_000  # characters of source
-    calls: int = 5_000  # skill calls
-    recursion: int = 400  # nested function calls
-    argument_items: int = 5_000  # numbers, strings and containers in the arguments of one call
+    seconds_between_calls: float = _field(5.0, 0.05, 600, "s of computing between two skill calls")
+    seconds_in_all: float = _field(20.0, 0.05, 3600, "s of computing in all")
+    memory: int = _field(256 << 20, 16 << 20, 16 << 30, "bytes the code may hold")
+    output: int = _field(64 << 10, 1, 100 << 20, "characters printed")
+    code: int = _field(100_000, 1, 10_000_000, "characters of source")
+    calls: int = _field(5_000, 1, 10_000_000, "skill calls")
+    recursion: int = _field(400, 50, 1000, "nested function calls")
+    argument_items: int = _field(5_000, 100, 1_000_000, "numbers, texts and lists in the arguments of one call")

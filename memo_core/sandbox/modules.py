@@ -7,16 +7,16 @@ from memo_core.sandbox import prelude
 
 MODULES: dict[str, tuple[str, ...]] = {
     "math": tuple(
-        "acos acosh asin asinh atan atan2 atanh cbrt ceil comb copysign cos cosh degrees dist e erf erfc exp exp2 expm1 "
-        "fabs factorial floor fmod frexp fsum gamma gcd hypot inf isclose isfinite isinf isnan isqrt lcm ldexp "
+        "acos acosh asin asinh atan atan2 atanh cbrt ceil comb copysign cos cosh degrees dist e erf erfc exp exp2 "
+        "expm1 fabs factorial floor fmod frexp fsum gamma gcd hypot inf isclose isfinite isinf isnan isqrt lcm ldexp "
         "lgamma log log10 log1p log2 modf nan nextafter perm pi pow prod radians remainder sin sinh sqrt tan tanh tau "
         "trunc ulp".split()
     ),
     "time": ("sleep", "time", "monotonic", "perf_counter"),
     "random": tuple("Random choice choices gauss randint random randrange sample seed shuffle uniform".split()),
     "itertools": tuple(
-        "accumulate chain combinations combinations_with_replacement compress count cycle dropwhile filterfalse groupby "
-        "islice pairwise permutations product repeat starmap takewhile tee zip_longest".split()
+        "accumulate chain combinations combinations_with_replacement compress count cycle dropwhile filterfalse "
+        "groupby islice pairwise permutations product repeat starmap takewhile tee zip_longest".split()
     ),
     "functools": ("cache", "lru_cache", "partial", "reduce"),
     "collections": ("Counter", "defaultdict", "deque", "namedtuple"),
@@ -37,9 +37,9 @@ BUILTINS = frozenset(
     "ArithmeticError AssertionError AttributeError BaseException Ellipsis Exception ImportError IndexError KeyError "
     "LookupError NameError NotImplemented NotImplementedError OSError OverflowError RecursionError RuntimeError "
     "StopIteration TimeoutError TypeError UnboundLocalError ValueError ZeroDivisionError __name__ __doc__ abs all any "
-    "bin bool bytes callable chr complex dict divmod enumerate filter float format frozenset getattr hasattr hash hex id "
-    "int isinstance iter len list map max min next object oct ord pow print range repr reversed round set setattr slice "
-    "sorted str sum tuple type zip "
+    "bin bool bytes callable chr complex dict divmod enumerate filter float format frozenset getattr hasattr hash hex "
+    "id int isinstance iter len list map max min next object oct ord pow print range repr reversed round set setattr "
+    "slice sorted str sum tuple type zip "
     "MotionError SkillError InvalidArgument UnknownName".split()
 )
 

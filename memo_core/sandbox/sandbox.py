@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from importlib import resources
 from typing import Any
 
 import attrs
@@ -37,7 +38,7 @@ from memo_core.skills.skill import Skill
 
 _GATE = "_memo_gate"
 _SLEEP = ("time.sleep", "system.sleep")
-_CLOCK = ("time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter", "time.perf_counter_ns")
+_CLOCK = tuple(f"time.{name}{unit}" for name in ("time", "monotonic", "perf_counter") for unit in ("", "_ns"))
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -80,6 +81,11 @@ class Sandbox:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def subset(self) -> str:
+        """The subset of Python that works, as the prompt states it, with this sandbox's limits."""
+        text = resources.files(__package__).joinpath("subset.md").read_text(encoding="utf-8")
+        return text.format(memory_mib=self.limits.memory >> 20, **attrs.asdict(self.limits)).rstrip("\n")
+
     def check(self, code: str) -> list[Finding]:
         """What will not work, found without running anything: syntax, what is outside the subset, unknown names,
         skills called with wrong arguments."""
@@ -99,9 +105,9 @@ class Sandbox:
         """Check the code, then run it to its end, an error, a limit or a stop.
 
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
-        milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every piece
-        of output; ``clock`` (s) is what ``time.time()`` shows the code. What a skill raises goes to the code; anything
-        that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
+        milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
+        piece of output; ``clock`` (s) is what ``time.time()`` shows the code. What a skill raises goes to the code;
+        anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
         """
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
@@ -145,7 +151,7 @@ class Sandbox:
                 return Finding((_line(error, "<python-input-0>") or 2) - 1, f"syntax error: {_one_line(error)}")
             except MontyRuntimeError as error:
                 problem = _one_line(error).removeprefix("NotImplementedError: ")
-                problem = problem.replace("The monty syntax parser does not yet support", "not available in robot code:")
+                problem = problem.replace("The monty syntax parser does not yet support", "not available here:")
                 return Finding((_line(error, "<python-input-0>") or 2) - 1, problem)
             except MontyCrashedError:
                 return Finding(1, "syntax error: the code cannot be read")
@@ -313,7 +319,7 @@ class _Run:
         if isinstance(error, MontyCrashedError):
             if error.timed_out:
                 return self._execution("limit", "time limit", self._time_problem())
-            return self._execution("limit", "memory limit", "the interpreter ended; most likely it ran out of memory or stack")
+            return self._execution("limit", "memory limit", "the interpreter ended, most likely for want of memory")
         line = _line(error, self._filename)
         kind, problem = type(error.exception()).__name__, _one_line(error, message_only=True)
         if kind == "TimeoutError" and "time limit exceeded" in problem:

@@ -33,7 +33,7 @@ class Finding:
 _UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
     ast.Yield: ("generators (yield) are not available", "build a list and return it"),
     ast.YieldFrom: ("generators (yield) are not available", "build a list and return it"),
-    ast.AsyncFunctionDef: ("async functions are not available", "write a plain function: a skill returns when it is done"),
+    ast.AsyncFunctionDef: ("async functions are not available", "write a plain function: skills return when done"),
     ast.Await: ("await is not available", "call the skill directly: it returns when it is done"),
     ast.AsyncFor: ("async for is not available", "use a plain loop"),
     ast.AsyncWith: ("async with is not available", "use plain statements"),
@@ -77,7 +77,7 @@ def _unsupported(tree: ast.Module) -> Iterator[Finding]:
         elif isinstance(node, ast.ClassDef):
             yield from _class(node)
         elif isinstance(node, ast.Delete) and not _removable(node):
-            yield Finding(node.lineno, "del works on one item of a list or dict only", "del items[key], or set it to None")
+            yield Finding(node.lineno, "del works on one item of a list or dict only", "write del items[key]")
         elif isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and len(node.exc.args) > 1:
             yield Finding(node.lineno, "an exception takes one argument here", "put the values into one f-string")
         elif isinstance(node, ast.Attribute) and _is_dunder(node.attr) and node.attr not in ("__name__", "__doc__"):
@@ -137,9 +137,10 @@ def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
         owner = ast.unparse(node.value) if isinstance(node.value, (ast.Name, ast.Attribute)) else ""
         head = owner.split(".")[0]
         module = aliases.get(owner) or (f"{aliases[head]}.{owner.partition('.')[2]}" if head in aliases else "")
-        if module in MODULES and head not in rebound and f"{module}.{node.attr}" not in MODULES:
-            if node.attr not in MODULES[module] and not _is_dunder(node.attr):
-                yield _no_member(node.lineno, module, node.attr)
+        if module not in MODULES or head in rebound or f"{module}.{node.attr}" in MODULES:
+            continue
+        if node.attr not in MODULES[module] and not _is_dunder(node.attr):
+            yield _no_member(node.lineno, module, node.attr)
 
 
 def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
@@ -172,7 +173,7 @@ def _bound_names(tree: ast.Module) -> set[str]:
             bound.add(node.arg)
         elif isinstance(node, ast.alias):
             bound.add((node.asname or node.name).split(".")[0])
-        elif (isinstance(node, ast.ExceptHandler) and node.name) or (isinstance(node, (ast.MatchAs, ast.MatchStar)) and node.name):
+        elif isinstance(node, (ast.ExceptHandler, ast.MatchAs, ast.MatchStar)) and node.name:
             bound.add(node.name)
         elif isinstance(node, ast.MatchMapping) and node.rest:
             bound.add(node.rest)
@@ -184,9 +185,10 @@ def _bound_names(tree: ast.Module) -> set[str]:
 def _skill_calls(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
     own = _bound_names(tree)
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id not in own:
-            if skill := skills.get(node.func.id):
-                yield from _skill_call(node, skill)
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)) or node.func.id in own:
+            continue
+        if skill := skills.get(node.func.id):
+            yield from _skill_call(node, skill)
 
 
 def _skill_call(node: ast.Call, skill: Skill) -> Iterator[Finding]:
@@ -202,7 +204,8 @@ def _skill_call(node: ast.Call, skill: Skill) -> Iterator[Finding]:
     given = names[: len(node.args)] + keywords
     missing = [p.name for p in skill.parameters if p.default is inspect.Parameter.empty and p.name not in given]
     if len(node.args) > len(names):
-        yield Finding(node.lineno, f"{skill.name} takes {len(names)} arguments, not {len(node.args)}", f"it is {skill.signature}")
+        problem = f"{skill.name} takes {len(names)} arguments, not {len(node.args)}"
+        yield Finding(node.lineno, problem, f"it is {skill.signature}")
     elif len(set(given)) < len(given):
         yield Finding(node.lineno, f"{skill.name} gets one argument twice", f"it is {skill.signature}")
     elif missing:

@@ -81,7 +81,8 @@ class WorkerPool:
         but a few file handles from the process, should code ever break out of the interpreter."""
         self._folder = Path(tempfile.mkdtemp(prefix="memo-sandbox-"))
         starter = self._folder / "worker"
-        starter.write_text(f'#!/bin/sh\nulimit -c 0; ulimit -f 0; ulimit -n 32\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n')
+        limits = "ulimit -c 0; ulimit -f 0; ulimit -n 32"
+        starter.write_text(f'#!/bin/sh\n{limits}\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n')
         starter.chmod(0o700)
         return str(starter)
 

@@ -15,7 +15,7 @@ from memo_core.skills.values import Check
 
 @attrs.frozen
 class Workspace:
-    """A box along the base frame's axes (m) and, within it, a sphere about ``centre`` that the arm can reach at most."""
+    """A box along the base frame's axes (m) and a sphere about ``centre`` of what the arm can reach at most."""
 
     lower: tuple[float, float, float] = (-1.5, -1.5, -0.5)
     upper: tuple[float, float, float] = (1.5, 1.5, 2.0)
@@ -52,7 +52,7 @@ class Workspace:
         if distance > self.reach:
             raise MotionError(
                 skill,
-                f"{argument} {shown} is outside the workspace: {distance:.3f} m from the robot, {self.reach:g} m at most",
+                f"{argument} {shown} is outside the workspace: {distance:.3f} m away, {self.reach:g} m at most",
                 cause="workspace",
             )
 

@@ -1,4 +1,4 @@
-"""Code that runs inside the sandbox, before the model's: never imported here, read as text and fed to the interpreter."""
+"""Code that runs inside the sandbox, before the model's: read as text and fed to it, never imported here."""
 
 from __future__ import annotations
 
