@@ -34,6 +34,9 @@ class MujocoSettings:
     self_collision: bool = attrs.field(
         default=True, metadata={"help": "whether the robot's links collide with each other"}
     )
+    smoothing: Literal[0, 2, 4, 8] = attrs.field(
+        default=0, metadata={"help": "samples a pixel; 4 draws smooth edges and takes three times as long in software"}
+    )
     shadows: bool = attrs.field(default=False, metadata={"help": "shadows in pictures; seven times slower in software"})
 
     def __attrs_post_init__(self) -> None:

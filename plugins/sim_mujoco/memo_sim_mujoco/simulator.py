@@ -15,7 +15,7 @@ from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Contact, Simulator
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Array, Pose
-from memo_sim_mujoco.pictures import REMEDY, Pictures, choose_gl, require_display
+from memo_sim_mujoco.pictures import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
 _MAGIC = b"MEMOMJ01"
@@ -50,7 +50,6 @@ class MujocoSimulator(Simulator):
     # -- life ------------------------------------------------------------------------------------------------------
     def open(self) -> None:
         """Import MuJoCo. Raises ``BackendUnavailable``."""
-        choose_gl()
         try:
             import mujoco
         except ImportError as error:
@@ -317,7 +316,7 @@ class MujocoSimulator(Simulator):
             raise UnknownName("camera", name, tuple(self._cameras))
         if self._pictures is None:
             world = self._world
-            self._pictures = Pictures(world.model, world.data, world.body_names, self.settings.shadows)
+            self._pictures = Pictures(world.model, world.data, self.settings.shadows)
         index, camera = self._cameras[name]
         size = (width or camera.resolution[0], height or camera.resolution[1])
         if min(size) < 1 or max(size) > 4096:

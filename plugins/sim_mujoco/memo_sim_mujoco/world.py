@@ -60,7 +60,7 @@ def build_world(scene: SceneDescription, robot: RobotDescription, settings: Mujo
     spec.modelname = robot.name
     spec.compiler.degree = False
     _set_options(spec, settings)
-    add_look(spec, scene, settings.shadows)
+    add_look(spec, scene, settings)
     add_robot(spec, robot, settings.self_collision)
     add_scene(spec, scene)
     try:
