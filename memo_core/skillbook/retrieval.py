@@ -5,6 +5,7 @@ r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2),    λ1,
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -180,6 +181,7 @@ class Retriever:
         self._settings = settings
         self._actions = settings.actions
         self._state: _Generation | None = None
+        self._lock = threading.Lock()  # one that was given up may still be at work on the index
 
     def retrieve(self, subtask: Key, text: str = "") -> Retrieval:
         """Entries for a subtask. ``text`` is what entries' texts are compared with (default: the subtask in words).
@@ -187,6 +189,10 @@ class Retriever:
         Raises ``SkillbookError``, ``BackendUnavailable``.
         """
         words = text or " ".join((subtask.action, *subtask.objects))
+        with self._lock:
+            return self._retrieve(subtask, words)
+
+    def _retrieve(self, subtask: Key, words: str) -> Retrieval:
         while True:
             state = self._current()
             query = state.aliases.get(str(subtask), subtask)

@@ -41,7 +41,7 @@ class TextVectors:
             raise SkillbookError(
                 self._database.name,
                 f"its keys and texts were embedded by {stored!r}, the configured embedder is {self.name!r}",
-                f"configure the former, or embed it anew: memo skillbook reembed --skillbook {self._database.name}",
+                f"configure the former, or embed it anew: memo skillbook reembed --book {self._database.name}",
             )
 
     def get(self, texts: Sequence[str]) -> np.ndarray:
@@ -91,7 +91,7 @@ class TextVectors:
                     self._database.name,
                     f"it was embedded by {meta['embedder']!r} with {meta['dimension']} dimensions, "
                     f"this is {self.name!r} with {vectors.shape[1]}",
-                    "memo skillbook reembed",
+                    f"memo skillbook reembed --book {self._database.name}",
                 )
             rows = [
                 {"embedder": self.name, "digest": digest(t), "vector": v.tobytes()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
 import numpy as np
@@ -10,6 +11,15 @@ from memo_core.interfaces.embedder import Embedder
 
 MakeEmbedder = Callable[[], Embedder]
 Rule = Callable[[MakeEmbedder], None]
+
+RULES: dict[str, Rule] = {}
+
+
+def rule(check: Rule) -> Rule:
+    """Register a check; its docstring is the promise."""
+    RULES[check.__name__] = check
+    return check
+
 
 TEXTS = (
     "open",
@@ -29,6 +39,7 @@ def _opened(make: MakeEmbedder) -> Embedder:
     return embedder
 
 
+@rule
 def returns_unit_vectors(make: MakeEmbedder) -> None:
     """float32, shape (texts, dimension), length 1, finite: also for an empty and a very long text."""
     embedder = _opened(make)
@@ -40,6 +51,7 @@ def returns_unit_vectors(make: MakeEmbedder) -> None:
     embedder.close()
 
 
+@rule
 def same_text_same_vector(make: MakeEmbedder) -> None:
     """Whatever is embedded beside it, before it or after it, and by another instance."""
     embedder = _opened(make)
@@ -59,6 +71,7 @@ def same_text_same_vector(make: MakeEmbedder) -> None:
         assert worst < 1e-5, f"a text has another vector {name}: {worst:.2g}"
 
 
+@rule
 def different_texts_differ(make: MakeEmbedder) -> None:
     """Vectors vary with their text."""
     embedder = _opened(make)
@@ -68,6 +81,7 @@ def different_texts_differ(make: MakeEmbedder) -> None:
     embedder.close()
 
 
+@rule
 def similar_texts_are_closer(make: MakeEmbedder) -> None:
     """A small change of a sentence stays closer to it than another subject."""
     embedder = _opened(make)
@@ -78,6 +92,7 @@ def similar_texts_are_closer(make: MakeEmbedder) -> None:
     embedder.close()
 
 
+@rule
 def embeds_nothing(make: MakeEmbedder) -> None:
     """No texts give an array of shape (0, dimension)."""
     embedder = _opened(make)
@@ -86,6 +101,7 @@ def embeds_nothing(make: MakeEmbedder) -> None:
     embedder.close()
 
 
+@rule
 def has_a_name_before_open(make: MakeEmbedder) -> None:
     """The name is known before ``open``, the same for two instances, and short enough to be kept."""
     first, second = make().name, make().name
@@ -93,6 +109,7 @@ def has_a_name_before_open(make: MakeEmbedder) -> None:
     assert first == second, f"two instances are called {first!r} and {second!r}"
 
 
+@rule
 def opens_and_closes_twice(make: MakeEmbedder) -> None:
     """``open`` and ``close`` are idempotent; closing before opening is no error; it can be opened again."""
     embedder = make()
@@ -106,37 +123,22 @@ def opens_and_closes_twice(make: MakeEmbedder) -> None:
     embedder.close()
 
 
+@rule
 def returns_its_own_array(make: MakeEmbedder) -> None:
     """Changing what was returned changes no later answer."""
     embedder = _opened(make)
     first = embedder.embed(["open"])
     kept = first.copy()
-    try:
+    with contextlib.suppress(ValueError):  # read-only is fine too
         first[:] = 0
-    except ValueError:
-        pass  # read-only is fine too
     assert bool(np.allclose(embedder.embed(["open"]), kept)), "a returned array is shared"
     embedder.close()
 
 
-EMBEDDER_RULES: tuple[Rule, ...] = (
-    returns_unit_vectors,
-    same_text_same_vector,
-    different_texts_differ,
-    similar_texts_are_closer,
-    embeds_nothing,
-    has_a_name_before_open,
-    opens_and_closes_twice,
-    returns_its_own_array,
-)
-
-
-def check_embedder(make: MakeEmbedder) -> list[str]:
-    """Run all rules; returns one line for each that is broken."""
-    broken = []
-    for rule in EMBEDDER_RULES:
+def check_embedder(make: MakeEmbedder) -> None:
+    """Run all rules. Raises ``AssertionError`` naming the first that is broken."""
+    for name, check in RULES.items():
         try:
-            rule(make)
+            check(make)
         except Exception as error:
-            broken.append(f"{rule.__name__}: {error}")
-    return broken
+            raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error

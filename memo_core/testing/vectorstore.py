@@ -1,8 +1,8 @@
 """Conformance of vector stores: ``check_vector_store(make)`` runs every rule, each can be run alone as a test.
 
-@pytest.mark.parametrize("rule", VECTOR_STORE_RULES, ids=rule_name)
+@pytest.mark.parametrize("rule", RULES)
 def test_my_store(rule):
-    rule(MyStore)
+    RULES[rule](MyStore)
 """
 
 from __future__ import annotations
@@ -15,6 +15,14 @@ from memo_core.interfaces.vectorstore import VectorStore
 
 MakeStore = Callable[[], VectorStore]
 Rule = Callable[[MakeStore], None]
+
+RULES: dict[str, Rule] = {}
+
+
+def rule(check: Rule) -> Rule:
+    """Register a check; its docstring is the promise."""
+    RULES[check.__name__] = check
+    return check
 
 
 def _random(count: int, dimension: int, seed: int) -> np.ndarray:
@@ -30,6 +38,7 @@ def _filled(make: MakeStore, ids: list[int], vectors: np.ndarray) -> VectorStore
     return store
 
 
+@rule
 def finds_the_largest_inner_product(make: MakeStore) -> None:
     """The best of a search is the true best, and every score is the inner product, larger is more alike."""
     vectors = _random(200, 12, 1)
@@ -43,6 +52,7 @@ def finds_the_largest_inner_product(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def orders_largest_first(make: MakeStore) -> None:
     """Scores never grow along the answer."""
     store = _filled(make, list(range(100)), _random(100, 8, 2))
@@ -52,6 +62,7 @@ def orders_largest_first(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def does_not_normalise(make: MakeStore) -> None:
     """Longer vectors have larger inner products; a store of cosines would lose the weights λ1 and λ2."""
     vectors = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]], dtype=np.float32)
@@ -61,6 +72,7 @@ def does_not_normalise(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def keeps_ids(make: MakeStore) -> None:
     """Any 63-bit id comes back as it was given."""
     ids = [0, 5, 2**40 + 1, 2**62]
@@ -70,6 +82,7 @@ def keeps_ids(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def answers_at_most_count(make: MakeStore) -> None:
     """As many as asked for, or all there are; none from an empty store and no padding."""
     store = _filled(make, [1, 2, 3], _random(3, 4, 6))
@@ -82,6 +95,7 @@ def answers_at_most_count(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def adding_replaces(make: MakeStore) -> None:
     """An id that is added again has the new vector only."""
     store = _filled(make, [1, 2], np.array([[1, 0], [0, 1]], dtype=np.float32))
@@ -94,6 +108,7 @@ def adding_replaces(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def removes(make: MakeStore) -> None:
     """What was removed is not found; unknown ids are passed over."""
     vectors = _random(10, 5, 8)
@@ -104,6 +119,7 @@ def removes(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def reset_forgets(make: MakeStore) -> None:
     """After reset nothing is left, the dimension is the new one and no generation is claimed."""
     store = _filled(make, [1, 2], _random(2, 4, 9))
@@ -115,6 +131,7 @@ def reset_forgets(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def refuses_a_wrong_dimension(make: MakeStore) -> None:
     """Vectors of another dimension raise, and leave the store as it was."""
     store = _filled(make, [1], _random(1, 4, 12))
@@ -127,6 +144,7 @@ def refuses_a_wrong_dimension(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def keeps_a_copy(make: MakeStore) -> None:
     """Changing an array after it was added changes nothing."""
     vectors = _random(3, 4, 14)
@@ -138,6 +156,7 @@ def keeps_a_copy(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def remembers_its_generation_or_none(make: MakeStore) -> None:
     """``generation`` is None before ``set_generation`` and afterwards that number or still None."""
     store = _filled(make, [1], _random(1, 4, 15))
@@ -147,6 +166,7 @@ def remembers_its_generation_or_none(make: MakeStore) -> None:
     store.close()
 
 
+@rule
 def opens_and_closes_twice(make: MakeStore) -> None:
     """``open`` and ``close`` are idempotent; closing before opening is no error; it can be opened again."""
     store = make()
@@ -162,28 +182,10 @@ def opens_and_closes_twice(make: MakeStore) -> None:
     store.close()
 
 
-VECTOR_STORE_RULES: tuple[Rule, ...] = (
-    finds_the_largest_inner_product,
-    orders_largest_first,
-    does_not_normalise,
-    keeps_ids,
-    answers_at_most_count,
-    adding_replaces,
-    removes,
-    reset_forgets,
-    refuses_a_wrong_dimension,
-    keeps_a_copy,
-    remembers_its_generation_or_none,
-    opens_and_closes_twice,
-)
-
-
-def check_vector_store(make: MakeStore) -> list[str]:
-    """Run all rules; returns one line for each that is broken."""
-    broken = []
-    for rule in VECTOR_STORE_RULES:
+def check_vector_store(make: MakeStore) -> None:
+    """Run all rules. Raises ``AssertionError`` naming the first that is broken."""
+    for name, check in RULES.items():
         try:
-            rule(make)
+            check(make)
         except Exception as error:
-            broken.append(f"{rule.__name__}: {error}")
-    return broken
+            raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
