@@ -12,6 +12,7 @@ import importlib.util
 import inspect
 import os
 import time
+import typing
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
@@ -335,8 +336,16 @@ def _check_descriptor(backend: Any, kind: str, hook: str) -> None:
         raise TypeError(f"{said}: the factory must be callable")
     if not isinstance(backend.config, type) or not attrs.has(backend.config):
         raise TypeError(f"{said}: config must be an attrs class")
+    _check_annotations(backend.config, said)
     if "backend" in (field.alias for field in attrs.fields(backend.config)):
         raise TypeError(f"{said}: a config field may not be called 'backend', which selects the backend")
+
+
+def _check_annotations(config: type, said: str) -> None:
+    try:
+        typing.get_type_hints(config)
+    except Exception as error:
+        raise TypeError(f"{said}: the annotations of {config.__name__} cannot be read: {error}") from error
 
 
 def _one_line(error: BaseException) -> str:

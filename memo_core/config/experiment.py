@@ -22,7 +22,7 @@ from memo_core.plugins import NoDefaultBackend, Registry, missing_needs
 
 SINGLE_KINDS = tuple(kind for kind in KINDS if kind != "skills")
 SCALARS: dict[str, Any] = {"task": str, "seed": int}
-SCALAR_DEFAULTS: dict[str, Any] = {"task": None, "seed": 0}
+SCALAR_DEFAULTS: dict[str, Any] = {"seed": 0}
 
 
 @attrs.frozen(eq=False)
@@ -101,7 +101,7 @@ def load_experiment(
     and win over the file. Raises ``ConfigErrors`` with everything that is wrong.
     """
     given = [f"task={task}" for task in [task] if task is not None] + [f"seed={s}" for s in [seed] if s is not None]
-    merged = merge(file, [*overrides, *given])
+    merged = merge(file, [*overrides, *given], SCALAR_DEFAULTS)
     return _Assembly(registry, sections or {}, merged).experiment()
 
 
@@ -147,7 +147,7 @@ class _Assembly:
         return tuple(ordered)
 
     def _scalar(self, name: str, wanted: Any) -> Any:
-        value = self._merged.values.get(name, SCALAR_DEFAULTS[name])
+        value = self._merged.values.get(name)
         if value is not None:
             checked = len(self._checker.issues)
             try:
@@ -178,6 +178,9 @@ class _Assembly:
 
     def _choose_skills(self) -> tuple[Choice, ...]:
         items = self._merged.values.get("skills", [])
+        if not isinstance(items, list):
+            self._checker.wrong(("skills",), "must be the name of a skills backend, or a list of them")
+            return ()
         chosen = []
         for index, item in enumerate(items):
             path = ("skills", index)

@@ -12,7 +12,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.config.errors import Issue, Origin, dotted
+from memo_core.config.errors import DEFAULT, Issue, Origin, dotted
 from memo_core.config.source import Path_, Source, read_file, read_value
 from memo_core.interfaces.backend import KINDS
 
@@ -36,9 +36,10 @@ class Merged:
         return self.origins.get((), Origin("default"))
 
 
-def merge(file: Path | None, overrides: Sequence[str] = ()) -> Merged:
-    """Read the file, what it extends, and ``--set`` overrides (``llm.model=gemini``), and stack them."""
-    layers = _with_bases(file, str(file), ()) if file is not None else []
+def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, Any] | None = None) -> Merged:
+    """Stack ``defaults`` of the top level, what the file extends, the file, and ``--set`` (``llm.model=gemini``)."""
+    base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
+    layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
     layers.append(_overrides(overrides))
     issues = [issue for layer in layers for issue in layer.issues]
     for layer in layers:
@@ -148,12 +149,14 @@ def _normalise(layer: Source) -> list[Issue]:
     return issues
 
 
-def _skill_list(layer: Source, value: Any) -> list[Any]:
+def _skill_list(layer: Source, value: Any) -> Any:
     if isinstance(value, (str, dict)):
         for path in [path for path in layer.origins if path[0] == "skills" and len(path) > 1]:
             layer.origins[("skills", 0, *path[1:])] = layer.origins.pop(path)
         value = [value]
     items = []
+    if not isinstance(value, (list, type(None))):
+        return value  # said when the experiment is checked
     for index, item in enumerate(value or []):
         if isinstance(item, str):
             origin = layer.origins.get(("skills", index), layer.origins.get(("skills",), Origin("--set")))

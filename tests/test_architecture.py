@@ -1,0 +1,139 @@
+"""The house as DESIGN 2 draws it: arrows run downward, plugins do not know each other, the core knows none of them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from memo_core.interfaces.backend import KINDS
+from memo_core.plugins import Registry
+
+ROOT = Path(__file__).parents[1]
+CORE = sorted((ROOT / "memo_core").rglob("*.py"))
+PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").glob("*/memo_*/plugin.py"))}
+
+# Rooms in one line do not know each other either.
+LEVELS = (
+    ("errors", "events"),
+    ("scene",),
+    ("skills",),
+    ("interfaces",),
+    ("hooks",),
+    ("plugins",),
+    ("config",),
+    ("skillbook", "sandbox", "arm"),
+    ("policy",),
+    ("experiment",),
+    ("testing", "builtin"),
+    ("cli",),
+)
+LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
+VENDORS = {
+    "mujoco",
+    "pybullet",
+    "litellm",
+    "faiss",
+    "chromadb",
+    "torch",
+    "sentence_transformers",
+    "onnxruntime",
+    "openai",
+}
+
+
+def imports(source: str, package: str) -> Iterator[str]:
+    """Every module that a file imports, wherever in it."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def room_of(module: str) -> str | None:
+    parts = module.split(".")
+    return parts[1] if parts[0] == "memo_core" and len(parts) > 1 and parts[1] in LEVEL else None
+
+
+def wrong_arrows(room: str, source: str, package: str) -> set[str]:
+    targets = {target for target in map(room_of, imports(source, package)) if target and target != room}
+    return {target for target in targets if LEVEL[target] >= LEVEL[room]}
+
+
+def package_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).parent.parts)
+
+
+def test_every_room_has_its_place():
+    rooms = {path.relative_to(ROOT / "memo_core").parts[0].removesuffix(".py") for path in CORE} - {"__init__"}
+    assert rooms <= set(LEVEL)
+
+
+@pytest.mark.parametrize("path", CORE, ids=lambda path: str(path.relative_to(ROOT)))
+def test_arrows_inside_the_core_run_downward(path):
+    room = path.relative_to(ROOT / "memo_core").parts[0].removesuffix(".py")
+    if room != "__init__":
+        assert not wrong_arrows(room, path.read_text(encoding="utf-8"), package_of(path))
+
+
+@pytest.mark.parametrize(
+    ("room", "source"),
+    [
+        ("scene", "from memo_core.policy import loop"),
+        ("arm", "import memo_core.skillbook.book"),
+        ("policy", "def later():\n    from memo_core import experiment"),
+        ("skills", "from ..cli import app"),
+    ],
+)
+def test_an_arrow_that_runs_upward_or_across_is_seen(room, source):
+    assert wrong_arrows(room, source, f"memo_core.{room}")
+
+
+def test_the_core_imports_no_plugin_and_no_vendor():
+    for path in CORE:
+        top = {module.split(".")[0] for module in imports(path.read_text(encoding="utf-8"), package_of(path))}
+        assert not top & (set(PLUGINS) | VENDORS), path
+
+
+@pytest.mark.parametrize("name", PLUGINS)
+def test_plugins_never_import_each_other(name):
+    for path in PLUGINS[name].rglob("*.py"):
+        top = {module.split(".")[0] for module in imports(path.read_text(encoding="utf-8"), name)}
+        assert not top & (set(PLUGINS) - {name}), path
+
+
+def test_the_core_names_no_backend():
+    registry = Registry()
+    foreign = {
+        backend.name
+        for kind in KINDS
+        for backend in registry.backends(kind)
+        if registry.plugin_of(backend).distribution != "memo-core"
+    }
+    assert foreign
+    for path in CORE:
+        constants = {
+            n.value for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Constant)
+        }
+        assert not constants & foreign, path
+
+
+def test_nothing_in_the_repository_holds_a_machine_path_or_an_index():
+    import subprocess
+
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    if tracked.returncode:
+        pytest.skip("not a git checkout")
+    forbidden = ("/" + "root/", "/" + "work/", "--index" + "-url", "--extra-index" + "-url", "--find" + "-links")
+    for name in filter(None, tracked.stdout.split("\0")):
+        path = ROOT / name
+        if path.suffix in {".png", ".mp4", ".onnx", ".gif", ".jpg"} or not path.is_file():
+            continue
+        text = path.read_text(encoding="utf-8", errors="replace")
+        assert not [word for word in forbidden if word in text], name
