@@ -22,6 +22,8 @@ from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Sighting
+from memo_core.sandbox.execution import Execution
+from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import SceneGraph
 from memo_core.skills.control import Control
 
@@ -249,16 +251,16 @@ class Verified:
     sim_s: float = 0.0
 
 
-def run_code(world: World, code: str, sandbox: Any, settle_s: float = 0.5) -> Any:
-    """Run robot code in a world and let things come to rest. Returns the sandbox's ``Execution``."""
-    execution = sandbox.run(code, world.control)
+def run_code(world: World, code: str, sandbox: Sandbox, settle_s: float = 0.5, **options: Any) -> Execution:
+    """Run robot code in a world and let things come to rest. ``options`` go to ``Sandbox.run``."""
+    execution = sandbox.run(code, world.control, stopped=lambda: world.link.stopped, clock=world.time, **options)
     if not world.link.stopped:
         world.settle(settle_s)
     return execution
 
 
 def verify_task(
-    make_world: Callable[[int], World], make_sandbox: Callable[[], Any], seeds: Sequence[int]
+    make_world: Callable[[int], World], make_sandbox: Callable[[], Sandbox], seeds: Sequence[int]
 ) -> Iterable[Verified]:
     """The reference solution and doing nothing on each seed, both judged by the success check. ``make_world(seed)``
     gives an unopened world of the task."""

@@ -15,7 +15,7 @@ from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, Subt
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Sighting, Verdict
 from memo_core.policy.asking import Questions
-from memo_core.policy.method import Memory
+from memo_core.policy.memories import Memory
 from memo_core.policy.readers import Unreadable, read_code, read_plan
 from memo_core.policy.retrieving import Served, retrieve
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
@@ -211,7 +211,7 @@ class Loop:
             subtask=str(key),
             done=self._done,
             skills=documentation(session.skills),
-            subset=session.subset,
+            subset=session.sandbox.subset(),
             corrections=served.corrections,
             general=served.general,
             templates=served.templates,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-import attrs
-
+from memo_core.policy.memories import Memory
 from memo_core.policy.session import RunResult, Session
 
 
@@ -20,32 +19,6 @@ class Method(ABC):
         """Do the task. Called in a worker thread; returns when the task is done or given up.
 
         Raises ``Stopped`` only when the run is to end; anything else a person can act on as a ``MemoError``."""
-
-
-@attrs.frozen
-class Memory:
-    """What a language method keeps and is served of what people teach."""
-
-    corrections: bool = True
-    general: bool = True
-    templates: bool = True
-    clusters: bool = True  # offline, over the whole book
-
-    @property
-    def any(self) -> bool:
-        return self.corrections or self.general or self.templates
-
-
-EVERYTHING = Memory()
-METHODS = {
-    "memo": ("corrections, general statements and templates, clustered offline", EVERYTHING),
-    "memo-c": ("memo without clustering", Memory(clusters=False)),
-    "memo-s": (
-        "no skillbook: what is said is kept, but never served to another subtask",
-        Memory(False, False, False, False),
-    ),
-    "droc-v": ("specific corrections only", Memory(general=False, templates=False, clusters=False)),
-}
 
 
 class LanguageMethod(Method):

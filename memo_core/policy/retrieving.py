@@ -7,7 +7,7 @@ import threading
 import attrs
 
 from memo_core.events import Retrieved
-from memo_core.policy.method import Memory
+from memo_core.policy.memories import Memory
 from memo_core.policy.session import Session
 from memo_core.policy.stopping import abandonable
 from memo_core.skillbook import retrieval

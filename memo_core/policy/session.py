@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import attrs
 
@@ -13,17 +13,11 @@ from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stage import Stage
 from memo_core.policy.stopping import StopSwitch
-from memo_core.sandbox.execution import Execution
+from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
 
 Status = Literal["approved", "corrected", "unobserved"]
-
-
-class Runner(Protocol):
-    """The sandbox as a method sees it."""
-
-    def run(self, code: str, control: Any, *, stopped: Callable[[], bool], **options: Any) -> Execution: ...
 
 
 class Journal(Protocol):
@@ -55,11 +49,10 @@ class Session:
     stage: Stage
     llm: LanguageModel
     skills: dict[str, Skill]
-    sandbox: Runner
+    sandbox: Sandbox
     settings: RunSettings
     stop: StopSwitch
     journal: Journal
-    subset: str  # which Python the sandbox runs, for the prompt
     emit: Callable[[Event], None]
     book: Skillbook | None = None
     teacher: AskTeacher | None = None

@@ -8,7 +8,7 @@ from memo_core.errors import MemoError, Stopped
 from memo_core.events import EntryStored, FeedbackGiven, Problem
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.policy.asking import Questions
-from memo_core.policy.method import Memory
+from memo_core.policy.memories import Memory
 from memo_core.policy.prompting import scene_table
 from memo_core.policy.readers import Notes, Unreadable, read_notes, read_template
 from memo_core.policy.session import Session

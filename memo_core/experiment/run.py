@@ -1,0 +1,288 @@
+"""One run: a task done once by a method, with everything kept in a folder (``memo run``)."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config import Experiment
+from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.events import Event, ModelCalled, RunEnded, RunStarted
+from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
+from memo_core.experiment.folder import RunFolder, new_run_folder
+from memo_core.experiment.journal import WorldJournal
+from memo_core.experiment.stop import Supervisor
+from memo_core.experiment.world import World
+from memo_core.interfaces.llm import LanguageModel
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.teacher import Teacher
+from memo_core.plugins import Registry
+from memo_core.policy.method import Method
+from memo_core.policy.session import RunResult, Session
+from memo_core.policy.settings import RunSettings
+from memo_core.policy.stopping import StopSwitch
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.skill import Skill
+
+
+@attrs.frozen(eq=False)
+class RunReport:
+    """How a run went: the success check's verdict, and what it took. ``problem`` is the error that ended it, if any."""
+
+    run: str
+    folder: Path
+    task: str
+    instruction: str
+    method: str
+    seed: int
+    outcome: Outcome | None
+    result: RunResult
+    problem: str
+    wall_s: float
+    sim_s: float
+    prompt_tokens: int
+    completion_tokens: int
+    cost: float | None
+    ended_by_person: bool = False
+
+    @property
+    def success(self) -> bool:
+        return self.outcome is not None and self.outcome.success
+
+    def summary(self) -> dict[str, Any]:
+        """As written to ``summary.json`` and printed by ``--json``."""
+        return {
+            "run": self.run,
+            "task": self.task,
+            "instruction": self.instruction,
+            "method": self.method,
+            "seed": self.seed,
+            "success": None if self.outcome is None else self.outcome.success,
+            "reason": self.outcome.reason if self.outcome else "",
+            "measures": self.outcome.measures if self.outcome else {},
+            "ended": self.result.reason,
+            "problem": self.problem or None,
+            "ended_by_person": self.ended_by_person,
+            "subtasks": [attrs.asdict(one) for one in self.result.subtasks],
+            "wall_s": round(self.wall_s, 3),
+            "sim_s": round(self.sim_s, 3),
+            "prompt_tokens": self.prompt_tokens,
+            "completion_tokens": self.completion_tokens,
+            "cost": self.cost,
+            "folder": str(self.folder),
+        }
+
+
+@attrs.frozen(eq=False)
+class Cast:
+    """The parts of one run. What is None is not there: no book, nobody watching."""
+
+    method: Method
+    llm: LanguageModel
+    make_world: Callable[[], World]
+    sandbox: Sandbox
+    skills: dict[str, Skill]
+    settings: RunSettings
+    book: Skillbook | None = None
+    teacher: Teacher | None = None
+
+
+def run_experiment(
+    experiment: Experiment,
+    registry: Registry,
+    out: Path,
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+    memory: bool = True,
+) -> RunReport:
+    """Do the experiment's task once, in a new folder under ``out``. ``listener`` hears every event (a console);
+    ``memory=False`` leaves the book alone. Call it in the main thread: it owns the signals meanwhile.
+
+    Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
+    """
+    if experiment.task is None:
+        raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
+    task = task_of(experiment, experiment.task)
+    method: Method = experiment.create("method")
+    book = book_of(experiment) if memory else None
+    cast = Cast(
+        method=method,
+        llm=experiment.create("llm"),
+        make_world=lambda: world_of(experiment, task, experiment.seed),
+        sandbox=sandbox_of(experiment),
+        skills=library_of(experiment),
+        settings=experiment.section("run"),
+        book=book,
+        teacher=experiment.create("teacher") if "teacher" in experiment.choices else None,
+    )
+    folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
+    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view)
+
+
+def perform(
+    cast: Cast,
+    task: Task,
+    seed: int,
+    folder: RunFolder,
+    registry: Registry,
+    config: dict[str, Any],
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+) -> RunReport:
+    """Open the cast, do the task, close everything, and keep it in ``folder``. Raises ``MemoError`` only for what keeps
+    the run from beginning."""
+    run = f"{task.name}-{uuid.uuid4().hex[:8]}"
+    account = _Account()
+    bystander = registry.listen(listener, "console") if listener else None
+
+    def emit(event: Event) -> None:
+        if not event.time:
+            event = attrs.evolve(event, time=time.time())
+        account.note(event)
+        folder.event(event)
+        registry.emit(event)
+
+    started = time.monotonic()
+    folder.config(config)
+    stop = StopSwitch()
+    supervisor = Supervisor(stop, cast.teacher)
+    emit(RunStarted(run, task.name, task.instruction, seed, config))
+    ended = _Ended()
+    try:
+        if cast.teacher is not None:
+            cast.teacher.open()
+        supervisor.run(lambda: _work(cast, run, seed, folder, emit, stop, supervisor, ended, view))
+    except Stopped:
+        ended.problem = "ended by a person"
+    except MemoError as error:
+        ended.problem = str(error)
+    finally:
+        if cast.teacher is not None:
+            cast.teacher.close()
+        report = RunReport(
+            run=run,
+            folder=folder.path,
+            task=task.name,
+            instruction=task.instruction,
+            method=cast.method.name,
+            seed=seed,
+            outcome=ended.outcome,
+            result=ended.result or RunResult(ended.problem or "it broke off", False, tuple(account.subtasks)),
+            problem=ended.problem,
+            wall_s=time.monotonic() - started,
+            sim_s=ended.sim_s,
+            prompt_tokens=account.prompt_tokens,
+            completion_tokens=account.completion_tokens,
+            cost=account.cost,
+            ended_by_person=supervisor.ending,
+        )
+        emit(_run_ended(report))
+        folder.write_json("summary.json", report.summary())
+        folder.close()
+        if bystander:
+            bystander()
+    return report
+
+
+@attrs.define
+class _Ended:
+    """What is known when the worker has ended, however it did."""
+
+    result: RunResult | None = None
+    outcome: Outcome | None = None
+    sim_s: float = 0.0
+    problem: str = ""
+
+
+@attrs.define
+class _Account:
+    """What the model calls of a run came to, abandoned ones included."""
+
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost: float | None = None
+    subtasks: list[Any] = attrs.field(factory=list)
+
+    def note(self, event: Event) -> None:
+        if isinstance(event, ModelCalled):
+            self.prompt_tokens += event.prompt_tokens
+            self.completion_tokens += event.completion_tokens
+            if event.cost is not None:
+                self.cost = (self.cost or 0.0) + event.cost
+
+
+def _work(
+    cast: Cast,
+    run: str,
+    seed: int,
+    folder: RunFolder,
+    emit: Callable[[Event], None],
+    stop: StopSwitch,
+    supervisor: Supervisor,
+    ended: _Ended,
+    view: bool,
+) -> None:
+    """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
+    cast.llm.open()
+    try:
+        if cast.book is not None:
+            cast.book.open()
+        cast.sandbox.open()
+        with cast.make_world() as world, stop.waking(world.link.stop):
+            if view:
+                world.simulator.view()
+            journal = WorldJournal(folder, world, cast.settings, emit)
+            session = Session(
+                run=run,
+                stage=world,
+                llm=cast.llm,
+                skills=cast.skills,
+                sandbox=cast.sandbox,
+                settings=cast.settings,
+                stop=stop,
+                journal=journal,
+                emit=emit,
+                book=cast.book,
+                teacher=supervisor.ask if cast.teacher is not None else None,
+                who=cast.teacher.who if cast.teacher is not None else "nobody",
+                seed=seed,
+                ending=lambda: supervisor.ending,
+            )
+            try:
+                ended.result = cast.method.run(session)
+            finally:
+                journal.close()
+                ended.sim_s = world.time()
+                ended.outcome = _judge(world)
+    finally:
+        cast.sandbox.close()
+        if cast.book is not None:
+            cast.book.close()
+        cast.llm.close()
+
+
+def _judge(world: World) -> Outcome:
+    """The success check, when everything has come to rest. A stop does not keep it from being asked."""
+    for _ in range(round(1.0 / world.simulator.control_period)):
+        world.simulator.tick()
+    return world.check()
+
+
+def _run_ended(report: RunReport) -> RunEnded:
+    return RunEnded(
+        run=report.run,
+        success=None if report.outcome is None else report.outcome.success,
+        reason=report.problem or report.result.reason,
+        wall_s=report.wall_s,
+        sim_s=report.sim_s,
+        subtasks=len(report.result.subtasks),
+        prompt_tokens=report.prompt_tokens,
+        completion_tokens=report.completion_tokens,
+        cost=report.cost,
+    )

@@ -1,0 +1,383 @@
+"""What the loop promises: feedback first on disk, the world put back, entries served to the next try, honest statuses."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from memo_core.events import CodeEnded, EntryStored, Event, FeedbackGiven, ModelCalled, Problem, Retrieved
+from memo_core.interfaces.llm import LanguageModelError
+from memo_core.interfaces.teacher import Episode, Verdict
+from memo_core.policy.loop import Loop
+from memo_core.policy.memories import METHODS
+from memo_core.policy.readers import Unreadable
+from memo_core.policy.session import RunResult, Session
+from memo_core.policy.settings import RunSettings
+from memo_core.policy.stopping import StopSwitch
+from memo_core.sandbox import Sandbox
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import skill_library
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_llm import ScriptedModel
+from memo_core.testing.fake_stage import FakeStage
+from memo_core.testing.fake_store import FakeStore
+
+BESIDE = "```python\np = get_position('red cube')\nmove_to([p[0], p[1] + 0.1, p[2]])\nclose_gripper()\n```"
+GRASP = "```python\nopen_gripper()\nmove_to(get_position('red cube'), top_orientation())\nclose_gripper()\n```"
+NOTES = json.dumps({"corrections": ["Move over the middle of the object before closing."], "general": []})
+TEMPLATE = '```python\ndef pick(name):\n    """Picks up what is named."""\n    move_to(get_position(name))\n    close_gripper()\n```'
+SAID = "  no — über dem Würfel, not beside it\n"
+
+
+class NoJournal:
+    def model_call(self, *args, **kwargs) -> str:
+        return ""
+
+    def code(self, *args) -> str:
+        return ""
+
+    def subtask_start(self, *args) -> None: ...
+
+    def attempt_begins(self, *args) -> None: ...
+
+    def attempt_ends(self, *args) -> None: ...
+
+
+class Bench:
+    """A loop on a fake stage with a real sandbox and a real book, and everything that was observed."""
+
+    def __init__(
+        self, sandbox: Sandbox, book: Skillbook | None, script, verdicts, method="memo", stage=None, **settings
+    ):
+        self.stage = stage or FakeStage()
+        self.llm = script if isinstance(script, ScriptedModel) else ScriptedModel(script)
+        self.book = book
+        self.events: list[Event] = []
+        self.episodes: list[Episode] = []
+        self.stop = StopSwitch()
+        self._verdicts = list(verdicts) if verdicts is not None else None
+        teacher: Callable | None = self._judge if verdicts is not None else None
+        self.session = Session(
+            run="run-1",
+            stage=self.stage,
+            llm=self.llm,
+            skills=sandbox.skills,
+            sandbox=sandbox,
+            settings=RunSettings(**settings),
+            stop=self.stop,
+            journal=NoJournal(),
+            emit=self.events.append,
+            book=book,
+            teacher=teacher,
+            who="ana",
+        )
+        self.loop = Loop(self.session, METHODS[method])
+
+    def _judge(self, episode: Episode, interrupted: bool) -> Verdict:
+        self.episodes.append(episode)
+        verdict = self._verdicts.pop(0) if self._verdicts else Verdict("silent")
+        return verdict(episode) if callable(verdict) else verdict
+
+    def run(self) -> RunResult:
+        with self.stop.waking(self.stage.link.stop):
+            return self.loop.run()
+
+    def of(self, kind):
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+@pytest.fixture(scope="module")
+def sandbox():
+    with Sandbox(skill_library(BUILTIN_SKILLS)) as opened:
+        yield opened
+
+
+@pytest.fixture
+def book(tmp_path: Path):
+    with Skillbook(f"sqlite:///{tmp_path / 'book.db'}", FakeEmbedder(), FakeStore()) as opened:
+        yield opened
+
+
+YES, NO = Verdict("approve"), Verdict("correct", SAID)
+
+
+def test_a_correction_is_learnt_and_the_second_try_starts_where_the_first_did(sandbox, book):
+    bench = Bench(
+        sandbox,
+        book,
+        {
+            "plan": ["PICK_UP(red cube)", "DONE"],
+            "code": [BESIDE, GRASP],
+            "feedback": [NOTES],
+            "template": [TEMPLATE],
+        },
+        [NO, YES],
+    )
+    result = bench.run()
+    assert result.finished
+    [subtask] = result.subtasks
+    assert (subtask.status, subtask.attempts) == ("approved", 2)
+    assert bench.stage.control.holding()
+    first, second = bench.episodes
+    assert first.before.node("red cube").pose == second.before.node("red cube").pose
+    assert first.before.time == second.before.time
+    assert not first.after.observation.holding and second.after.observation.holding
+    assert "Move over the middle" not in bench.llm.prompts("code")[0]
+    assert "[PICK_UP(red cube)] Move over the middle of the object before closing." in bench.llm.prompts("code")[1]
+    assert [e.text for e in bench.of(Retrieved)[1].served] == ["Move over the middle of the object before closing."]
+    [template] = book.entries("template")
+    assert template.text.startswith("def pick(name):")
+    [correction] = book.entries("correction")
+    assert (correction.uses, correction.confirmed_uses) == (1, 1)
+
+
+def test_words_are_on_disk_verbatim_before_a_model_hears_of_them(sandbox, book):
+    found: list[str] = []
+
+    def look_into_the_book(request) -> str:
+        found.extend(f.words for f in Skillbook(book.url).open().pending_feedback())
+        return NOTES
+
+    bench = Bench(
+        sandbox,
+        book,
+        {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "feedback": [look_into_the_book]},
+        [NO, Verdict("silent")],
+    )
+    bench.run()
+    assert found == [SAID]
+    [given] = bench.of(FeedbackGiven)
+    kept = book.feedback(given.feedback)
+    assert (kept.words, kept.who, kept.subtask, kept.status) == (SAID, "ana", "PICK_UP(red cube)", "processed")
+    assert kept.code.strip() in BESIDE and "| red cube |" in kept.scene_graph
+
+
+def test_an_unreadable_answer_is_asked_for_again_with_the_reason_and_then_parked(sandbox, book):
+    bench = Bench(
+        sandbox,
+        book,
+        {
+            "plan": ["PICK_UP(red cube)", "DONE"],
+            "code": [BESIDE, GRASP],
+            "feedback": ["I see.", "{}", "corrections: none"],
+        },
+        [NO, YES],
+        method="memo",
+    )
+    bench.run()
+    asked = [request for request in bench.llm.asked if request.phase == "feedback"]
+    assert len(asked) == 3
+    assert "no JSON object" in asked[1].messages[-1].text and asked[1].messages[-2].text == "I see."
+    [parked] = [f for f in book.pending_feedback(parked=True) if f.kind == "correction"]
+    assert parked.status == "parked" and parked.words == SAID and "JSON" in parked.reason
+    assert any("set aside" in problem.where for problem in bench.of(Problem))
+
+
+def test_a_plan_that_stays_unreadable_ends_the_run_in_clear_words(sandbox, book):
+    bench = Bench(sandbox, book, {"plan": ["hm", "hm?", "hm!"]}, [YES])
+    with pytest.raises(Unreadable, match="names no subtask"):
+        bench.run()
+
+
+def test_silence_is_no_success_and_makes_no_template(sandbox, book):
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP]}, None)
+    [subtask] = bench.run().subtasks
+    assert subtask.status == "unobserved"
+    assert book.entries() == [] and not [r for r in bench.llm.asked if r.phase == "template"]
+
+
+def test_corrected_to_the_last_try_is_corrected_and_ends_the_run(sandbox, book):
+    bench = Bench(
+        sandbox,
+        book,
+        {"plan": ["PICK_UP(red cube)"], "code": [BESIDE] * 3, "feedback": [NOTES] * 3},
+        [NO] * 3,
+        attempts=3,
+    )
+    result = bench.run()
+    assert not result.finished and "corrected 3 times" in result.reason
+    assert result.subtasks[0].status == "corrected"
+    assert book.stats().feedback == 3 and not bench.of(Problem)
+
+
+def test_an_error_in_the_code_is_context_for_the_next_try_before_anybody_is_asked(sandbox, book):
+    far = "```python\nmove_to([0.9, 0.9, 0.5])\n```"
+    bench = Bench(
+        sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [far, GRASP], "template": [TEMPLATE]}, [YES]
+    )
+    assert bench.run().subtasks[0].attempts == 1
+    ended = bench.of(CodeEnded)
+    assert "MotionError" in ended[0].error and not ended[1].error
+    prompt = bench.llm.prompts("code")[1]
+    assert "move_to([0.9, 0.9, 0.5])" in prompt and ended[0].error in prompt
+    assert len(bench.episodes) == 1
+    assert book.entries("template"), "nothing had moved, so the second code is the whole story"
+
+
+def test_code_that_only_finished_what_other_code_began_makes_no_template(sandbox, book):
+    half = "```python\nmove_to([0.4, 0.0, 0.3])\nraise RuntimeError('lost')\n```"
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [half, GRASP]}, [YES])
+    assert bench.run().subtasks[0].status == "approved"
+    assert not book.entries("template")
+
+
+def test_errors_to_the_end_are_said_aloud_to_whoever_watches(sandbox, book):
+    far = "```python\nmove_to([0.9, 0.9, 0.5])\n```"
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [far] * 3}, [Verdict("silent")])
+    bench.run()
+    assert "MotionError" in bench.episodes[0].spoken_error
+
+
+def test_a_read_only_book_is_read_and_never_written(sandbox, book):
+    feedback = book.record_feedback("over it", "ana", subtask="PICK_UP(red cube)")
+    book.add_lessons(feedback, "PICK_UP(red cube)", ["Go over it first."])
+    before = book.stats()
+    with Skillbook(book.url, FakeEmbedder(), FakeStore(), read_only=True) as read_only:
+        bench = Bench(sandbox, read_only, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP]}, [YES])
+        assert bench.run().subtasks[0].status == "approved"
+        assert "Go over it first." in bench.llm.prompts("code")[0]
+    assert book.stats() == before
+
+
+@pytest.mark.parametrize(
+    ("method", "kinds"),
+    [("memo", {"correction", "general", "template"}), ("droc-v", {"correction"}), ("memo-s", set())],
+)
+def test_each_method_is_served_only_what_it_remembers(sandbox, book, method, kinds):
+    feedback = book.record_feedback("over it", "ana", subtask="PICK_UP(red cube)")
+    book.add_lessons(feedback, "PICK_UP(red cube)", ["Go over it first."], ["Be slow near people."])
+    approval = book.record_feedback("", "ana", subtask="PICK_UP(red cube)", kind="approval")
+    book.add_template(approval, "PICK_UP(red cube)", "def pick(name): ...")
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP]}, None, method=method)
+    bench.run()
+    served = {e.kind for event in bench.of(Retrieved) for e in event.served}
+    prompt = bench.llm.prompts("code")[0]
+    assert served == kinds
+    assert ("Go over it first." in prompt) == ("correction" in kinds)
+    assert ("Be slow near people." in prompt) == ("general" in kinds)
+    assert ("def pick(name)" in prompt) == ("template" in kinds)
+
+
+def test_without_memory_the_words_still_help_the_next_try(sandbox, book):
+    bench = Bench(
+        sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP]}, [NO, YES], method="memo-s"
+    )
+    assert bench.run().subtasks[0].attempts == 2
+    assert SAID.strip() in bench.llm.prompts("code")[1]
+    assert book.stats().feedback >= 1 and not book.entries()
+
+
+def test_feedback_of_a_run_that_was_killed_is_processed_by_the_next(sandbox, book):
+    book.record_feedback("higher, please", "bo", subtask="PICK_UP(red cube)", scene_graph="## Scene", code="pass\n")
+    bench = Bench(sandbox, book, {"plan": ["DONE"], "feedback": [NOTES]}, None)
+    bench.run()
+    assert "higher, please" in bench.llm.prompts("feedback")[0]
+    assert not book.pending_feedback() and len(bench.of(EntryStored)) == 1
+
+
+def test_a_model_that_cannot_be_reached_leaves_feedback_pending(sandbox, book):
+    gone = LanguageModelError("scripted", "no network")
+    bench = Bench(
+        sandbox,
+        book,
+        {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "feedback": [gone, gone, gone]},
+        [NO, YES],
+    )
+    bench.run()
+    assert [f.words for f in book.pending_feedback() if f.kind == "correction"] == [SAID]
+
+
+def test_the_planner_may_not_ask_for_one_subtask_for_ever(sandbox, book):
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)"] * 9, "code": [GRASP] * 9}, None, repeats=2)
+    result = bench.run()
+    assert "tried 2 times" in result.reason and len(result.subtasks) == 2
+
+
+def test_code_that_never_ends_on_the_robots_clock_is_ended(sandbox, book):
+    slow = "```python\nwhile True:\n    wait(10.0)\n```"
+    bench = Bench(
+        sandbox, book, {"plan": ["WAIT(red cube)", "DONE"], "code": [slow]}, None, repairs=0, code_limit_s=35.0
+    )
+    bench.run()
+    [ended] = bench.of(CodeEnded)
+    assert "35 s of the robot's time" in ended.error and not ended.stopped
+
+
+# -- stopping ----------------------------------------------------------------------------------------------------------
+
+
+def stopping_bench(sandbox, book, phase: str, verdicts) -> Bench:
+    """A bench whose stop is pressed once, from another thread, while ``phase`` is at work."""
+    script = {
+        "plan": ["PICK_UP(red cube)"] * (2 if phase == "plan" else 1) + ["DONE"],  # one goes to the call given up
+        "code": [GRASP, GRASP, GRASP],
+        "feedback": [NOTES, NOTES],
+        "template": [TEMPLATE, TEMPLATE],
+    }
+    llm = ScriptedModel(script)
+    bench = Bench(sandbox, book, llm, verdicts)
+    pressed = threading.Event()
+
+    def press_once() -> None:
+        if not pressed.is_set():
+            pressed.set()
+            bench.stop.press()
+
+    if phase in script:
+        answer = llm.answer
+
+        def slow(request, on_text=None, cancelled=None):
+            if request.phase == phase and not pressed.is_set():
+                threading.Timer(0.05, press_once).start()
+                pressed.wait()
+                threading.Event().wait(0.1)
+            return answer(request, on_text, cancelled)
+
+        llm.answer = slow
+    elif phase == "retrieval":
+        retrieve = book.retrieve
+
+        def slow_retrieve(*args, **kwargs):
+            threading.Timer(0.02, press_once).start()
+            pressed.wait()
+            return retrieve(*args, **kwargs)
+
+        book.retrieve = slow_retrieve
+    else:
+        bench.stage.control.on_command = lambda name: press_once() if name == phase else None
+    return bench
+
+
+@pytest.mark.parametrize("phase", ["plan", "retrieval", "code", "move_to", "close_gripper", "template"])
+def test_after_a_stop_in_any_phase_the_person_is_heard_and_the_run_goes_on(sandbox, book, phase):
+    bench = stopping_bench(sandbox, book, phase, [Verdict("correct", SAID)] + [YES] * 3)
+    if phase == "template":
+        bench._verdicts = [YES, Verdict("correct", SAID), YES, YES]
+    result = bench.run()
+    assert result.finished and result.subtasks[-1].status == "approved"
+    assert [event.words for event in bench.of(FeedbackGiven)] == [SAID]
+    assert [f.words for f in [book.feedback(e.feedback) for e in bench.of(FeedbackGiven)]] == [SAID]
+    assert bench.stage.control.holding() and not bench.stage.link.stopped and not bench.stop.pressed
+    assert bench.stage.restored >= 1
+
+
+def test_after_a_stop_without_words_the_subtask_begins_again(sandbox, book):
+    bench = stopping_bench(sandbox, book, "move_to", [Verdict("silent"), YES])
+    [subtask] = bench.run().subtasks
+    assert (subtask.status, subtask.attempts, subtask.interrupted) == ("approved", 1, 1)
+
+
+def test_an_answer_that_comes_after_a_stop_is_counted_as_cost(sandbox, book):
+    bench = stopping_bench(sandbox, book, "code", [Verdict("silent"), YES])
+    bench.run()
+    for _ in range(100):
+        if any(event.abandoned for event in bench.of(ModelCalled)):
+            break
+        threading.Event().wait(0.02)
+    [late] = [event for event in bench.of(ModelCalled) if event.abandoned]
+    assert late.phase == "code" and late.cost > 0
