@@ -168,14 +168,15 @@ class Registry:
         return tuple(plugin for plugin in self.plugins if plugin.error)
 
     @property
+    def ambiguous(self) -> tuple[tuple[str, str], ...]:
+        """(kind, name) of what two plugins declare."""
+        return tuple(key for key, owners in sorted(self._declared.items()) if len(owners) > 1)
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """One line for each broken plugin, each name declared twice, and each listener that was detached."""
         lines = [f"plugin {p.name!r} of {p.distribution} is broken: {p.error}" for p in self.broken]
-        lines += [
-            str(AmbiguousBackend(kind, name, _distributions(owners)))
-            for (kind, name), owners in sorted(self._declared.items())
-            if len(owners) > 1
-        ]
+        lines += [str(AmbiguousBackend(*key, _distributions(self._declared[key]))) for key in self.ambiguous]
         return tuple(lines) + tuple(f"{problem.where}: {problem.message}" for problem in self._reported)
 
     # -- events --------------------------------------------------------------------------------------------------------

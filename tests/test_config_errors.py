@@ -181,7 +181,7 @@ def test_what_comes_from_the_environment_is_shown_as_its_expression(tmp_path, mo
 MISTAKEN = "retrieval: {cutt: 0.9}\nsandbx: {}\nrun: {attempts: many}\nmethod: memmo\n"
 
 
-def run(*arguments: str) -> int:
+def run(*arguments: str) -> object:
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     return ended.value.code

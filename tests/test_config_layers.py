@@ -134,7 +134,7 @@ def test_the_schema_and_the_checks_agree(tmp_path, text, valid):
         assert valid
 
 
-def run(*arguments: str) -> int:
+def run(*arguments: str) -> object:
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     return ended.value.code

@@ -1,0 +1,189 @@
+"""``memo plugins check NAME``: the conformance suite of a backend's kind, and the rules that hold for every kind.
+
+Each kind's suite is a module here with ``RULES``: rule name -> a check that takes ``make`` (which returns a new,
+unopened instance) and raises ``AssertionError`` where its docstring's promise is broken.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any, Literal
+
+import attrs
+
+from memo_core.config import ConfigErrors, load_experiment
+from memo_core.config.fields import field_types
+from memo_core.errors import BackendUnavailable, MemoError, UnknownName
+from memo_core.interfaces.backend import KINDS, Backend
+from memo_core.plugins import Registry, missing_needs
+
+Make = Callable[[], Any]
+Outcome = Literal["kept", "broken", "skipped"]
+
+SUITES = {kind: f"memo_core.testing.{kind}" for kind in KINDS}
+INTERFACES = {
+    "llm": "memo_core.interfaces.llm:LanguageModel",
+    "embedder": "memo_core.interfaces.embedder:Embedder",
+    "vectorstore": "memo_core.interfaces.vectorstore:VectorStore",
+    "simulator": "memo_core.interfaces.simulator:Simulator",
+    "robot": "memo_core.interfaces.robot:RobotDescription",
+    "perception": "memo_core.interfaces.perception:Perception",
+    "teacher": "memo_core.interfaces.teacher:Teacher",
+    "method": "memo_core.policy.method:Method",
+}
+# Run on its own: what a plugin's module loads beyond what the core itself brings.
+_LOADS = """
+import sys, memo_core.plugins, memo_core.config, jinja2, numpy, sqlalchemy, yaml
+before = set(sys.modules)
+import importlib
+importlib.import_module(sys.argv[1])
+own = sys.argv[1].partition(".")[0]
+new = {name.partition(".")[0] for name in set(sys.modules) - before} - {own, "memo_core"}
+print(*sorted(name for name in new if "site-packages" in (getattr(sys.modules.get(name), "__file__", None) or "")))
+"""
+
+
+@attrs.frozen
+class Result:
+    """How one rule fared on one backend; ``why`` is empty for a promise that is kept."""
+
+    backend: str
+    rule: str
+    outcome: Outcome
+    why: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        return attrs.asdict(self)
+
+
+def find_backends(registry: Registry, name: str) -> tuple[Backend, ...]:
+    """The backends called ``name`` or ``kind/name``. Raises ``UnknownName`` or ``AmbiguousBackend``."""
+    kind, slash, rest = name.partition("/")
+    if slash:
+        if kind not in KINDS:
+            raise UnknownName("kind of backend", kind, KINDS)
+        return (registry.get(kind, rest),)
+    found = tuple(backend for kind in KINDS for backend in registry.backends(kind) if backend.name == name)
+    if not found:
+        for kind in KINDS:
+            if (kind, name) in registry.ambiguous:
+                registry.get(kind, name)
+        raise UnknownName("backend", name, tuple(backend.name for kind in KINDS for backend in registry.backends(kind)))
+    return found
+
+
+def check_backend(registry: Registry, backend: Backend, settings: Any = None) -> Iterator[Result]:
+    """Run the rules for every kind, then the suite of this one, on the backend's default settings or those given."""
+    name = f"{backend.kind}/{backend.name}"
+    for rule, check in GENERAL.items():
+        yield _run(name, rule, functools.partial(check, registry, backend))
+    missing = missing_needs(attrs.evolve(backend.needs, keys=()))
+    if missing:
+        yield Result(name, "conformance", "skipped", "; ".join(f"{m.what} is missing: {m.remedy}" for m in missing))
+        return
+    try:
+        suite = importlib.import_module(SUITES[backend.kind])
+    except ModuleNotFoundError:
+        yield Result(name, "conformance", "skipped", f"there is no suite for {backend.kind} yet")
+        return
+    if settings is None:
+        try:
+            settings = backend.config()
+        except TypeError:
+            yield Result(name, "conformance", "skipped", "its settings have no defaults; check it from a test of yours")
+            return
+    for rule, check in _rules_of(suite, backend.kind).items():
+        yield _run(name, rule, functools.partial(check, lambda: backend.factory(settings)))
+
+
+def _rules_of(suite: Any, kind: str) -> dict[str, Callable[[Make], None]]:
+    return suite.RULES if hasattr(suite, "RULES") else {"conformance": getattr(suite, f"check_{kind}")}
+
+
+def _run(name: str, rule: str, check: Callable[[], None]) -> Result:
+    try:
+        check()
+    except AssertionError as error:
+        return Result(name, rule, "broken", " ".join(str(error).split()) or "the assertion says no more")
+    except BackendUnavailable as error:
+        return Result(name, rule, "skipped", str(error))
+    except Exception as error:
+        return Result(name, rule, "broken", f"raised {type(error).__name__}: {' '.join(str(error).split())}")
+    return Result(name, rule, "kept")
+
+
+# -- rules for every kind ----------------------------------------------------------------------------------------------
+GENERAL: dict[str, Callable[[Registry, Backend], None]] = {}
+
+
+def rule(check: Callable[[Registry, Backend], None]) -> Callable[[Registry, Backend], None]:
+    """Register a rule for all kinds; its docstring is the promise."""
+    GENERAL[check.__name__] = check
+    return check
+
+
+@rule
+def default_settings_pass_their_own_checks(registry: Registry, backend: Backend) -> None:
+    """What the config class gives by default is what a config file may say."""
+    if any(field.default is attrs.NOTHING and field.init for field in attrs.fields(backend.config)):
+        return
+    section = "skills" if backend.kind == "skills" else backend.kind
+    try:
+        load_experiment(registry, None, [f"{section}={backend.name}"])
+    except ConfigErrors as errors:
+        raise AssertionError(str(errors)) from None
+
+
+@rule
+def every_setting_is_explained(registry: Registry, backend: Backend) -> None:
+    """Each field of the config class has a line of help in its metadata."""
+    silent = [field.name for field in attrs.fields(backend.config) if field.init and not field.metadata.get("help")]
+    assert not silent, f"no metadata 'help' on {', '.join(silent)}"
+    field_types(backend.config)
+
+
+@rule
+def declaring_imports_nothing_heavy(registry: Registry, backend: Backend) -> None:
+    """Importing the plugin's module loads no library but those of the core: the heavy ones wait for ``open``."""
+    module = registry.plugin_of(backend).module.partition(":")[0]
+    done = subprocess.run([sys.executable, "-c", _LOADS, module], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, f"{module} cannot be imported on its own: {done.stderr.strip().splitlines()[-1:]}"
+    assert not done.stdout.strip(), f"importing {module} imports {done.stdout.strip()}"
+
+
+@rule
+def factory_makes_the_kinds_interface(registry: Registry, backend: Backend) -> None:
+    """The factory returns an instance of the kind's interface, made new each time."""
+    try:
+        settings = backend.config()
+    except TypeError:
+        return  # needs settings that only its user knows
+    try:
+        made, again = backend.factory(settings), backend.factory(settings)
+    except MemoError as error:
+        raise AssertionError(f"the factory raised {type(error).__name__} on default settings: {error}") from None
+    if backend.kind in INTERFACES:
+        module, _, name = INTERFACES[backend.kind].partition(":")
+        interface = getattr(importlib.import_module(module), name)
+        assert isinstance(made, interface), f"it returned {type(made).__name__}, expected {interface.__name__}"
+    else:
+        assert list(made), f"it returned no {backend.kind}"
+    if hasattr(made, "close"):
+        assert made is not again, "it returned the same instance twice, so closing one closes both"
+
+
+@rule
+def closing_before_opening_is_fine(registry: Registry, backend: Backend) -> None:
+    """``close`` may be called at any time, also twice and also before ``open``."""
+    try:
+        made = backend.factory(backend.config())
+    except TypeError:
+        return
+    close = getattr(made, "close", None)
+    if close is not None:
+        close()
+        close()
