@@ -20,7 +20,7 @@ SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 FLOOR_DEPTH = 0.75  # m below the table's top
 # Dry friction on a small inertia creeps with MuJoCo's defaults; these hold still.
 FRICTION_SOLREF = (0.004, 1.0)
-FRICTION_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
+FRICTION_SOLIMP = (0.999, 0.999, 0.001, 0.5, 2.0)
 LIMIT_SOLREF = (0.01, 1.0)
 # Collision bits: scene bodies touch scene and robot, robot links touch the scene and (if wanted) each other.
 SCENE_BITS = (1, 3)
@@ -97,11 +97,16 @@ def surface(material: Material) -> dict[str, Any]:
     }
 
 
-def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: Any) -> None:
-    """Add one primitive or mesh to an MjSpec body; ``more`` are MjsGeom attributes."""
+def check_size(geom: Geom, where: str) -> None:
+    """Raise ``InvalidArgument`` unless the size fits the shape."""
     if len(geom.size) != _SIZES[geom.shape] or min(geom.size) <= 0:
         expected = f"{_SIZES[geom.shape]} positive numbers"
         raise InvalidArgument(where, f"a {geom.shape} of size {geom.size}", expected)
+
+
+def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: Any) -> None:
+    """Add one primitive or mesh to an MjSpec body; ``more`` are MjsGeom attributes."""
+    check_size(geom, where)
     size = [*geom.size, 0.0, 0.0, 0.0][:3]
     if geom.shape == "box":
         size = [extent / 2 for extent in size]
@@ -134,6 +139,8 @@ def _add_body(spec: mujoco.MjSpec, parent: Any, body: Body) -> None:
         raise InvalidArgument(where, "moves but has no geoms", "at least one geom, or no joint")
     if isinstance(body.joint, Free) and parent.name != "world":
         raise InvalidArgument(where, f"moves freely but is attached to {parent.name!r}", "a body of the scene itself")
+    for geom in body.geoms:
+        check_size(geom, where)
     added = parent.add_body(name=body.name, pos=body.pose.position, quat=body.pose.orientation)
     _add_joint(added, body)
     for geom, mass in zip(body.geoms, masses(body), strict=True):
