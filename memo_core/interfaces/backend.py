@@ -30,6 +30,15 @@ class NoSettings:
     """The config class of a backend that has nothing to set."""
 
 
+@attrs.frozen
+class Demo:
+    """The story that a task suite offers for ``memo demo``: a task that is taught, and one that was never corrected and
+    shows whether the lesson carried over. Both are names of the suite's tasks."""
+
+    taught: str
+    transfer: str
+
+
 @attrs.frozen(eq=False)
 class Backend:
     """One choice of one kind. ``config`` is an attrs class: its fields, types, defaults and field metadata ``help`` are
@@ -55,4 +64,5 @@ class Backend:
     factory: Callable[[Any], Any]
     config: type = NoSettings
     needs: Needs = Needs()
+    demo: Demo | None = None  # of a suite
     default: bool = False  # taken when a config names no backend of this kind and several are installed
