@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import json
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -100,7 +101,8 @@ def load_experiment(
     ``sections`` are the rooms' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
     and win over the file. Raises ``ConfigErrors`` with everything that is wrong.
     """
-    given = [f"task={task}" for task in [task] if task is not None] + [f"seed={s}" for s in [seed] if s is not None]
+    typed = {"task": task, "seed": seed}
+    given = [f"{name}={json.dumps(value)}" for name, value in typed.items() if value is not None]
     merged = merge(file, [*overrides, *given], SCALAR_DEFAULTS)
     return _Assembly(registry, sections or {}, merged).experiment()
 

@@ -14,8 +14,8 @@ class SkillbookSettings:
     """Which skillbook an experiment reads and writes."""
 
     url: str = attrs.field(
-        default="sqlite:///skillbook.db",
-        metadata={"help": "sqlite:///FILE (relative to where memo is started) or postgresql://USER@HOST/NAME"},
+        default="skillbook.db",
+        metadata={"help": "a file (relative to where memo is started), or postgresql://USER@HOST/NAME"},
     )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
 

@@ -96,8 +96,8 @@ def check_backend(registry: Registry, backend: Backend, settings: Any = None) ->
         except TypeError:
             yield Result(name, "conformance", "skipped", "its settings have no defaults; check it from a test of yours")
             return
-    for rule, check in _rules_of(suite, backend.kind).items():
-        yield _run(name, rule, functools.partial(check, lambda: backend.factory(settings)))
+    for rule, conforms in _rules_of(suite, backend.kind).items():
+        yield _run(name, rule, functools.partial(conforms, lambda: backend.factory(settings)))
 
 
 def _rules_of(suite: Any, kind: str) -> dict[str, Callable[[Make], None]]:

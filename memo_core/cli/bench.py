@@ -1,0 +1,68 @@
+"""``memo bench``: what MEMO promises about speed, measured on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, load
+from memo_core.cli.output import print_json, print_table
+
+app = typer.Typer(help="Measure this machine.")
+
+
+@app.command()
+def startup(
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Rounds; medians are compared.")] = 15, json: Json = False
+) -> None:
+    """How long `memo --help` takes, against Python importing typer and rich."""
+    import attrs
+
+    from memo_core.experiment.bench_startup import bench_startup
+
+    _report(_measured("startup", lambda progress: attrs.asdict(bench_startup(runs, progress))), json)
+
+
+@app.command()
+def retrieval(
+    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 10_000,
+    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """A whole retrieval by key, rows fetched, embedding excluded, against a flat index over all entries."""
+    from memo_core.experiment.bench_retrieval import bench_retrieval
+
+    _, experiment = load(config, overrides)
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        return bench_retrieval(
+            lambda: experiment.create("embedder"),
+            lambda: experiment.create("vectorstore"),
+            entries,
+            keys,
+            settings=experiment.section("retrieval"),
+        )
+
+    _report(_measured("retrieval", measure), json)
+
+
+def _measured(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"measuring {what}", total=None)
+        return {"bench": what} | measure(lambda share: bar.update(task, total=1.0, completed=share))
+
+
+def _report(measured: dict[str, Any], json: bool) -> None:
+    if json:
+        print_json(measured)
+        return
+    rows = [(name.replace("_", " "), value) for name, value in measured.items() if name != "bench"]
+    print_table((measured["bench"], ""), rows)

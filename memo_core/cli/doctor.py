@@ -1,0 +1,224 @@
+"""``memo doctor``: what works on this machine, tried rather than guessed, and what would make the rest work."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import Json
+from memo_core.cli.output import print_json
+from memo_core.errors import MemoError
+
+if TYPE_CHECKING:
+    from memo_core.plugins import Registry
+
+
+@attrs.frozen
+class Finding:
+    """One line. ``state``: ok, missing (something does not work without it) or optional (only a comfort is absent)."""
+
+    what: str
+    state: str
+    detail: str = ""
+    remedy: str = ""
+
+
+def command(
+    quick: Annotated[bool, typer.Option("--quick", help="Look only; open no simulator and no embedder.")] = False,
+    json: Json = False,
+) -> None:
+    """Say what works on this machine, and what would make the rest work. Exit code 1 when something is missing."""
+    from memo_core.plugins import Registry
+
+    findings = []
+    for finding in _examine(Registry(), quick):
+        findings.append(finding)
+        if not json:
+            print(_line(finding), flush=True)
+    if json:
+        print_json({"checks": [attrs.asdict(finding) for finding in findings]})
+    if any(finding.state == "missing" for finding in findings):
+        raise typer.Exit(1)
+
+
+def _examine(registry: Registry, quick: bool) -> Iterator[Finding]:
+    yield _python()
+    yield Finding("machine", "ok", f"{platform.machine()}, {os.cpu_count()} processors, {_memory()} of memory")
+    yield from _plugins(registry)
+    yield from _backends(registry)
+    yield from _extras()
+    yield _display()
+    if not quick:
+        yield _tried("sandbox", _try_sandbox)
+        yield _tried("skillbook", _try_skillbook)
+        yield _tried("embedder", lambda: _try_embedder(registry))
+        yield from _simulator(registry)
+
+
+def _python() -> Finding:
+    return Finding("Python", "ok", f"{platform.python_version()}, memo-core {importlib.metadata.version('memo-core')}")
+
+
+def _plugins(registry: Registry) -> Iterator[Finding]:
+    for plugin in registry.plugins:
+        offered = ", ".join(f"{backend.kind} {backend.name}" for backend in plugin.backends) or "nothing"
+        if plugin.error:
+            yield Finding(
+                f"plugin {plugin.distribution}", "missing", plugin.error, f"repair or uninstall {plugin.distribution}"
+            )
+        else:
+            yield Finding(f"plugin {plugin.distribution}", "ok", offered)
+    for kind, name in registry.ambiguous:
+        try:
+            registry.get(kind, name)
+        except MemoError as error:
+            yield Finding(f"{kind} {name}", "missing", str(error), "uninstall one of them")
+
+
+def _backends(registry: Registry) -> Iterator[Finding]:
+    from memo_core.interfaces.backend import KINDS
+    from memo_core.plugins import missing_needs
+
+    for kind in KINDS:
+        if not registry.backends(kind) and kind != "skills":
+            yield Finding(kind, "missing", "no plugin that offers one is installed", "make setup")
+        for backend in registry.backends(kind):
+            for lacking in missing_needs(backend.needs):
+                yield Finding(f"{kind} {backend.name}", "missing", f"needs {lacking.what}", lacking.remedy)
+
+
+def _extras() -> Iterator[Finding]:
+    for extra, use, modules in (
+        ("arm", "moving a robot", ("pinocchio", "coal", "ruckig", "scipy")),
+        ("video", "videos", ("imageio_ffmpeg", "PIL")),
+    ):
+        lacking = [module for module in modules if importlib.util.find_spec(module) is None]
+        if lacking:
+            state = "missing" if extra == "arm" else "optional"
+            yield Finding(f"extra {extra}", state, f"{use} needs {', '.join(lacking)}", f"install memo-core[{extra}]")
+        else:
+            yield Finding(f"extra {extra}", "ok", use)
+
+
+def _display() -> Finding:
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    if display or sys.platform in ("darwin", "win32"):
+        return Finding("display", "ok", display or sys.platform)
+    return Finding("display", "optional", "none, so --view opens no window; videos need none", "ssh -X, or a desktop")
+
+
+def _tried(what: str, attempt: Callable[[], str]) -> Finding:
+    try:
+        return Finding(what, "ok", attempt())
+    except MemoError as error:
+        return Finding(what, "missing", str(error), getattr(error, "remedy", ""))
+    except Exception as error:
+        return Finding(what, "missing", f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _try_sandbox() -> str:
+    from memo_core.sandbox.sandbox import Sandbox
+    from memo_core.testing.fake_control import FakeControl
+
+    started = time.monotonic()
+    with Sandbox({}) as sandbox:
+        execution = sandbox.run("print(6 * 7)", FakeControl(), stopped=lambda: False)
+    if execution.printed.strip() != "42":
+        raise RuntimeError(execution.error or f"printed {execution.printed!r}")
+    return f"runs code, {_ms(started)} from nothing to the answer"
+
+
+def _try_skillbook() -> str:
+    from memo_core.skillbook.book import Skillbook
+
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.monotonic()
+        with Skillbook(f"sqlite:///{Path(folder) / 'book.db'}") as book:
+            book.stats()
+        return f"a new book opens in {_ms(started)}"
+
+
+def _try_embedder(registry: Registry) -> str:
+    embedder = _made(registry, "embedder")
+    started = time.monotonic()
+    embedder.open()
+    try:
+        opened = _ms(started)
+        started = time.monotonic()
+        embedder.embed(["open the door"])
+        return f"{embedder.name}: opens in {opened}, {_ms(started)} a text"
+    finally:
+        embedder.close()
+
+
+def _simulator(registry: Registry) -> Iterator[Finding]:
+    """Physics and pictures are tried apart: a machine without GL libraries simulates all the same."""
+    from memo_core.testing.simulator import check_robot, check_scene
+
+    try:
+        simulator = _made(registry, "simulator")
+        simulator.open()
+    except Exception as error:
+        yield Finding("simulator", "missing", " ".join(str(error).split()), getattr(error, "remedy", ""))
+        return
+    try:
+        scene = check_scene()
+        simulator.build(scene, check_robot())
+        started = time.monotonic()
+        for _ in range(100):
+            simulator.tick()
+        spent = time.monotonic() - started
+        yield Finding(
+            "simulator", "ok", f"{100 * simulator.control_period / spent:.0f} times real time in a small scene"
+        )
+        yield _pictures(simulator, scene)
+    except Exception as error:
+        yield Finding("simulator", "missing", f"{type(error).__name__}: {' '.join(str(error).split())}")
+    finally:
+        simulator.close()
+
+
+def _pictures(simulator: Any, scene: Any) -> Finding:
+    if not scene.cameras:
+        return Finding("pictures", "optional", "the scene tried has no camera")
+    try:
+        simulator.render(scene.cameras[0].name, 640, 480)
+        started = time.monotonic()
+        simulator.render(scene.cameras[0].name, 640, 480)
+    except Exception as error:
+        return Finding("pictures", "optional", " ".join(str(error).split()), getattr(error, "remedy", ""))
+    return Finding("pictures", "ok", f"640x480 in {_ms(started)}")
+
+
+def _made(registry: Registry, kind: str) -> Any:
+    from memo_core.config import load_experiment
+
+    return load_experiment(registry).create(kind)
+
+
+def _ms(started: float) -> str:
+    return f"{(time.monotonic() - started) * 1000:.0f} ms"
+
+
+def _memory() -> str:
+    try:
+        return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / (1 << 30):.1f} GiB"
+    except (ValueError, OSError, AttributeError):
+        return "an unknown amount"
+
+
+def _line(finding: Finding) -> str:
+    mark = {"ok": "ok      ", "missing": "MISSING ", "optional": "optional"}[finding.state]
+    said = f"{mark} {finding.what}: {finding.detail}" if finding.detail else f"{mark} {finding.what}"
+    return said + (f"  -> {finding.remedy}" if finding.remedy else "")

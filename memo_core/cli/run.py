@@ -1,0 +1,51 @@
+"""``memo run``: do a task, listen, remember."""
+
+from __future__ import annotations
+
+from json import dumps
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from memo_core.cli.options import Json, Overrides, Seed, load
+from memo_core.cli.output import note, print_json
+
+INTERRUPTED = 130
+
+
+def command(
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Experiment file; none: the defaults.")] = None,
+    task: Annotated[str | None, typer.Option("--task", "-t", help="The task (memo tasks list).")] = None,
+    seed: Seed = None,
+    config: Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="The same as FILE.")] = None,
+    overrides: Overrides = None,
+    book: Annotated[str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook to use.")] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Where run folders are made.")] = Path("runs"),
+    view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
+    json: Json = False,
+) -> None:
+    """Run a task: plan, write code, move, listen, remember.
+
+    Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
+    when it is not.
+    """
+    from memo_core.experiment.console import Narrator
+    from memo_core.experiment.run import run_experiment
+
+    if book is not None:
+        overrides = [*(overrides or []), f"skillbook.url={dumps(book)}"]
+    registry, experiment = load(file or config, overrides, task, seed)
+    report = run_experiment(experiment, registry, out, listener=Narrator(), view=view)
+    if json:
+        print_json(report.summary())
+    else:
+        verdict = "done" if report.success else "not done"
+        print(
+            f"{report.task}, seed {report.seed}: {verdict}" + (f" ({report.outcome.reason})" if report.outcome else "")
+        )
+        if report.problem:
+            note(f"memo: {report.problem}")
+        print(f"kept in {report.folder}")
+    if not report.success:
+        raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)
