@@ -1,4 +1,4 @@
-"""What the loop promises: feedback first on disk, the world put back, entries served to the next try, honest statuses."""
+"""What the loop promises: feedback first on disk, the world put back, lessons in the next try, honest statuses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,12 @@ from memo_core.testing.fake_store import FakeStore
 BESIDE = "```python\np = get_position('red cube')\nmove_to([p[0], p[1] + 0.1, p[2]])\nclose_gripper()\n```"
 GRASP = "```python\nopen_gripper()\nmove_to(get_position('red cube'), top_orientation())\nclose_gripper()\n```"
 NOTES = json.dumps({"corrections": ["Move over the middle of the object before closing."], "general": []})
-TEMPLATE = '```python\ndef pick(name):\n    """Picks up what is named."""\n    move_to(get_position(name))\n    close_gripper()\n```'
+TEMPLATE = """```python
+def pick(name):
+    '''Picks up what is named.'''
+    move_to(get_position(name))
+    close_gripper()
+```"""
 SAID = "  no — über dem Würfel, not beside it\n"
 
 

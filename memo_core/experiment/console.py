@@ -1,0 +1,130 @@
+"""What a run is doing, for people: which entries were retrieved and why, the code, what went wrong, what was learnt."""
+
+from __future__ import annotations
+
+import threading
+
+from rich.console import Console
+from rich.markup import escape
+from rich.syntax import Syntax
+from rich.table import Table
+
+from memo_core.events import (
+    CodeEnded,
+    CodeWritten,
+    EntryStored,
+    Event,
+    FeedbackGiven,
+    ModelCalled,
+    Problem,
+    Retrieved,
+    RunEnded,
+    RunStarted,
+    SkillCalled,
+    SubtaskEnded,
+    SubtaskStarted,
+)
+
+STATUS_COLOURS = {"approved": "green", "corrected": "yellow", "unobserved": "dim"}
+NEAR_MISSES = 3
+
+
+class Narrator:
+    """Prints events as they happen. Speaks to stderr, so that results on stdout stay clean; safe from any thread."""
+
+    def __init__(self, console: Console | None = None, code: bool = True, skills: bool = False) -> None:
+        """``code``: show what was written; ``skills``: show every skill call."""
+        self.console = console or Console(stderr=True, highlight=False)
+        self._code = code
+        self._skills = skills
+        self._lock = threading.Lock()
+
+    def __call__(self, event: Event) -> None:
+        tell = getattr(self, f"_on_{type(event).__name__}", None)
+        if tell is not None:
+            with self._lock:
+                tell(event)
+
+    def heading(self, words: str) -> None:
+        """A line between the chapters of a longer story."""
+        self.console.rule(f"[bold]{escape(words)}", align="left")
+
+    def say(self, words: str, style: str = "") -> None:
+        self.console.print(f"[{style}]{escape(words)}[/]" if style else escape(words))
+
+    # -- events --------------------------------------------------------------------------------------------------------
+    def _on_RunStarted(self, event: RunStarted) -> None:
+        self.say(f'task "{event.instruction}" ({event.task}, seed {event.seed})', "bold")
+
+    def _on_SubtaskStarted(self, event: SubtaskStarted) -> None:
+        self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/] [dim]attempt {event.attempt}[/]")
+
+    def _on_ModelCalled(self, event: ModelCalled) -> None:
+        words = f"  {event.phase}: {event.model}, {event.latency_s:.2f} s"
+        if event.prompt_tokens:
+            words += f", {event.prompt_tokens} + {event.completion_tokens} tokens"
+        if event.cost:
+            words += f", ${event.cost:.4f}"
+        self.say(words + (", abandoned" if event.abandoned else ""), "dim")
+        if event.not_understood:
+            self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
+
+    def _on_Retrieved(self, event: Retrieved) -> None:
+        if not event.served:
+            self.say("  nothing relevant in the skillbook", "dim")
+        else:
+            table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
+            for column in ("  served", "r", "action", "objects", "key", "text"):
+                table.add_column(column, overflow="fold" if column == "text" else None, no_wrap=column != "text")
+            for one in event.served:
+                text = one.text.splitlines()[0] if one.kind == "template" else one.text
+                numbers = [f"{v:.2f}" for v in (one.score, one.action_cosine, one.objects_cosine)]
+                table.add_row(f"  {one.kind}", *numbers, escape(one.key), escape(text))
+            self.console.print(table)
+        for key, score, rule in event.cut[:NEAR_MISSES]:
+            self.say(f"  not served: {key} (r {score:.2f}, {rule})", "dim")
+
+    def _on_CodeWritten(self, event: CodeWritten) -> None:
+        if self._code:
+            self.console.print(Syntax(event.code.rstrip("\n"), "python", theme="ansi_dark", background_color="default"))
+
+    def _on_SkillCalled(self, event: SkillCalled) -> None:
+        if self._skills:
+            given = ", ".join(f"{name}={_short(value)}" for name, value in event.arguments.items() if value is not None)
+            self.say(
+                f"    {event.sim_time:7.2f} s  {event.skill}({given})" + (f"  {event.error}" if event.error else ""),
+                "dim",
+            )
+
+    def _on_CodeEnded(self, event: CodeEnded) -> None:
+        for line in event.printed.splitlines()[:20]:
+            self.say(f"  | {line}", "dim")
+        if event.stopped:
+            self.say("  stopped", "bold red")
+        elif event.error:
+            self.say(f"  error: {event.error}", "red")
+        else:
+            self.say(f"  ran to its end, {event.sim_seconds:.1f} s of the robot's time", "dim")
+
+    def _on_FeedbackGiven(self, event: FeedbackGiven) -> None:
+        self.console.print(f"  [bold magenta]{escape(event.who)}:[/] {escape(event.words)}")
+
+    def _on_EntryStored(self, event: EntryStored) -> None:
+        text = event.text.splitlines()[0] if event.kind == "template" else event.text
+        self.console.print(f"  [green]learnt[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
+
+    def _on_SubtaskEnded(self, event: SubtaskEnded) -> None:
+        colour = STATUS_COLOURS.get(event.status, "")
+        self.console.print(f"  [{colour}]{event.status}[/] after {event.attempts} attempt{'s' * (event.attempts != 1)}")
+
+    def _on_Problem(self, event: Problem) -> None:
+        self.say(f"  {event.where}: {event.message}", "yellow")
+
+    def _on_RunEnded(self, event: RunEnded) -> None:
+        verdict = {True: "[bold green]success", False: "[bold red]no success", None: "[bold]not judged"}[event.success]
+        self.console.print(f"\n{verdict}[/] ({event.wall_s:.1f} s; {escape(event.reason)})")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
