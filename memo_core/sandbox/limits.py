@@ -26,4 +26,4 @@ class Limits:
     code: int = _field(100_000, 1, 10_000_000, "characters of source")
     calls: int = _field(5_000, 1, 10_000_000, "skill calls")
     recursion: int = _field(400, 50, 1000, "nested function calls")
-    argument_items: int = _field(5_000, 100, 1_000_000, "numbers, texts and lists in the arguments of one call")
+    argument_items: int = _field(20_000, 100, 1_000_000, "numbers, texts and lists in the arguments of one call")

@@ -30,6 +30,7 @@ from memo_core.sandbox import prelude, subset
 from memo_core.sandbox.crossing import arguments_from_sandbox, result_for_sandbox
 from memo_core.sandbox.execution import Ended, Execution
 from memo_core.sandbox.limits import Limits
+from memo_core.sandbox.rewrite import rewrite
 from memo_core.sandbox.subset import Finding
 from memo_core.sandbox.worker import Watch, WorkerPool
 from memo_core.sandbox.workspace import Workspace
@@ -54,6 +55,7 @@ class _Program:
     """Code made ready for the interpreter, or why it is not."""
 
     source: str = ""
+    line: Callable[[int], int] = lambda line: line  # of the model's code, for one of the source
     arrays: bool = False
     findings: tuple[Finding, ...] = ()
 
@@ -128,19 +130,19 @@ class Sandbox:
             return _Program(findings=(refused,))
         try:
             tree = ast.parse(code)
+            if findings := subset.check(tree, self.skills):
+                return _Program(findings=tuple(findings))
+            arrays = subset.uses_arrays(tree)
+            rewritten = rewrite(code, tree, arrays)
         except SyntaxError as error:
             return _Program(findings=(Finding(error.lineno or 1, f"syntax error: {error.msg}"),))
         except (ValueError, RecursionError, MemoryError):
-            return _Program(findings=(Finding(1, "syntax error: nested too deeply"),))
-        findings = subset.check(tree, self.skills)
-        if findings:
-            return _Program(findings=tuple(findings))
-        source = subset.rewrite(code, tree)
-        if source != code:
-            refused = self._interpreter_refuses(source)
+            return _Program(findings=(Finding(1, "syntax error: nested too deeply, or quotes within quotes"),))
+        if rewritten.source != code:
+            refused = self._interpreter_refuses(rewritten.source)
         if refused is not None:
-            return _Program(findings=(refused,))
-        return _Program(source, subset.uses_arrays(tree))
+            return _Program(findings=(attrs.evolve(refused, line=rewritten.line(refused.line)),))
+        return _Program(rewritten.source, rewritten.line, arrays)
 
     def _interpreter_refuses(self, code: str) -> Finding | None:
         """Let the interpreter compile the code behind a call that is never answered."""
@@ -190,6 +192,7 @@ class _Run:
         self._watch: Watch
         self._source = b""
         self._filename = ""
+        self._line: Callable[[int], int] = lambda line: line
         self._last_line = 0  # of the last call, for limits that strike where the interpreter cannot say
 
     def execute(self, session: MontySession, program: _Program) -> Execution:
@@ -199,6 +202,7 @@ class _Run:
         session.feed_run(prelude.source("base"))
         if program.arrays:
             session.feed_run(prelude.source("arrays") + prelude.source("array_functions"))
+        self._line = program.line
         self._filename = f"<python-input-{2 if program.arrays else 1}>"
         self._watch = Watch(pid, self._stopped)
         self._watch.start()
@@ -237,7 +241,7 @@ class _Run:
         if self._stopped():
             raise Stopped("running code")
         if snapshot.position.filename == self._filename:
-            self._last_line = self._source[: snapshot.position.start].count(b"\n") + 1
+            self._last_line = self._line(self._source[: snapshot.position.start].count(b"\n") + 1)
         if isinstance(snapshot, NameLookupSnapshot):
             skill = self._skills.get(snapshot.variable_name) if snapshot.object_id is None else None
             return snapshot.resume if skill is None else lambda: snapshot.resume(value=_stub(skill.name))
@@ -320,7 +324,8 @@ class _Run:
             if error.timed_out:
                 return self._execution("limit", "time limit", self._time_problem())
             return self._execution("limit", "memory limit", "the interpreter ended, most likely for want of memory")
-        line = _line(error, self._filename)
+        found = _line(error, self._filename)
+        line = None if found is None else self._line(found)
         kind, problem = type(error.exception()).__name__, _one_line(error, message_only=True)
         if kind == "TimeoutError" and "time limit exceeded" in problem:
             return self._execution("limit", "time limit", self._time_problem(), line)

@@ -1,4 +1,4 @@
-"""The subset of Python that works, checked before anything moves, and the few rewrites that widen it.
+"""The subset of Python that works, checked before anything moves.
 
 Only code that the interpreter's own parser has accepted may come here: its limit on nesting is what keeps Python's
 recursive parser safe from hostile source.
@@ -144,7 +144,7 @@ def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
 
 
 def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
-    bound = _bound_names(tree)
+    bound = bound_names(tree)
     known = bound | BUILTINS | skills.keys() | {"np", "math", "time"}
     reported = set()
     for node in ast.walk(tree):
@@ -162,7 +162,8 @@ def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
             yield Finding(node.lineno, f"unknown name {name!r}{close_match(name, bound | skills.keys() | BUILTINS)}")
 
 
-def _bound_names(tree: ast.Module) -> set[str]:
+def bound_names(tree: ast.Module) -> set[str]:
+    """Every name the code binds anywhere."""
     bound: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
@@ -183,7 +184,7 @@ def _bound_names(tree: ast.Module) -> set[str]:
 
 
 def _skill_calls(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
-    own = _bound_names(tree)
+    own = bound_names(tree)
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)) or node.func.id in own:
             continue
@@ -219,100 +220,3 @@ def _is_dunder(name: str) -> bool:
 def _removable(node: ast.Delete) -> bool:
     target = node.targets[0]
     return len(node.targets) == 1 and isinstance(target, ast.Subscript) and not isinstance(target.slice, ast.Slice)
-
-
-# -- rewrites --------------------------------------------------------------------------------------------------------
-
-
-@attrs.frozen
-class _Edit:
-    """Replacement of the bytes from ``start`` to ``end``, each (line from 1, byte column)."""
-
-    start: tuple[int, int]
-    end: tuple[int, int]
-    text: str
-
-
-def rewrite(code: str, tree: ast.Module) -> str:
-    """The code the interpreter gets: the same lines, with numpy imports bound to the arrays of the prelude, ``del
-    items[i]``, ``.T`` and ``items.sort(key=...)`` spelt in ways it knows."""
-    arrays = uses_arrays(tree)
-    lines = code.encode().splitlines(keepends=True)
-    edits: list[_Edit] = []
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.Import, ast.ImportFrom)):
-            edits += _import_edits(node)
-        elif isinstance(node, ast.Delete):
-            edits += _delete_edits(node, lines)
-        elif arrays and isinstance(node, ast.Attribute) and node.attr == "T" and isinstance(node.ctx, ast.Load):
-            end = (node.end_lineno or 0, node.end_col_offset or 0)
-            edits.append(_Edit((end[0], end[1] - 1), end, "transpose()"))
-        elif isinstance(node, ast.Expr):
-            edits += _sort_edits(node.value, lines)
-    for edit in sorted(edits, key=lambda e: e.start, reverse=True):
-        _apply(lines, edit)
-    return b"".join(lines).decode()
-
-
-def _import_edits(node: ast.Import | ast.ImportFrom) -> list[_Edit]:
-    bindings: list[str] = []
-    if isinstance(node, ast.Import):
-        if not any(a.name.split(".")[0] == "numpy" for a in node.names):
-            return []
-        for alias in node.names:
-            if alias.name.split(".")[0] != "numpy":
-                bindings.append(f"import {alias.name}" + (f" as {alias.asname}" if alias.asname else ""))
-            elif alias.asname:
-                bindings.append(f"{alias.asname} = _memo_{alias.name}")
-            else:
-                bindings.append("numpy = _memo_numpy")
-    else:
-        module = node.module or ""
-        star = any(a.name == "*" for a in node.names)
-        names = [(n, n) for n in MODULES[module]] if star else [(a.name, a.asname or a.name) for a in node.names]
-        if module.split(".")[0] == "numpy":
-            bindings = [f"{bound} = _memo_{module}.{name}" for name, bound in names]
-        elif star:
-            bindings = [f"from {module} import {', '.join(n for n, _ in names)}"]
-        else:
-            return []
-    text = "; ".join(bindings) + "\n" * ((node.end_lineno or node.lineno) - node.lineno)
-    return [_Edit((node.lineno, node.col_offset), (node.end_lineno or 0, node.end_col_offset or 0), text)]
-
-
-def _delete_edits(node: ast.Delete, lines: list[bytes]) -> list[_Edit]:
-    target = node.targets[0]
-    if not isinstance(target, ast.Subscript):
-        return []
-    owner_end = (target.value.end_lineno or 0, target.value.end_col_offset or 0)
-    end = (node.end_lineno or 0, node.end_col_offset or 0)
-    if target.lineno != node.lineno or lines[owner_end[0] - 1][owner_end[1] : owner_end[1] + 1] != b"[":
-        return []
-    return [
-        _Edit((node.lineno, node.col_offset), (target.lineno, target.col_offset), ""),
-        _Edit(owner_end, (owner_end[0], owner_end[1] + 1), ".pop("),
-        _Edit((end[0], end[1] - 1), end, ")"),
-    ]
-
-
-def _sort_edits(call: ast.expr, lines: list[bytes]) -> list[_Edit]:
-    """``items.sort(key=f)`` as a statement: the interpreter's own cannot call a skill from f."""
-    if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "sort"):
-        return []
-    owner = call.func.value
-    if call.args or not any(k.arg == "key" for k in call.keywords) or not isinstance(owner, (ast.Name, ast.Attribute)):
-        return []
-    end = (owner.end_lineno or 0, owner.end_col_offset or 0)
-    if lines[end[0] - 1][end[1] : end[1] + 6] != b".sort(":
-        return []
-    return [
-        _Edit((owner.lineno, owner.col_offset), (owner.lineno, owner.col_offset), "_memo_sort("),
-        _Edit(end, (end[0], end[1] + 6), ", "),
-    ]
-
-
-def _apply(lines: list[bytes], edit: _Edit) -> None:
-    (first, start), (last, end) = edit.start, edit.end
-    head, tail = lines[first - 1][:start], lines[last - 1][end:]
-    text = (head + edit.text.encode() + tail).splitlines(keepends=True)
-    lines[first - 1 : last] = text + [b""] * (last - first + 1 - len(text))

@@ -488,3 +488,16 @@ np.linalg.solve = _memo_solve
 np.linalg.inv = lambda a: _memo_solve(a, _memo_eye(_memo_len(_memo_raw(a))))
 np.linalg.det = _memo_det
 _memo_numpy = np
+
+
+def _memo_comparison(plain, arrays):
+    def compare(a, b):
+        return arrays(a, b) if isinstance(a, ndarray) or isinstance(b, ndarray) else plain(a, b)
+
+    return compare
+
+
+_memo_less = _memo_comparison(lambda a, b: a < b, np.less)
+_memo_less_equal = _memo_comparison(lambda a, b: a <= b, np.less_equal)
+_memo_greater = _memo_comparison(lambda a, b: a > b, np.greater)
+_memo_greater_equal = _memo_comparison(lambda a, b: a >= b, np.greater_equal)
