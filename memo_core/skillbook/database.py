@@ -101,6 +101,12 @@ class Database:
             yield connection
 
     @contextmanager
+    def look(self) -> Iterator[sa.Connection]:
+        """A connection for one reading statement, which is a transaction of its own."""
+        with self._exclusive(), self.engine.connect().execution_options(memo_look=True) as connection:
+            yield connection
+
+    @contextmanager
     def write(self) -> Iterator[sa.Connection]:
         """A connection in a write transaction, durable when the block ends, undone when it raises."""
         if self.read_only:
@@ -294,8 +300,9 @@ def _switch_to_wal(cursor: sqlite3.Cursor) -> None:
 
 
 def _begin_sqlite(connection: sa.Connection) -> None:
-    write = connection.get_execution_options().get("memo_write", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if write else "BEGIN")
+    options = connection.get_execution_options()
+    if not options.get("memo_look", False):
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("memo_write", False) else "BEGIN")
 
 
 def filesystem_of(path: Path, mountinfo: Path = Path("/proc/self/mountinfo")) -> str:

@@ -20,80 +20,69 @@ from memo_core.skillbook.wording import KeyVectors
 
 
 @attrs.frozen(eq=False)
-class Scored:
-    """A key with the terms of its score."""
+class Hits:
+    """Keys by r, largest first: their rows in ``KeyIndex.ids`` and the terms of r, each of shape (n,)."""
 
-    id: int
-    key: Key
-    score: float
-    action_cosine: float
-    objects_cosine: float
+    rows: np.ndarray  # int64
+    scores: np.ndarray  # float64
+    action_cosines: np.ndarray  # float64
+    objects_cosines: np.ndarray  # float64
 
 
 class KeyIndex:
-    """Keys of one generation of the book, searchable by inner product."""
+    """Keys of one generation of the book, searchable by inner product. The store is this index's alone."""
 
     def __init__(self, store: VectorStore, key_vectors: KeyVectors) -> None:
         self._store = store
         self._key_vectors = key_vectors
-        self._ids: np.ndarray = np.zeros(0, dtype=np.int64)
-        self._rows: dict[int, int] = {}
-        self._keys: list[Key] = []
+        self.ids: np.ndarray = np.zeros(0, dtype=np.int64)  # ascending
         self._actions = np.zeros((0, 0), dtype=np.float32)
         self._objects = np.zeros((0, 0), dtype=np.float32)
         self._stamp = -1
 
     def load(self, keys: dict[int, Key], generation: int, book: str) -> None:
-        """Take over the keys of a generation; the store is rebuilt unless it says it is up to date."""
-        self._ids = np.fromiter(keys, dtype=np.int64, count=len(keys))
-        self._rows = {int(i): row for row, i in enumerate(self._ids)}
-        self._keys = list(keys.values())
+        """Take over the keys of a generation, by ascending id; the store is rebuilt unless it is up to date."""
+        ordered = dict(sorted(keys.items()))
+        self.ids = np.fromiter(ordered, dtype=np.int64, count=len(ordered))
         self._stamp = (generation << 32) | zlib.crc32(f"{book}|{self._key_vectors.fingerprint()}".encode())
-        if not keys:
+        if not ordered:
             return
-        self._actions, self._objects = self._key_vectors.get(self._keys)
+        self._actions, self._objects = self._key_vectors.get(list(ordered.values()))
         if not self._store_is_current():
             self._rebuild()
 
     def search(
-        self,
-        action: np.ndarray,
-        objects: np.ndarray,
-        weights: tuple[float, float],
-        enough: Callable[[list[Scored]], bool],
-    ) -> list[Scored]:
-        """Keys by r, largest first: as many as it takes until ``enough`` of the list so far, or all."""
-        if not self._keys:
-            return []
+        self, action: np.ndarray, objects: np.ndarray, weights: tuple[float, float], enough: Callable[[Hits], bool]
+    ) -> Hits:
+        """The best keys: as many as it takes until ``enough`` of the list so far, or all."""
+        if not len(self.ids):
+            nothing = np.zeros(0)
+            return Hits(np.zeros(0, dtype=np.int64), nothing, nothing, nothing)
         total = weights[0] + weights[1]
         query = np.concatenate([weights[0] * action, weights[1] * objects]).astype(np.float32) / np.float32(total)
-        count = min(64, len(self._keys))
+        count = min(64, len(self.ids))
         while True:
-            found = self._score(self._search_store(query, count), action, objects, weights)
-            if count >= len(self._keys) or enough(found):
-                return found
-            count = min(4 * count, len(self._keys))
+            hits = self._score(self._search_store(query, count), action, objects, weights)
+            if count >= len(self.ids) or enough(hits):
+                return hits
+            count = min(4 * count, len(self.ids))
 
-    def _score(
-        self, ids: np.ndarray, action: np.ndarray, objects: np.ndarray, weights: tuple[float, float]
-    ) -> list[Scored]:
-        rows = np.array([self._rows[int(i)] for i in ids], dtype=np.int64)
+    def _score(self, rows: np.ndarray, action: np.ndarray, objects: np.ndarray, weights: tuple[float, float]) -> Hits:
         by_action = (self._actions[rows] @ action).astype(np.float64)
         by_objects = (self._objects[rows] @ objects).astype(np.float64)
         scores = (weights[0] * by_action + weights[1] * by_objects) / (weights[0] + weights[1])
         order = np.lexsort((rows, -scores))
-        return [
-            Scored(int(ids[i]), self._keys[rows[i]], float(scores[i]), float(by_action[i]), float(by_objects[i]))
-            for i in order
-        ]
+        return Hits(rows[order], scores[order], by_action[order], by_objects[order])
 
     def _search_store(self, query: np.ndarray, count: int) -> np.ndarray:
+        """Rows of the keys that the store says are best."""
         for rebuilt in (False, True, True):
             try:
                 if self._store_is_ours():
-                    ids, _ = self._store.search(query, count)
-                    if len(ids) and all(int(i) in self._rows for i in ids):
-                        return ids
+                    found, _ = self._store.search(query, count)
+                    rows = np.minimum(np.searchsorted(self.ids, found), len(self.ids) - 1)
+                    if len(found) and np.array_equal(self.ids[rows], found):
+                        return rows
             except Exception:
                 if rebuilt:
                     raise
@@ -102,12 +91,12 @@ class KeyIndex:
         raise BackendUnavailable("vectorstore", type(self._store).__name__, problem)
 
     def _store_is_ours(self) -> bool:
-        return self._store.generation() in (None, self._stamp) and len(self._store) == len(self._keys)
+        return self._store.generation() in (None, self._stamp) and len(self._store) == len(self.ids)
 
     def _store_is_current(self) -> bool:
         try:
             self._store.open()
-            return self._store.generation() == self._stamp and len(self._store) == len(self._keys)
+            return self._store.generation() == self._stamp and len(self._store) == len(self.ids)
         except Exception:
             return False
 
@@ -115,5 +104,5 @@ class KeyIndex:
         vectors = np.concatenate([self._actions, self._objects], axis=1)
         self._store.open()
         self._store.reset(vectors.shape[1])
-        self._store.add([int(i) for i in self._ids], vectors)
+        self._store.add([int(i) for i in self.ids], vectors)
         self._store.set_generation(self._stamp)

@@ -6,27 +6,26 @@ r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2),    λ1,
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from typing import Any
+from collections import Counter
 
 import attrs
 import numpy as np
-import sqlalchemy as sa
 
 from memo_core import events
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook import tables
 from memo_core.skillbook.actions import Actions, default_actions
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
-from memo_core.skillbook.index import KeyIndex, Scored
+from memo_core.skillbook.index import Hits, KeyIndex
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.rows import alias_rows, entries_by_id, valid_entry_rows
+from memo_core.skillbook.rows import ValidRow, alias_rows, served_rows, valid_entry_rows
 from memo_core.skillbook.vectors import TextVectors
 from memo_core.skillbook.wording import KeyVectors, Wording
 
 Terms = tuple[float, float, float, float]  # r, action cosine, objects cosine, text similarity
+Found = dict[int, Terms]  # by entry
 
+_SHOWN = 5  # near misses that are reported, of each rule
 _TIE = 1e-6  # float32 cosines of equal texts differ by rounding
 
 
@@ -149,18 +148,19 @@ class _Group:
 
 @attrs.define(eq=False)
 class _Generation:
-    """What retrieval keeps in memory of one generation of the book."""
+    """What retrieval keeps in memory of one generation of the book. Arrays have one value a row of the key index."""
 
     number: int
-    groups: dict[tuple[str, int], _Group]
-    counts: dict[int, int]
-    aliases: dict[str, Key]
+    keys: list[Key]
+    labels: list[str]
+    verbs: list[str]  # different canonical actions
+    verb_of: np.ndarray  # int64, place in ``verbs``
+    sizes: dict[str, np.ndarray]  # kind -> int64, number of valid entries
+    groups: dict[tuple[str, int], _Group]  # (kind, row)
     general: _Group | None
+    aliases: dict[str, Key]
     matrices: dict[tuple[str, int], np.ndarray] = attrs.field(factory=dict)
-
-    def size(self, kind: str, key_id: int) -> int:
-        group = self.groups.get((kind, key_id))
-        return 0 if group is None else len(group.ids)
+    opposites: dict[str, np.ndarray] = attrs.field(factory=dict)  # action -> bool, rows that undo it
 
 
 class Retriever:
@@ -180,6 +180,7 @@ class Retriever:
         self._key_vectors = key_vectors
         self._settings = settings
         self._actions = settings.actions
+        self._limits = {"correction": settings.corrections, "template": settings.templates}
         self._state: _Generation | None = None
         self._lock = threading.Lock()  # one that was given up may still be at work on the index
 
@@ -190,160 +191,173 @@ class Retriever:
         """
         words = text or " ".join((subtask.action, *subtask.objects))
         with self._lock:
-            return self._retrieve(subtask, words)
+            while True:
+                state = self._state or self._load()
+                found = self._retrieve(subtask, words, state)
+                if found is not None:
+                    return found
+                self._state = None  # the book has changed meanwhile
 
-    def _retrieve(self, subtask: Key, words: str) -> Retrieval:
-        while True:
-            state = self._current()
-            query = state.aliases.get(str(subtask), subtask)
-            meant = self._vectors.get([words])[0]
-            ranked, cut = self._ranked_keys(query, state)
-            corrections = self._best("correction", ranked, meant, self._settings.corrections, state)
-            templates = self._best("template", ranked, meant, self._settings.templates, state)
-            general = self._best_general(meant, state)
-            wanted = [i for found in (corrections, templates, general) for i in found]
-            with self._database.read() as connection:
-                if self._generation(connection) != state.number:
-                    continue
-                rows = entries_by_id(connection, wanted)
-            return Retrieval(
-                subtask,
-                _order(corrections, rows, self._settings.corrections),
-                _order(general, rows, self._settings.general),
-                _order(templates, rows, self._settings.templates),
-                tuple(cut + self._beyond(ranked, corrections, templates, state)),
-                state.number,
-            )
+    def _retrieve(self, subtask: Key, words: str, state: _Generation) -> Retrieval | None:
+        """None when ``state`` is not the database's state any more."""
+        query = state.aliases.get(str(subtask), subtask)
+        meant = self._vectors.get([words])[0]
+        hits = self._search(query, state)
+        opposite = self._opposite_rows(query, state)[hits.rows]
+        allowed = ~opposite & (hits.scores >= self._settings.cut - _TIE)
+        ranked = np.flatnonzero(allowed)
+        corrections = self._best("correction", hits, ranked, meant, state)
+        templates = self._best("template", hits, ranked, meant, state)
+        general = self._best_general(meant, state)
+        with self._database.look() as connection:
+            generation, rows = served_rows(connection, [*corrections, *templates, *general])
+        if generation != state.number:
+            return None
+        served = {
+            "correction": _order(corrections, rows, self._settings.corrections),
+            "template": _order(templates, rows, self._settings.templates),
+        }
+        return Retrieval(
+            subtask,
+            served["correction"],
+            _order(general, rows, self._settings.general),
+            served["template"],
+            self._refused(hits, opposite, allowed, state) + self._beyond(hits, ranked, served, state),
+            state.number,
+        )
 
     # -- following the database ----------------------------------------------------------------------------------------
-    @staticmethod
-    def _generation(connection: sa.Connection) -> int:
-        return int(connection.execute(_GENERATION).scalar_one())
-
-    def _current(self) -> _Generation:
+    def _load(self) -> _Generation:
         with self._database.read() as connection:
-            number = self._generation(connection)
-            if self._state is not None and self._state.number == number:
-                return self._state
-            book = self._database.meta(connection)["book"]
+            meta = self._database.meta(connection)
             rows = valid_entry_rows(connection)
             aliases = alias_rows(connection)
-        members: dict[tuple[str, int], tuple[list[int], list[str]]] = {}
-        keys: dict[int, Key] = {}
+        number = int(meta["generation"])
+        by_id = {row.key_id: row.key for row in rows if row.key != GLOBAL_KEY}
+        self._index.load(by_id, number, meta["book"])
+        row_of = {int(key_id): row for row, key_id in enumerate(self._index.ids)}
+        members: dict[tuple[str, int], list[ValidRow]] = {}
         for row in rows:
-            ids, texts = members.setdefault((row.kind, row.key_id), ([], []))
-            ids.append(row.id)
-            texts.append(row.text)
-            keys[row.key_id] = row.key
-        groups = {k: _Group(np.array(ids, dtype=np.int64), tuple(texts)) for k, (ids, texts) in members.items()}
-        general = next((groups[k] for k in groups if k[0] == "general"), None)
-        counts: dict[int, int] = {}
-        for (_, key_id), group in groups.items():
-            counts[key_id] = counts.get(key_id, 0) + len(group.ids)
-        self._index.load({i: key for i, key in keys.items() if key != GLOBAL_KEY}, number, book)
-        self._state = _Generation(number, groups, counts, aliases, general)
+            members.setdefault((row.kind, row_of.get(row.key_id, -1)), []).append(row)
+        groups = {
+            where: _Group(np.array([r.id for r in group], dtype=np.int64), tuple(r.text for r in group))
+            for where, group in members.items()
+        }
+        sizes = {kind: np.zeros(len(row_of), dtype=np.int64) for kind in self._limits}
+        for (kind, row_number), group in groups.items():
+            if kind in sizes:
+                sizes[kind][row_number] = len(group.ids)
+        keys = [by_id[int(key_id)] for key_id in self._index.ids]
+        canonical = [self._actions.canonical(key.action) for key in keys]
+        verbs = sorted(set(canonical))
+        verb_of = np.array([verbs.index(verb) for verb in canonical], dtype=np.int64)
+        general = groups.get(("general", -1))
+        self._state = _Generation(number, keys, [*map(str, keys)], verbs, verb_of, sizes, groups, general, aliases)
         return self._state
 
     # -- ranking -------------------------------------------------------------------------------------------------------
-    def _ranked_keys(self, query: Key, state: _Generation) -> tuple[list[Scored], list[Cut]]:
-        """Keys that may be served, best first, and the nearest that may not."""
-        settings = self._settings
-        actions, objects = self._key_vectors.get([query])
-        need = {"correction": settings.corrections, "template": settings.templates}
+    def _search(self, query: Key, state: _Generation) -> Hits:
+        opposite = self._opposite_rows(query, state)
 
-        def enough(found: Sequence[Scored]) -> bool:
-            if found and found[-1].score < settings.cut - _TIE:
+        def enough(hits: Hits) -> bool:
+            if hits.scores[-1] < self._settings.cut - _TIE:
                 return True
-            kept = [s for s in found if not self._actions.opposite(query.action, s.key.action)]
-            sizes = {kind: sum(state.size(kind, s.id) for s in kept) for kind in need}
-            return all(sizes[kind] > count for kind, count in need.items())
+            usable = hits.rows[~opposite[hits.rows]]
+            return all(state.sizes[kind][usable].sum() > limit for kind, limit in self._limits.items())
 
-        ranked: list[Scored] = []
-        cut: list[Cut] = []
-        for scored in self._index.search(actions[0], objects[0], settings.weights, enough):
-            if self._actions.opposite(query.action, scored.key.action):
-                rule = "opposite action"
-            elif scored.score < settings.cut - _TIE:
-                rule = f"below the cut {settings.cut:g}"
-            else:
-                ranked.append(scored)
-                continue
-            if len(cut) < 10:
-                cut.append(_cut(scored, state.counts[scored.id], rule))
-        return ranked, cut
+        actions, objects = self._key_vectors.get([query])
+        return self._index.search(actions[0], objects[0], self._settings.weights, enough)
 
-    def _best(
-        self, kind: str, ranked: Sequence[Scored], meant: np.ndarray, count: int, state: _Generation
-    ) -> dict[int, Terms]:
-        """The terms of the ``count`` best, and all that tie with
-        the last of them: confirmed uses and recency decide among those, and these are the database's to say."""
-        found: dict[int, Terms] = {}
-        level = 2.0
-        for scored in ranked if count else ():
-            if (kind, scored.id) not in state.groups:
-                continue
-            if len(found) >= count and scored.score < level - _TIE:
+    def _opposite_rows(self, query: Key, state: _Generation) -> np.ndarray:
+        found = state.opposites.get(query.action)
+        if found is None:
+            against = np.array([self._actions.opposite(query.action, verb) for verb in state.verbs], dtype=bool)
+            found = state.opposites[query.action] = against[state.verb_of]
+        return found
+
+    def _best(self, kind: str, hits: Hits, ranked: np.ndarray, meant: np.ndarray, state: _Generation) -> Found:
+        """The best entries and all that tie with the last of them: confirmed uses and recency decide among those, and
+        these are the database's to say."""
+        limit, sizes = self._limits[kind], state.sizes[kind]
+        ids, places, similar = [], [], []
+        taken, level = 0, np.inf
+        for place in ranked[sizes[hits.rows[ranked]] > 0] if limit else ():
+            if taken >= limit and hits.scores[place] < level - _TIE:
                 break
-            level = scored.score
-            similar = self._matrix(kind, scored.id, state) @ meant
-            for entry, similarity in zip(state.groups[kind, scored.id].ids, similar, strict=True):
-                found[int(entry)] = (scored.score, scored.action_cosine, scored.objects_cosine, float(similarity))
-        return _with_ties(found, count)
+            row, level = int(hits.rows[place]), hits.scores[place]
+            ids.append(state.groups[kind, row].ids)
+            places.append(np.full(sizes[row], place))
+            similar.append(self._matrix(kind, row, state) @ meant)
+            taken += int(sizes[row])
+        if not taken:
+            return {}
+        return _first(limit, hits, np.concatenate(ids), np.concatenate(places), np.concatenate(similar))
 
-    def _best_general(self, meant: np.ndarray, state: _Generation) -> dict[int, Terms]:
+    def _best_general(self, meant: np.ndarray, state: _Generation) -> Found:
         if state.general is None or not self._settings.general:
             return {}
         similar = self._matrix("general", -1, state) @ meant
-        count = min(self._settings.general, len(similar))
-        least = np.partition(similar, len(similar) - count)[len(similar) - count] - _TIE
-        chosen = np.flatnonzero(similar >= least)
+        last = len(similar) - min(self._settings.general, len(similar))
+        chosen = np.flatnonzero(similar >= np.partition(similar, last)[last] - _TIE)
         return {int(state.general.ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in chosen}
 
-    def _matrix(self, kind: str, key_id: int, state: _Generation) -> np.ndarray:
-        matrix = state.matrices.get((kind, key_id))
+    def _matrix(self, kind: str, row: int, state: _Generation) -> np.ndarray:
+        matrix = state.matrices.get((kind, row))
         if matrix is None:
-            group = state.general if kind == "general" else state.groups[kind, key_id]
-            assert group is not None
-            matrix = state.matrices[kind, key_id] = self._vectors.get(group.texts)
+            matrix = state.matrices[kind, row] = self._vectors.get(state.groups[kind, row].texts)
         return matrix
 
-    def _beyond(
-        self, ranked: Sequence[Scored], corrections: dict[int, Any], templates: dict[int, Any], state: _Generation
-    ) -> list[Cut]:
-        cut: list[Cut] = []
-        limits = (
-            ("correction", corrections, self._settings.corrections),
-            ("template", templates, self._settings.templates),
+    # -- what was not served -------------------------------------------------------------------------------------------
+    def _refused(self, hits: Hits, opposite: np.ndarray, allowed: np.ndarray, state: _Generation) -> tuple[Cut, ...]:
+        below = f"below the cut {self._settings.cut:g}"
+        return tuple(
+            _cut(hits, place, state, sum(int(s[hits.rows[place]]) for s in state.sizes.values()), rule)
+            for place in np.flatnonzero(~allowed)[:_SHOWN]
+            for rule in ["opposite action" if opposite[place] else below]
         )
-        for kind, served, count in limits:
-            for scored in ranked:
-                group = state.groups.get((kind, scored.id))
-                left = 0 if group is None else sum(int(i) not in served for i in group.ids)
-                if left and len(cut) < 20:
-                    cut.append(_cut(scored, left, f"beyond the first {count} {kind}s"))
-        return cut
+
+    def _beyond(
+        self, hits: Hits, ranked: np.ndarray, served: dict[str, tuple[Served, ...]], state: _Generation
+    ) -> tuple[Cut, ...]:
+        cut = []
+        for kind, limit in self._limits.items():
+            if len(served[kind]) < limit:
+                continue
+            from_key = Counter(one.entry.key for one in served[kind])
+            full = ranked[state.sizes[kind][hits.rows[ranked]] > 0][: len(from_key) + _SHOWN]
+            for place in full:
+                row = int(hits.rows[place])
+                left = int(state.sizes[kind][row]) - from_key[state.keys[row]]
+                if left:
+                    cut.append(_cut(hits, place, state, left, f"beyond the first {limit} {kind}s"))
+        return tuple(cut)
 
 
-_GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
+def _cut(hits: Hits, place: int, state: _Generation, entries: int, rule: str) -> Cut:
+    terms = (float(hits.scores[place]), float(hits.action_cosines[place]), float(hits.objects_cosines[place]))
+    return Cut(state.labels[hits.rows[place]], *terms, entries, rule)
 
 
-def _cut(scored: Scored, entries: int, rule: str) -> Cut:
-    return Cut(str(scored.key), scored.score, scored.action_cosine, scored.objects_cosine, entries, rule)
+def _first(limit: int, hits: Hits, ids: np.ndarray, places: np.ndarray, similar: np.ndarray) -> Found:
+    """The first ``limit`` by r, then similarity, and what ties with the last of them."""
+    scores = hits.scores[places]
+    chosen = np.lexsort((-similar, -scores))
+    if len(chosen) > limit:
+        last = chosen[limit - 1]
+        level = scores > scores[last] - _TIE
+        chosen = np.flatnonzero((scores > scores[last] + _TIE) | (level & (similar > similar[last] - _TIE)))
+    return {
+        int(ids[i]): (
+            float(scores[i]),
+            float(hits.action_cosines[places[i]]),
+            float(hits.objects_cosines[places[i]]),
+            float(similar[i]),
+        )
+        for i in chosen
+    }
 
 
-def _with_ties(found: dict[int, Terms], count: int) -> dict[int, Terms]:
-    if len(found) <= count:
-        return found
-    order = sorted(found.items(), key=lambda item: (-item[1][0], -item[1][3]))
-    last = order[count - 1][1]
-
-    def ties(terms: Terms) -> bool:
-        return terms[0] > last[0] - _TIE and terms[3] > last[3] - _TIE
-
-    return {i: terms for i, terms in order if terms[0] > last[0] + _TIE or ties(terms)}
-
-
-def _order(found: dict[int, Terms], rows: dict[int, Entry], count: int) -> tuple[Served, ...]:
+def _order(found: Found, rows: dict[int, Entry], count: int) -> tuple[Served, ...]:
     """By r, then similarity of the text, confirmed uses, recency."""
 
     def place(item: tuple[int, Terms]) -> tuple[float, ...]:

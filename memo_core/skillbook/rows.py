@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import attrs
@@ -14,8 +15,17 @@ from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback
 from memo_core.skillbook.keys import Key
 
 _E, _K = tables.entries.c, tables.keys.c
-_ENTRY = sa.select(tables.entries, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
+_COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
+_ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
+_PLACES = 40
+_PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
+_GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
+_SERVED = (
+    sa.select(_GENERATION.scalar_subquery(), *_COLUMNS, _K.action, _K.objects)
+    .join_from(tables.entries, tables.keys, _E.key == _K.id)
+    .where(_E.id.in_([sa.bindparam(name) for name in _PLACE_NAMES]))
+)
 _VALID = (
     sa.select(_E.id, _E.kind, _E.key, _E.text, _K.action, _K.objects)
     .join(tables.keys, _E.key == _K.id)
@@ -36,6 +46,7 @@ class ValidRow:
     text: str
 
 
+@lru_cache(maxsize=20_000)
 def key_of(action: str, objects: str) -> Key:
     """The key of a row of ``keys``."""
     return Key(action, tuple(json.loads(objects))) if action else GLOBAL_KEY
@@ -46,26 +57,30 @@ def objects_text(key: Key) -> str:
     return json.dumps(list(key.objects), ensure_ascii=False)
 
 
-def entry_of(row: Any) -> Entry:
-    return Entry(
-        id=row.id,
-        kind=row.kind,
-        key=key_of(row.action, row.objects),
-        text=row.text,
-        scene=row.scene,
-        feedback=row.feedback,
-        revision=row.revision,
-        superseded_by=row.superseded_by,
-        uses=row.uses,
-        confirmed_uses=row.confirmed_uses,
-        created=row.created,
-    )
+def entry_of(row: Sequence[Any]) -> Entry:
+    """From a row of ``_ENTRY``: the entry's fields, then the key's action and objects."""
+    return Entry(row[0], row[1], key_of(row[-2], row[-1]), *row[3:-2])
+
+
+def served_rows(connection: sa.Connection, ids: Sequence[int]) -> tuple[int, dict[int, Entry]]:
+    """The book's generation and entries by id, as one statement and so of one state of the book.
+
+    The statement has a fixed number of places, filled up with the first id: it is prepared once.
+    """
+    if not 0 < len(ids) <= _PLACES:
+        with_rows = entries_by_id(connection, ids)
+        return int(connection.execute(_GENERATION).scalar_one()), with_rows
+    filled = [*ids, *[ids[0]] * (_PLACES - len(ids))]
+    found = connection.execute(_SERVED, dict(zip(_PLACE_NAMES, filled, strict=True))).all()
+    return (int(found[0][0]) if found else -1), {row[1]: entry_of(row[1:]) for row in found}
 
 
 def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, Entry]:
+    """Ids that the book does not have are left out."""
     if not ids:
         return {}
-    return {row.id: entry_of(row) for row in connection.execute(_BY_ID, {"ids": list(ids)})}
+    found = connection.execute(_BY_ID, {"ids": list(ids)}).all()
+    return {row[0]: entry_of(row) for row in found}
 
 
 def entries_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> list[Entry]:

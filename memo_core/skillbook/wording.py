@@ -13,6 +13,8 @@ from memo_core.skillbook.actions import Actions
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.vectors import TextVectors
 
+_KEPT = 20_000  # keys' vectors in memory
+
 
 def _one_place(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
     if value.count("{}") != 1 or value.replace("{}", "").count("{"):
@@ -39,6 +41,7 @@ class KeyVectors:
         self._vectors = vectors
         self._wording = wording
         self._actions = actions
+        self._known: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
 
     def fingerprint(self) -> str:
         """Changes with whatever the vectors of keys depend on besides the keys."""
@@ -47,15 +50,24 @@ class KeyVectors:
 
     def get(self, keys: Sequence[Key]) -> tuple[np.ndarray, np.ndarray]:
         """Unit vectors of actions, shape (len(keys), d), and of objects, shape (len(keys), 2 d), float32."""
+        missing = list(dict.fromkeys(key for key in keys if key not in self._known))
+        if missing:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+                missing = list(dict.fromkeys(keys))
+            self._known.update(zip(missing, self._make(missing), strict=True))
+        found = [self._known[key] for key in keys]
+        return np.stack([action for action, _ in found]), np.stack([objects for _, objects in found])
+
+    def _make(self, keys: list[Key]) -> list[tuple[np.ndarray, np.ndarray]]:
         verbs = [self._wording.action.replace("{}", self._actions.canonical(key.action)) for key in keys]
         names = sorted({name for key in keys for name in key.objects})
         nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))
-        actions = self._vectors.get(verbs)
-        objects = np.zeros((len(keys), 2 * actions.shape[1]), dtype=np.float32)
-        for row, key in zip(objects, keys, strict=True):
+        made = []
+        for key, action in zip(keys, self._vectors.get(verbs), strict=True):
             moved = np.mean([nouns[name] for name in key.moved], axis=0)
-            row[: actions.shape[1]] = moved / np.linalg.norm(moved)
-            if key.destination is not None:
-                row[actions.shape[1] :] = nouns[key.destination]
-            row /= np.linalg.norm(row)
-        return actions, objects
+            moved /= np.linalg.norm(moved)
+            place = np.zeros_like(moved) if key.destination is None else nouns[key.destination]
+            objects = np.concatenate([moved, place])
+            made.append((action, (objects / np.linalg.norm(objects)).astype(np.float32)))
+        return made
