@@ -26,19 +26,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(given: list[str], debug: bool) -> int:
-    from memo_core.errors import MemoError
-
     try:
         from memo_core.cli.app import run_app
 
         code = run_app(given)
         sys.stdout.flush()
         return code
-    except MemoError as error:
-        if debug:
-            raise
-        _say(str(error))
-        return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has gone (`memo … | head`). Python would complain once more when it closes stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -46,6 +39,11 @@ def _run(given: list[str], debug: bool) -> int:
     except Exception as error:
         if debug:
             raise
+        from memo_core.errors import MemoError  # late: help has no use for it
+
+        if isinstance(error, MemoError):
+            _say(str(error))
+            return error.exit_code
         _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} (a bug; memo --debug shows where)")
         return 70
 

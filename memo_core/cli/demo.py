@@ -1,0 +1,61 @@
+"""``memo demo``: teach the simulated arm once and watch the lesson carry over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
+from memo_core.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from memo_core.experiment.demo import DemoReport
+
+INTERRUPTED = 130
+
+
+def command(
+    seed: Seed = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Where the run folder is made.")] = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach the simulated arm once by language and watch the lesson carry over to a task nobody corrected.
+
+    Four runs: without memory; taught; another task with an empty book; the same with the book of the lesson. Says what
+    happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs were made.
+    """
+    from memo_core.experiment.console import Narrator
+    from memo_core.experiment.demo import run_demo
+
+    registry, experiment = load(config, overrides, seed=seed)
+    narrator = Narrator()
+    report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading)
+    if json:
+        print_json(report.summary())
+    else:
+        _tell(report)
+    if report.interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _tell(report: DemoReport) -> None:
+    from memo_core.experiment.demo import CHAPTERS
+
+    why = report.why()
+    rows = []
+    for part in CHAPTERS:
+        if part.name in report.runs:
+            run = report.runs[part.name]
+            rows.append((part.title, run.instruction, "done" if run.success else "not done", why[part.name]))
+    print_table(("", "task", "outcome", "why"), rows)
+    told = (
+        "the lesson carried over" if report.told else "this is not the story it was meant to tell; the table says why"
+    )
+    print(f"seed {report.seed}: {told} ({report.wall_s:.0f} s)")
+    print(f"videos, code and entries: {report.folder}")
+    if report.page is not None:
+        print(f"the page to look at: {report.page}")
