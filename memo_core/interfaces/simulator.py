@@ -80,7 +80,9 @@ class Simulator(WorldState):
         self.open()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     @abstractmethod
@@ -110,7 +112,8 @@ class Simulator(WorldState):
 
     @abstractmethod
     def command_joints(self, targets: Array) -> None:
-        """Position targets (rad), shape (n,), held until changed. Takes effect with the next tick."""
+        """Position targets (rad), shape (n,), held until changed. Takes effect with the next tick. Raises
+        ``InvalidArgument`` when they are not finite."""
 
     @abstractmethod
     def command_gripper(self, width: float, force: float) -> None:
@@ -146,8 +149,20 @@ class Simulator(WorldState):
         """Metres along the camera's forward axis, float32, shape (H, W); inf where nothing is."""
 
     @abstractmethod
-    def render_segmentation(self, camera: str, width: int | None = None, height: int | None = None) -> tuple[np.ndarray, Sequence[str]]:
-        """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links are ``robot/LINK``."""
+    def render_segmentation(
+        self, camera: str, width: int | None = None, height: int | None = None
+    ) -> tuple[np.ndarray, Sequence[str]]:
+        """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links ``robot/LINK``."""
+
+    # -- for benchmarks ------------------------------------------------------------------------------------------------
+    def engine_controls(self) -> object:
+        """What the engine itself is driven with now, for ``bare_loop``; only where that is implemented."""
+        raise NotImplementedError(f"{type(self).__name__} has no bare loop")
+
+    def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:
+        """Restore, then replay the recorded controls (one entry a tick) in a plain Python loop around the engine, one
+        physics step at a time, without anything else. Returns the loop's wall time (s); leaves the state it came to."""
+        raise NotImplementedError(f"{type(self).__name__} has no bare loop")
 
     def view(self) -> None:
         """Open an interactive window where there is a display. Raises ``BackendUnavailable`` otherwise."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import struct
+import time as clock
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import attrs
 import numpy as np
@@ -243,12 +244,16 @@ class MujocoSimulator(Simulator):
 
     def _set_latches(self) -> None:
         """Whether a latch holds follows from the joint's position alone, so a checkpoint need not remember it."""
-        for number, latch in enumerate(self._latches):
-            inside = abs(self._qpos[latch.qpos] - latch.position) < latch.width
-            if inside != self._latch_on[number]:
-                self._latch_on[number] = inside
-                self.model.actuator_gainprm[latch.actuator, 0] = latch.gain if inside else 0.0
-                self.model.actuator_biasprm[latch.actuator, 1:3] = latch.bias if inside else 0.0
+        qpos = self._qpos
+        holds = [abs(qpos[latch.qpos] - latch.position) < latch.width for latch in self._latches]
+        if holds != self._latch_on:
+            self._switch_latches(holds)
+
+    def _switch_latches(self, holds: Sequence[bool]) -> None:
+        self._latch_on = list(holds)
+        for latch, inside in zip(self._latches, holds, strict=True):
+            self.model.actuator_gainprm[latch.actuator, 0] = latch.gain if inside else 0.0
+            self.model.actuator_biasprm[latch.actuator, 1:3] = latch.bias if inside else 0.0
 
     # -- state ---------------------------------------------------------------------------------------------------------
     def checkpoint(self) -> bytes:
@@ -331,6 +336,34 @@ class MujocoSimulator(Simulator):
         if self._pictures is not None:
             self._pictures.close()
             self._pictures = None
+
+    # -- for benchmarks ------------------------------------------------------------------------------------------------
+    def engine_controls(self) -> object:
+        """``ctrl``, and the actuator parameters that may have changed with this tick."""
+        return self.data.ctrl.copy(), (self._force, tuple(self._latch_on))
+
+    def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:
+        self.restore(checkpoint)
+        model, data, step = self.model, self.data, self._mujoco.mj_step
+        # Changed parameters split the replay, so that the loop itself stays bare.
+        pieces: list[tuple[Any, list[Any]]] = []
+        for entry in controls:
+            ctrl, parameters = cast(tuple[Any, Any], entry)
+            if not pieces or pieces[-1][0] != parameters:
+                pieces.append((parameters, []))
+            pieces[-1][1].extend([ctrl] * self._steps)
+        taken = 0.0
+        for (force, latches), steps in pieces:
+            self._set_force(force)
+            self._switch_latches(latches)
+            started = clock.perf_counter()
+            for ctrl in steps:
+                data.ctrl[:] = ctrl
+                step(model, data)
+            taken += clock.perf_counter() - started
+        self._ramp = float(self._ctrl[self._servo]) if self._servo >= 0 else 0.0
+        self._stale = True
+        return taken
 
     def view(self) -> None:
         """A window onto the running simulation; closing it changes nothing."""
