@@ -19,6 +19,7 @@ class Link(ABC):
 
     control_period: float = 0.01  # s between two sends
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
+    servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:
         self.description = description
@@ -62,6 +63,10 @@ class Link(ABC):
     @abstractmethod
     def send(self, targets: Array) -> None:
         """Command joint positions for one control period and let it pass. Raises ``Stopped``."""
+
+    def halt(self, targets: Array) -> None:
+        """Come to rest along decelerating ``targets``, shape (T, n), the grip unchanged: the one command that is accepted
+        while stopped, and the last. Hardware that stops by itself may pass over the targets."""
 
     @abstractmethod
     def set_gripper(self, width: float, force: float) -> None:

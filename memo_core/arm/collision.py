@@ -1,0 +1,355 @@
+"""Collisions of the arm with itself, with the scene as it was last seen, and of what the hand holds (coal, Pinocchio).
+
+The scene graph's boxes are all that is known of the world. A fixture with a visible inside is its box minus that inside,
+open towards its opening; a closed one is solid. What is perceived is a little wrong, so surfaces that are meant to touch
+may overlap by stated allowances, and a start that already touches something may always be left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+import attrs
+import numpy as np
+
+from memo_core.arm.kinematics import Kinematics
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.graph import Node, SceneGraph
+from memo_core.scene.pose import Array, Pose
+
+Mode = Literal["free", "contact"]
+
+# How near a part of the robot may come to a perceived surface (m; negative: how far it may reach into it).
+_MARGINS: dict[Mode, dict[str, float]] = {
+    "free": {"arm": 0.005, "hand": -0.004, "finger": -0.005, "held": -0.012},
+    "contact": {"arm": 0.0, "hand": -0.010, "held": -0.020},
+}
+_START_RELIEF = 0.004  # m deeper than at the start
+_THIN = 0.002  # m; thinner slabs are dropped
+_TABLE = "table"
+
+
+@attrs.frozen
+class Obstacle:
+    """A solid box in the base frame (m). ``node`` is the scene node's id, ``label`` what messages call it."""
+
+    node: str
+    label: str
+    pose: Pose
+    size: tuple[float, float, float]
+
+
+@attrs.frozen
+class Held:
+    """A box fixed to the tool: ``offset`` is its pose in the tool frame."""
+
+    node: str
+    label: str
+    offset: Pose
+    size: tuple[float, float, float]
+
+
+@attrs.frozen
+class Hit:
+    """Two things that would touch; ``robot`` is a link or "what is held", ``other`` a label or another link."""
+
+    robot: str
+    other: str
+    own: bool  # the robot touches itself
+
+    def __str__(self) -> str:
+        return f"the arm touches itself ({self.robot} and {self.other})" if self.own else f"{self.robot} touches the {self.other}"
+
+
+def obstacles_of(
+    scene: SceneGraph, moved: Mapping[str, Pose] | None = None, absent: Iterable[str] = ()
+) -> list[Obstacle]:
+    """The solid boxes of a scene graph. ``moved``: poses known better than at the last look; ``absent``: node ids to
+    leave out (what is held)."""
+    moved = moved or {}
+    left_out = set(absent)
+    spaces: dict[str, list[Node]] = {}
+    for node in scene.nodes:
+        if node.kind == "space" and node.part_of is not None:
+            spaces.setdefault(node.part_of, []).append(node)
+    found = []
+    for node in scene.nodes:
+        if node.kind == "space" or node.id in left_out or min(node.size) <= 0:
+            continue
+        pose = moved.get(node.id, node.pose)
+        if node.id in spaces:
+            found += _hollow(node, pose, spaces[node.id])
+        else:
+            found.append(Obstacle(node.id, node.label, pose, node.size))
+    thickness = 0.1
+    centre = (0.5, 0.0, scene.table_height - thickness / 2)
+    found.append(Obstacle(_TABLE, _TABLE, Pose(centre), (3.0, 3.0, thickness)))
+    return found
+
+
+def _hollow(node: Node, pose: Pose, spaces: Sequence[Node]) -> list[Obstacle]:
+    """The node's box minus its insides, each carried on through its open side to beyond the box."""
+    half = np.asarray(node.size) / 2
+    boxes = [(-half, half)]
+    for space in spaces:
+        local = pose.inverse() * space.pose
+        extent = np.abs(local.rotation) @ np.asarray(space.size) / 2
+        low, high = np.asarray(local.position) - extent, np.asarray(local.position) + extent
+        if space.opening is not None:
+            direction = pose.rotation.T @ np.asarray(space.opening)
+            axis = int(np.argmax(np.abs(direction)))
+            if direction[axis] > 0:
+                high[axis] = half[axis] + 1.0
+            else:
+                low[axis] = -half[axis] - 1.0
+        boxes = [piece for box in boxes for piece in _subtract(box, low, high)]
+    return [
+        Obstacle(node.id, node.label, pose * Pose(tuple((low + high) / 2)), (size[0], size[1], size[2]))
+        for low, high in boxes
+        if (size := [float(v) for v in high - low]) and min(size) > _THIN
+    ]
+
+
+def _subtract(box: tuple[Array, Array], low: Array, high: Array) -> list[tuple[Array, Array]]:
+    """An axis-aligned box minus another: up to six boxes."""
+    rest_low, rest_high = box[0].copy(), box[1].copy()
+    if np.any(low >= rest_high) or np.any(high <= rest_low):
+        return [box]
+    pieces = []
+    for axis in range(3):
+        if low[axis] > rest_low[axis]:
+            piece = (rest_low.copy(), rest_high.copy())
+            piece[1][axis] = low[axis]
+            pieces.append(piece)
+            rest_low[axis] = low[axis]
+        if high[axis] < rest_high[axis]:
+            piece = (rest_low.copy(), rest_high.copy())
+            piece[0][axis] = high[axis]
+            pieces.append(piece)
+            rest_high[axis] = high[axis]
+    return pieces
+
+
+class RobotShape:
+    """The robot's collision shapes, read once; ``checker`` puts them into a scene."""
+
+    def __init__(self, description: RobotDescription, kinematics: Kinematics) -> None:
+        import pinocchio as pin
+
+        self.description = description
+        self.kinematics = kinematics
+        model = kinematics.model
+        folders = [description.mesh_folder] if description.mesh_folder else []
+        if folders:
+            geometry = pin.buildGeomFromUrdfString(model, description.urdf, pin.GeometryType.COLLISION, package_dirs=folders)
+        else:
+            geometry = pin.buildGeomFromUrdfString(model, description.urdf, pin.GeometryType.COLLISION)
+        self.geometry = geometry
+        self.data = model.createData()
+        self.links = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
+        self.arm_index = np.array([model.joints[i].idx_q for i in kinematics.joint_ids])
+        gripper = description.gripper
+        finger_ids = [model.getJointId(name) for name in gripper.finger_joints if model.existJointName(name)]
+        self.finger_index = np.array([model.joints[i].idx_q for i in finger_ids], dtype=int)
+        last = kinematics.joint_ids[-1]
+        carriers = {model.frames[model.getFrameId(name)].parentFrame for name in gripper.finger_joints if model.existFrame(name)}
+        hand_links = {model.frames[f].name for f in carriers}
+        self.roles: list[str] = []
+        for number, shape in enumerate(geometry.geometryObjects):
+            link = self.links[number]
+            if shape.parentJoint in finger_ids or link in gripper.pads:
+                self.roles.append("finger")
+            elif link in hand_links or (not hand_links and link == description.tool_link):
+                self.roles.append("hand")
+            elif shape.parentJoint == 0:
+                self.roles.append("base")
+            else:
+                self.roles.append("arm")
+        self.last_joint = last
+        self.tool_in_last = self._tool_in_last()
+        self.self_pairs = self._self_pairs()
+
+    def configuration(self, joints: Array, width: float) -> Array:
+        """Pinocchio's configuration vector for arm joints (n,) and an opening (m)."""
+        import pinocchio as pin
+
+        q = pin.neutral(self.kinematics.model)
+        q[self.arm_index] = joints
+        if len(self.finger_index):
+            q[self.finger_index] = width / len(self.finger_index)
+        return q
+
+    def _tool_in_last(self) -> Pose:
+        """The tool frame in the frame of the last arm joint."""
+        model = self.kinematics.model
+        frame = model.frames[model.getFrameId(self.description.tool_link)]
+        return Pose.from_matrix(np.asarray(frame.placement.homogeneous)) * self.description.tool_offset
+
+    def _self_pairs(self) -> list[tuple[int, int]]:
+        """Pairs of shapes whose contact counts: not of one link, of neighbours, allowed ones, or touching at home."""
+        import pinocchio as pin
+
+        model = self.kinematics.model
+        allowed = {frozenset(pair) for pair in self.description.allowed_contacts}
+        shapes = self.geometry.geometryObjects
+        fingers = {i for i, role in enumerate(self.roles) if role == "finger"}
+        pairs = []
+        for a in range(len(shapes)):
+            for b in range(a + 1, len(shapes)):
+                first, second = shapes[a].parentJoint, shapes[b].parentJoint
+                if first == second or first == model.parents[second] or second == model.parents[first]:
+                    continue
+                if frozenset((self.links[a], self.links[b])) in allowed or {a, b} <= fingers:
+                    continue
+                pairs.append((a, b))
+        probe = self.geometry.copy()
+        probe.removeAllCollisionPairs()
+        for a, b in pairs:
+            probe.addCollisionPair(pin.CollisionPair(a, b))
+        data = pin.GeometryData(probe)
+        home = self.configuration(self.kinematics.home, self.description.gripper.stroke)
+        pin.computeCollisions(model, self.data, probe, data, home, False)
+        return [pair for pair, result in zip(pairs, data.collisionResults, strict=True) if not result.isCollision()]
+
+    def checker(
+        self,
+        obstacles: Sequence[Obstacle],
+        width: float,
+        held: Held | None = None,
+        carried: Iterable[str] = (),
+        touched: Iterable[str] = (),
+    ) -> Checker:
+        """A collision checker for this scene. ``carried``: node ids that move with the hand (a door it holds);
+        ``touched``: node ids the fingers and what is held may touch in any mode."""
+        return Checker(self, obstacles, width, held, frozenset(carried), frozenset(touched))
+
+
+class Checker:
+    """Answers whether a configuration touches anything. One scene, one opening of the fingers, one held thing."""
+
+    def __init__(
+        self,
+        shape: RobotShape,
+        obstacles: Sequence[Obstacle],
+        width: float,
+        held: Held | None,
+        carried: frozenset[str],
+        touched: frozenset[str],
+    ) -> None:
+        import coal
+        import pinocchio as pin
+
+        self._shape = shape
+        self._model = shape.kinematics.model
+        self._data = shape.data
+        self._q = shape.configuration(shape.kinematics.home, width)
+        geometry = shape.geometry.copy()
+        geometry.removeAllCollisionPairs()
+        names = list(shape.links)
+        roles = list(shape.roles)
+        robot = range(len(names))
+        if held is not None:
+            offset = shape.tool_in_last * held.offset
+            number = geometry.addGeometryObject(
+                pin.GeometryObject("held", shape.last_joint, pin.SE3(offset.matrix), coal.Box(*held.size))
+            )
+            names.append(f"the held {held.label}")
+            roles.append("held")
+            robot = range(number + 1)
+        self._carried: list[tuple[int, Array]] = []
+        pairs: list[tuple[int, int]] = list(shape.self_pairs)
+        kinds: list[tuple[str, bool, bool]] = [("self", False, False)] * len(pairs)
+        if held is not None:
+            for i in robot:
+                if roles[i] in ("arm", "base"):
+                    pairs.append((i, len(names) - 1))
+                    kinds.append(("self", False, False))
+        for count, obstacle in enumerate(obstacles):
+            number = geometry.addGeometryObject(
+                pin.GeometryObject(f"obstacle{count}", 0, pin.SE3(obstacle.pose.matrix), coal.Box(*obstacle.size))
+            )
+            names.append(obstacle.label)
+            moving = obstacle.node in carried
+            if moving:
+                self._carried.append((number, obstacle.pose.matrix))
+            for i in robot:
+                if roles[i] == "base" or (moving and roles[i] != "arm"):
+                    continue
+                if obstacle.node in touched and roles[i] in ("finger", "held"):
+                    continue
+                pairs.append((i, number))
+                kinds.append((roles[i], True, moving))
+        for a, b in pairs:
+            geometry.addCollisionPair(pin.CollisionPair(a, b))
+        self._geometry = geometry
+        self._names = names
+        self._roles = roles
+        self._pairs = pairs
+        self._kinds = kinds
+        self._results = {mode: self._geometry_data(mode) for mode in _MARGINS}
+        self._compute = pin.computeCollisions
+
+    def _geometry_data(self, mode: Mode):
+        import pinocchio as pin
+
+        data = pin.GeometryData(self._geometry)
+        margins = _MARGINS[mode]
+        for number, (role, scene, _) in enumerate(self._kinds):
+            if not scene:
+                data.collisionRequests[number].security_margin = 0.0
+            elif role in margins:
+                data.collisionRequests[number].security_margin = margins[role]
+            else:
+                data.deactivateCollisionPair(number)
+        return data
+
+    def leave(self, joints: Array) -> None:
+        """Let the arm leave the configuration it is in: what touches there may touch a little deeper, anywhere."""
+        import pinocchio as pin
+
+        for data in self._results.values():
+            self._q[self._shape.arm_index] = joints
+            self._compute(self._model, self._data, self._geometry, data, self._q, False)
+            for number, result in enumerate(data.collisionResults):
+                if result.isCollision() and data.activeCollisionPairs[number]:
+                    distance = pin.computeDistance(self._geometry, data, number).min_distance
+                    request = data.collisionRequests[number]
+                    request.security_margin = min(request.security_margin, distance - _START_RELIEF)
+
+    def carry(self, motion: Array) -> None:
+        """Move what is carried by a rigid motion (4, 4) from where it was seen."""
+        import pinocchio as pin
+
+        for number, matrix in self._carried:
+            self._geometry.geometryObjects[number].placement = pin.SE3(motion @ matrix)
+
+    @property
+    def carries(self) -> bool:
+        return bool(self._carried)
+
+    def collides(self, joints: Array, mode: Mode) -> bool:
+        """For one configuration (n,)."""
+        self._q[self._shape.arm_index] = joints
+        return self._compute(self._model, self._data, self._geometry, self._results[mode], self._q, True)
+
+    def hit(self, joints: Array, mode: Mode) -> Hit | None:
+        """The deepest contact there would be, or None."""
+        import pinocchio as pin
+
+        data = self._results[mode]
+        self._q[self._shape.arm_index] = joints
+        if not self._compute(self._model, self._data, self._geometry, data, self._q, False):
+            return None
+        found: list[tuple[float, int]] = []
+        for number, result in enumerate(data.collisionResults):
+            if data.activeCollisionPairs[number] and result.isCollision():
+                found.append((pin.computeDistance(self._geometry, data, number).min_distance, number))
+        _, number = min(found)
+        first, second = self._pairs[number]
+        own = not self._kinds[number][1]
+        return Hit(self._named(first), self._named(second) if own else self._names[second], own)
+
+    def _named(self, number: int) -> str:
+        role = self._roles[number] if number < len(self._roles) else ""
+        return {"finger": "a finger", "hand": "the hand"}.get(role, self._names[number])

@@ -1,0 +1,255 @@
+"""The robot as skills see it: plans each motion, runs it tick by tick with the stop polled, remembers what is held."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+
+import cattrs
+import numpy as np
+
+from memo_core.arm.attachment import Attachment, grasped
+from memo_core.arm.collision import obstacles_of
+from memo_core.arm.motion import MotionPlanner, Plan, World
+from memo_core.arm.trajectory import stopping
+from memo_core.errors import InvalidArgument, MotionError, Stopped
+from memo_core.interfaces.link import Link
+from memo_core.interfaces.perception import Perception
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_core.scene.pose import Array, Pose
+from memo_core.skills.control import Control, Waypoints
+
+# How far from its goal the tool may end: (m, rad). Contact may hold it off; more than this is not having arrived.
+_FREE_TOLERANCE = (0.01, 0.06)
+_CONTACT_TOLERANCE = (0.03, 0.2)
+_SETTLED = 0.0008  # rad of every joint from its target
+_SETTLE_TICKS = 60
+_ASTRAY = 0.05  # rad between a joint and its target from which on the target is taken back to the joint
+_FINGERS_STILL = 0.0003  # m
+_FINGERS_WINDOW = 10  # ticks
+
+
+class ArmControl(Control):
+    """``Control`` for any arm and link. Raises what ``Control`` says; after a stop everything that moves is refused
+    (``Stopped``) until the link is released."""
+
+    def __init__(self, description: RobotDescription, link: Link, perception: Perception) -> None:
+        self._description = description
+        self._link = link
+        self._perception = perception
+        self._planner = MotionPlanner(description, link.control_period)
+        self._kinematics = self._planner.kinematics
+        self._lag = np.array(link.servo_lag) if len(link.servo_lag) else np.zeros(self._kinematics.count)
+        self._scene: SceneGraph | None = None
+        self._attachment = Attachment()
+
+    # -- perception ------------------------------------------------------------------------------------------------------
+    def scene(self) -> SceneGraph:
+        return self.look() if self._scene is None else self._scene
+
+    def look(self) -> SceneGraph:
+        self._link.check_stop("looking")
+        self._scene = self._perception.look()
+        self._attachment = self._attachment.seen_again(self._scene, self.tool_pose(), self._link.holding())
+        return self._scene
+
+    # -- the hand --------------------------------------------------------------------------------------------------------
+    def tool_pose(self) -> Pose:
+        return self._kinematics.pose(self._link.joint_positions())
+
+    def gripper_width(self) -> float:
+        return self._link.gripper_width()
+
+    def holding(self) -> bool:
+        return self._link.holding()
+
+    def open_gripper(self, width: float | None) -> float:
+        gripper = self._description.gripper
+        if width is not None and not 0.0 <= width <= gripper.stroke + 1e-6:
+            raise InvalidArgument(
+                "open_gripper(width)", f"{width:.3f} m is not an opening of this gripper", f"0 to {gripper.stroke:.3f} m"
+            )
+        wanted = gripper.stroke if width is None else width
+        reached = self._move_fingers(wanted, gripper.max_force, "opening the gripper")
+        if not self._link.holding():
+            self._attachment = self._attachment.released(self.tool_pose())
+        return reached
+
+    def close_gripper(self, force: float | None) -> float:
+        gripper = self._description.gripper
+        if force is not None and not gripper.min_force <= force <= gripper.max_force:
+            raise InvalidArgument(
+                "close_gripper(force)", f"{force:.0f} N is not a force of this gripper",
+                f"{gripper.min_force:.0f} to {gripper.max_force:.0f} N",
+            )
+        reached = self._move_fingers(0.0, gripper.max_force if force is None else force, "closing the gripper")
+        if self._link.holding() and self._attachment.empty:
+            self._attachment = grasped(self.scene(), self._attachment, self.tool_pose(), gripper)
+        return reached
+
+    def _move_fingers(self, width: float, force: float, doing: str) -> float:
+        """Command the fingers and wait until they are still; the time that may take is bounded by the gripper's speed."""
+        link = self._link
+        link.check_stop(doing)
+        target = link.joint_targets()
+        gripper = self._description.gripper
+        patience = int((1.0 + 2.0 * gripper.stroke / gripper.speed) / link.control_period)
+        widths = [link.gripper_width()]
+        try:
+            link.set_gripper(width, force)
+            for tick in range(patience):
+                link.send(target)
+                widths.append(link.gripper_width())
+                if tick > 2 * _FINGERS_WINDOW:
+                    last = widths[-_FINGERS_WINDOW:]
+                    if max(last) - min(last) < _FINGERS_STILL:
+                        break
+        except Stopped:
+            raise Stopped(doing) from None
+        return widths[-1]
+
+    # -- motion ----------------------------------------------------------------------------------------------------------
+    def move_to(
+        self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
+    ) -> None:
+        skill = "move_to"
+        start = self._start(skill)
+        here = self._kinematics.pose(start)
+        goal = _poses([(position, orientation)], here)[0]
+        world = self._world()
+        plan = self._planner.move(
+            skill, start, goal, _poses(then or [], goal), slack, speed, world, self.scene().table_height
+        )
+        self._run(skill, plan, _FREE_TOLERANCE)
+
+    def follow_path(self, path: Waypoints, then: Waypoints | None, slack: float, speed: float) -> None:
+        skill = "follow_path" if len(path) > 1 else "move_straight"
+        start = self._start(skill)
+        poses = _poses(path, self._kinematics.pose(start))
+        following = _poses(then or [], poses[-1])
+        plan = self._planner.follow(
+            skill, start, poses, following, slack, speed, self._world(), self.scene().table_height, path[0][1] is not None
+        )
+        self._run(skill, plan, _CONTACT_TOLERANCE)
+
+    def go_home(self) -> None:
+        start = self._start("go_home")
+        self._run("go_home", self._planner.home("go_home", start, 0.8, self._world()), _FREE_TOLERANCE)
+
+    def wait(self, seconds: float) -> None:
+        target = self._link.joint_targets()
+        try:
+            for _ in range(math.ceil(seconds / self._link.control_period - 1e-9)):
+                self._link.send(target)
+        except Stopped:
+            raise Stopped("waiting") from None
+
+    # -- checkpoints -----------------------------------------------------------------------------------------------------
+    def state(self) -> bytes:
+        """What ``restore`` takes back: the scene as last seen (without images) and what is held. JSON in UTF-8."""
+        scene = None
+        if self._scene is not None:
+            seen = self._scene.observation
+            scene = {
+                "nodes": cattrs.unstructure(self._scene.nodes),
+                "relations": cattrs.unstructure(self._scene.relations),
+                "observation": cattrs.unstructure([seen.end_effector, seen.gripper_width, seen.holding]),
+                "rest": [self._scene.table_height, self._scene.label, self._scene.time],
+            }
+        return json.dumps({"scene": scene, "attachment": cattrs.unstructure(self._attachment)}).encode()
+
+    def restore(self, state: bytes) -> None:
+        """Raises ``InvalidArgument`` for bytes that ``state`` did not give."""
+        try:
+            memory = json.loads(state)
+            self._attachment = cattrs.structure(memory["attachment"], Attachment)
+            scene = memory["scene"]
+            if scene is None:
+                self._scene = None
+                return
+            effector, width, holding = scene["observation"]
+            table, label, time = scene["rest"]
+            nodes = tuple(_node(one) for one in scene["nodes"])
+            relations = tuple(Relation(**one) for one in scene["relations"])
+            observation = Observation(cattrs.structure(effector, Pose), width, holding)
+            self._scene = SceneGraph(nodes, relations, observation, table, label, time)
+        except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
+            raise InvalidArgument("control state", f"is not one of an arm ({error})", "bytes of state()") from None
+
+    # -- running ---------------------------------------------------------------------------------------------------------
+    def _world(self) -> World:
+        if not self._attachment.empty and not self._link.holding():
+            self._attachment = self._attachment.lost()
+        attached = self._attachment
+        obstacles = obstacles_of(self.scene(), attached.moved, attached.absent)
+        return World(obstacles, self._link.gripper_width(), attached.held, frozenset(attached.carried))
+
+    def _start(self, skill: str) -> Array:
+        """The joints (n,) a motion starts from: the last targets, brought back first to where the arm was pushed to."""
+        link = self._link
+        link.check_stop(skill)
+        targets, actual = link.joint_targets(), link.joint_positions()
+        if np.abs(targets - actual).max() > _ASTRAY:
+            actual = np.clip(actual, self._kinematics.lower, self._kinematics.upper)
+            self._send_all(skill, self._planner.joint_line(targets, actual).targets)
+            targets = actual
+        return targets
+
+    def _run(self, skill: str, plan: Plan, tolerance: tuple[float, float]) -> None:
+        self._send_all(skill, plan.trajectory.targets)
+        self._settle(skill, plan.trajectory.targets[-1])
+        self._attachment = self._attachment.moved_along(plan.carried)
+        distance, angle = self.tool_pose().distance(plan.goal)
+        if distance > tolerance[0] or angle > tolerance[1]:
+            problem = (
+                f"did not arrive: the hand is {100 * distance:.1f} cm and {math.degrees(angle):.0f} degrees away from its goal, "
+                f"held back by something it touches or carries"
+            )
+            raise MotionError(
+                skill, problem, cause="not-arrived", position_error_m=distance, rotation_error_rad=angle
+            )
+
+    def _send_all(self, skill: str, targets: Array) -> None:
+        """Send targets (T, n), ahead by the servo's lag, until done or stopped; then come to rest within the limits."""
+        send = self._link.send
+        velocity = np.diff(targets, axis=0, prepend=targets[:1]) / self._link.control_period
+        commands = targets + velocity * self._lag
+        commands[-1] = targets[-1]
+        number = 0
+        try:
+            for command in commands:
+                send(command)
+                number += 1
+        except Stopped:
+            if number > 1:
+                self._link.halt(stopping(self._kinematics, targets[number - 2], targets[number - 1], self._link.control_period))
+            raise Stopped(skill) from None
+
+    def _settle(self, skill: str, target: Array) -> None:
+        link = self._link
+        try:
+            for tick in range(_SETTLE_TICKS):
+                link.send(target)
+                if tick % 4 == 3 and np.abs(link.joint_positions() - target).max() < _SETTLED:
+                    if np.abs(link.joint_velocities()).max() < 0.03:
+                        return
+        except Stopped:
+            raise Stopped(skill) from None
+
+
+def _poses(waypoints: Sequence[tuple[list[float], list[float] | None]], before: Pose) -> list[Pose]:
+    """Poses of waypoints; an orientation of None is that of the waypoint before."""
+    found = []
+    orientation: Sequence[float] = before.orientation
+    for position, own in waypoints:
+        orientation = orientation if own is None else own
+        found.append(Pose(tuple(position), tuple(orientation)))
+    return found
+
+
+def _node(fields: dict) -> Node:
+    pose = cattrs.structure(fields["pose"], Pose)
+    opening = fields["opening"]
+    return Node(**{**fields, "pose": pose, "size": tuple(fields["size"]), "opening": tuple(opening) if opening else None})

@@ -1,0 +1,204 @@
+"""Planning a motion before anything moves: which arm configurations, around what, how fast; or why not, in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.arm.branches import Blocked, BranchSearch, Motion, tilt_choices
+from memo_core.arm.collision import Checker, Held, Hit, Obstacle, RobotShape
+from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.path import CartesianPath, tilt_between
+from memo_core.arm.planner import densified, plan_free
+from memo_core.arm.reasons import Reasons
+from memo_core.arm.trajectory import Speed, Trajectory, time_path
+from memo_core.errors import MotionError
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.pose import Array, Pose
+
+_STARTS = 4  # configurations of a goal that are tried before a motion is given up
+_RETREATS = (0.04, 0.09, 0.15)  # m back along the approach, to get free of what the fingers are around
+_CHECK_EVERY = 4  # ticks between collision checks of the finished trajectory
+
+
+@attrs.frozen(eq=False)
+class World:
+    """What a motion must mind: solid boxes, the fingers' opening (m), what is held, ids of what moves with the hand."""
+
+    obstacles: Sequence[Obstacle]
+    width: float
+    held: Held | None = None
+    carried: frozenset[str] = frozenset()
+
+
+@attrs.frozen(eq=False)
+class Plan:
+    """A motion ready to be run, the pose it ends at, and the rigid motion (4, 4) of what the hand carries along."""
+
+    trajectory: Trajectory
+    goal: Pose
+    carried: Array
+
+
+class MotionPlanner:
+    """Plans for one robot. Deterministic: the same question has the same answer."""
+
+    def __init__(self, description: RobotDescription, period: float) -> None:
+        self.description = description
+        self.period = period
+        self.kinematics = Kinematics(description)
+        self._shape = RobotShape(description, self.kinematics)
+        self._reasons = Reasons(description, self.kinematics)
+
+    # -- free motion -----------------------------------------------------------------------------------------------------
+    def move(
+        self, skill: str, start: Array, goal: Pose, then: Sequence[Pose], slack: float, speed: float, world: World, table: float
+    ) -> Plan:
+        """Free motion from joints (n,) to a pose from which ``then`` can be followed. Raises ``MotionError``."""
+        path = CartesianPath([goal, *then])
+        self._reasons.check_workspace(skill, [goal, *then], table)
+        checker = self._checker(world, start)
+        failure: Blocked | None = None
+        goals: list[Array] = []
+        for tilts in tilt_choices(slack, None):
+            search = BranchSearch(self.kinematics, path, checker, None, 0.0, "free", start)
+            blocked = search.prepare(tilts)
+            while blocked is None and len(goals) < _STARTS:
+                found = search.best()
+                if isinstance(found, Blocked):
+                    blocked = found
+                    break
+                goals.append(found.joints[:, 0])
+                search.exclude(found.joints[:, 0])
+                joints = self._route(checker, start, goals[-1:], straight_only=True)
+                if joints is not None:
+                    return self._free_plan(checker, joints, speed, world)
+            if goals:
+                joints = self._route(checker, start, goals)
+                if joints is not None:
+                    return self._free_plan(checker, joints, speed, world)
+                blocked = Blocked(0.0, "collision", self._obstructing(checker, start, goals[0]))
+                goals = []
+            assert blocked is not None
+            failure = blocked if failure is None or failure.s <= blocked.s else failure
+        assert failure is not None
+        raise self._reasons.error(skill, failure, path, 0.0, start, slack)
+
+    def home(self, skill: str, start: Array, speed: float, world: World) -> Plan:
+        """Free motion to the home posture. Raises ``MotionError``."""
+        checker = self._checker(world, start)
+        home = self.kinematics.home
+        if (hit := checker.hit(home, "free")) is not None:
+            raise MotionError(skill, f"the home posture is blocked: {hit}", cause="self-collision" if hit.own else "collision")
+        joints = self._route(checker, start, [home])
+        if joints is None:
+            hit = self._obstructing(checker, start, home)
+            raise MotionError(skill, f"no way home was found{f': on the straight way {hit}' if hit else ''}", cause="collision")
+        return self._free_plan(checker, joints, speed, world)
+
+    def _route(self, checker: Checker, start: Array, goals: Sequence[Array], straight_only: bool = False) -> Array | None:
+        """A free joint path (n, M); where the start is enclosed, a short straight retreat comes first."""
+
+        def free(joints: Array) -> bool:
+            return not checker.collides(joints, "free")
+
+        joints = plan_free(self.kinematics, free, start, goals, nodes=0 if straight_only else 400)
+        if joints is not None or straight_only:
+            return joints
+        for retreat in self._retreats(checker, start):
+            joints = plan_free(self.kinematics, free, retreat[:, -1], goals, nodes=1500)
+            if joints is not None:
+                return np.concatenate([retreat[:, :-1], joints], axis=1)
+        return plan_free(self.kinematics, free, start, goals, nodes=4000, seed=1)
+
+    def _retreats(self, checker: Checker, start: Array) -> Iterable[Array]:
+        pose = self.kinematics.pose(start)
+        for direction in (-pose.rotation[:, 2], np.array([0.0, 0.0, 1.0])):
+            for distance in _RETREATS:
+                back = Pose(tuple(np.asarray(pose.position) + distance * direction), pose.orientation)
+                path = CartesianPath([pose, back])
+                s = path.grid(0.01)
+                rotation, position = path.at(s)
+                joints = np.empty((self.kinematics.count, len(s)))
+                joints[:, 0] = start
+                for i in range(1, len(s)):
+                    found = self.kinematics.solve(joints[:, i - 1 : i], rotation[:, :, i : i + 1], position[:, i : i + 1], 8, 0.002)
+                    if not found.solved[0] or checker.collides(found.joints[:, 0], "contact"):
+                        break
+                    joints[:, i] = found.joints[:, 0]
+                else:
+                    if not checker.collides(joints[:, -1], "free"):
+                        yield joints
+
+    def _free_plan(self, checker: Checker, joints: Array, speed: float, world: World) -> Plan:
+        holding = world.held is not None
+        limits = Speed(0.7 * speed, (0.5 if holding else 0.9) * speed, (1.5 if holding else 2.5) * speed)
+        dense, corners = densified(joints)
+        trajectory = time_path(self.kinematics, dense, limits, self.period)
+        if corners and any(checker.collides(row, "free") for row in trajectory.targets[::_CHECK_EVERY]):
+            trajectory = time_path(self.kinematics, dense, limits, self.period, stops=corners)
+        return Plan(trajectory, self.kinematics.pose(dense[:, -1]), np.eye(4))
+
+    def _obstructing(self, checker: Checker, start: Array, goal: Array) -> Hit | None:
+        """What stands in the straight joint line to a goal."""
+        for part in np.linspace(0.0, 1.0, 30):
+            if (hit := checker.hit(start + (goal - start) * part, "free")) is not None:
+                return hit
+        return None
+
+    # -- following ---------------------------------------------------------------------------------------------------------
+    def follow(
+        self,
+        skill: str,
+        start: Array,
+        poses: Sequence[Pose],
+        then: Sequence[Pose],
+        slack: float,
+        speed: float,
+        world: World,
+        table: float,
+        oriented: bool,
+    ) -> Plan:
+        """Straight pieces through ``poses``, from joints (n,), in configurations from which ``then`` can be followed.
+        ``oriented``: the first pose has an orientation of its own. Raises ``MotionError``."""
+        self._reasons.check_workspace(skill, [*poses, *then], table)
+        here = self.kinematics.pose(start)
+        tilt = 0.0
+        if oriented and slack > 1e-3:
+            tilt, rest = tilt_between(poses[0], here)
+            if rest < 0.05 and abs(tilt) <= slack + 0.02:
+                here = Pose(here.position, poses[0].orientation)
+            else:
+                tilt = 0.0
+        path = CartesianPath([here, *poses, *then])
+        end = CartesianPath([here, *poses]).length
+        checker = self._checker(world, start)
+        motion: Motion | None = None
+        failure: Blocked | None = None
+        for tilts in tilt_choices(slack, tilt):
+            search = BranchSearch(self.kinematics, path, checker, start, tilt, "contact", start, bool(world.carried))
+            blocked = search.prepare(tilts)
+            found = blocked or search.best()
+            if isinstance(found, Motion):
+                motion = found
+                break
+            failure = found if failure is None or failure.s <= found.s else failure
+        if motion is None:
+            assert failure is not None
+            raise self._reasons.error(skill, failure, path, end, start, slack)
+        kept = motion.s <= end + 1e-9
+        limits = Speed(0.6 * speed, 0.3 * speed, 1.2 * speed)
+        trajectory = time_path(self.kinematics, motion.joints[:, kept], limits, self.period)
+        carried = path.pose(end).matrix @ np.linalg.inv(path.pose(0.0).matrix)
+        return Plan(trajectory, self.kinematics.pose(motion.joints[:, kept][:, -1]), carried)
+
+    def joint_line(self, start: Array, goal: Array) -> Trajectory:
+        """Slowly along the straight joint line, minding nothing: for following where the arm already is."""
+        return time_path(self.kinematics, densified(np.column_stack([start, goal]))[0], Speed(0.3, 0.3, 1.0), self.period)
+
+    def _checker(self, world: World, start: Array) -> Checker:
+        checker = self._shape.checker(world.obstacles, world.width, world.held, world.carried)
+        checker.leave(start)
+        return checker

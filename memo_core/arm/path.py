@@ -1,0 +1,103 @@
+"""Cartesian paths of the tool: straight pieces between waypoints with interpolated orientation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from memo_core.scene.pose import Array, Pose
+
+TURNING_LENGTH = 0.25  # m of path that one radian of turning counts as
+
+
+class CartesianPath:
+    """Poses over a path parameter s (m): s grows by a piece's length or by ``TURNING_LENGTH`` times its rotation angle,
+    whichever is more."""
+
+    def __init__(self, poses: Sequence[Pose]) -> None:
+        kept = [poses[0]]
+        for pose in poses[1:]:
+            if _extent(kept[-1], pose) > 1e-7:
+                kept.append(pose)
+        self.poses = tuple(kept)
+        self._positions = np.array([pose.position for pose in kept])
+        quaternions = np.array([pose.orientation for pose in kept])
+        for i in range(1, len(kept)):
+            if quaternions[i] @ quaternions[i - 1] < 0:
+                quaternions[i] *= -1
+        self._quaternions = quaternions
+        self.knots = np.concatenate([[0.0], np.cumsum([_extent(a, b) for a, b in zip(kept, kept[1:], strict=False)])])
+
+    @property
+    def length(self) -> float:
+        return float(self.knots[-1])
+
+    def grid(self, step: float, most: int = 10_000) -> Array:
+        """Parameters from 0 to the end, evenly spaced by at most ``step``, at most ``most`` of them."""
+        count = min(most, max(1, int(np.ceil(self.length / step))) + 1) if self.length > 0 else 1
+        return np.linspace(0.0, self.length, count)
+
+    def at(self, s: Array, tilt: Array | float = 0.0) -> tuple[Array, Array]:
+        """Rotations (3, 3, N) and positions (3, N) at parameters (N,), tilted about the tool's y axis by ``tilt`` (rad)."""
+        s = np.asarray(s, dtype=float)
+        if len(self.poses) == 1:
+            position = np.repeat(self._positions[0][:, None], len(s), axis=1)
+            quaternion = np.repeat(self._quaternions[0][:, None], len(s), axis=1)
+        else:
+            piece = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.poses) - 2)
+            part = np.clip((s - self.knots[piece]) / (self.knots[piece + 1] - self.knots[piece]), 0.0, 1.0)
+            position = (self._positions[piece] * (1 - part)[:, None] + self._positions[piece + 1] * part[:, None]).T
+            quaternion = _slerp(self._quaternions[piece].T, self._quaternions[piece + 1].T, part)
+        return tilted(_rotations(quaternion), tilt), position
+
+    def pose(self, s: float) -> Pose:
+        """The untilted pose at one parameter."""
+        rotation, position = self.at(np.array([s]))
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation[:, :, 0]
+        matrix[:3, 3] = position[:, 0]
+        return Pose.from_matrix(matrix)
+
+
+def tilted(rotation: Array, tilt: Array | float) -> Array:
+    """Rotations (3, 3, N) turned about their own y axis by ``tilt`` (N,) or one number (rad)."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    return np.stack([rotation[:, 0] * c - rotation[:, 2] * s, rotation[:, 1], rotation[:, 0] * s + rotation[:, 2] * c], axis=1)
+
+
+def tilt_between(nominal: Pose, actual: Pose) -> tuple[float, float]:
+    """(rad about the nominal tool's y axis, rad of rotation left over) from one orientation to another."""
+    relative = nominal.rotation.T @ actual.rotation
+    tilt = float(np.arctan2(relative[0, 2] - relative[2, 0], relative[0, 0] + relative[2, 2]))
+    c, s = np.cos(tilt), np.sin(tilt)
+    rest = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T @ relative
+    return tilt, float(np.arccos(np.clip((np.trace(rest) - 1) / 2, -1.0, 1.0)))
+
+
+def _extent(a: Pose, b: Pose) -> float:
+    distance, angle = a.distance(b)
+    return max(distance, TURNING_LENGTH * angle)
+
+
+def _slerp(a: Array, b: Array, part: Array) -> Array:
+    dot = np.clip((a * b).sum(axis=0), -1.0, 1.0)
+    angle = np.arccos(dot)
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    first = np.where(near, 1 - part, np.sin((1 - part) * angle) / safe)
+    second = np.where(near, part, np.sin(part * angle) / safe)
+    result = first * a + second * b
+    return result / np.sqrt((result**2).sum(axis=0))
+
+
+def _rotations(quaternion: Array) -> Array:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
