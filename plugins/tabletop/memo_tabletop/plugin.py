@@ -1,3 +1,29 @@
 """What this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
 
 from __future__ import annotations
+
+import attrs
+
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend
+
+
+@attrs.frozen
+class TabletopSettings:
+    """The tabletop tasks have nothing to set."""
+
+
+def tasks(settings: TabletopSettings):
+    """The tasks in the paper's order."""
+    from memo_tabletop.tasks.cubes import StackTheCubes
+    from memo_tabletop.tasks.drawer import PutTheCubeAway
+    from memo_tabletop.tasks.fridge import OpenTheFridge
+    from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
+    from memo_tabletop.tasks.oven import PutTheFoodInTheOven
+
+    return (PutTheCubeAway(), PutTheFoodInTheMicrowave(), StackTheCubes(), OpenTheFridge(), PutTheFoodInTheOven())
+
+
+@hookimpl
+def memo_task_suites():
+    return [Backend("suite", "tabletop", "five tabletop tasks with doors, a drawer and cubes", tasks, TabletopSettings, default=True)]

@@ -1,0 +1,1 @@
+"""Reference solutions: robot code written by hand, used by tests and `memo tasks verify` only."""

@@ -1,0 +1,79 @@
+"""What putting food into a microwave and into an oven have in common: a door to open, food beside, a hollow to fill."""
+
+from __future__ import annotations
+
+import math
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from memo_core.interfaces.simulator import WorldState
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.scene.description import Body, SceneDescription
+from memo_core.skillbook.keys import Key
+from memo_tabletop import judging
+from memo_tabletop.furniture import WALL, DoorHinge
+from memo_tabletop.things import cameras, food
+
+
+class FoodInCabinet(Task):
+    """Success: the door stands open so far that a hand can reach straight in, and the food lies inside, let go and at
+    rest."""
+
+    cabinet_name: str
+    hinge: DoorHinge
+    food_place: tuple[float, float] = (0.45, -0.32)
+
+    def cabinet(self, rng: np.random.Generator) -> tuple[Body, ...]:
+        """The cabinet first, then what it stands on."""
+        raise NotImplementedError
+
+    def scene(self, rng: np.random.Generator) -> SceneDescription:
+        furniture = self.cabinet(rng)
+        x, y = self.food_place + rng.uniform(-0.02, 0.02, 2)
+        loaf = food((x, y, 0.001), rng.uniform(-0.35, 0.35))
+        front = furniture[0].pose.position
+        return SceneDescription((*furniture, loaf), cameras((front[0], front[1], 0.25)))
+
+    def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        described = self._described()
+        cavity = described.cavities[0]
+        passage = self._passage(world.joint_position(f"{self.cabinet_name}/hinge"), described)
+        measures = {"door_rad": world.joint_position(f"{self.cabinet_name}/hinge"), "passage_m": passage}
+        loaf = food((0.0, 0.0, 0.0), 0.0)
+        if passage < self._needed_passage():
+            return Outcome(False, f"the {self.cabinet_name} door lets only {max(passage, 0):.2f} m through", measures)
+        if not judging.wholly_in(world, described, cavity, "food", loaf.geoms[0]):
+            return Outcome(False, f"the food is not wholly inside the {self.cabinet_name}", measures)
+        if not judging.released(world, "food"):
+            return Outcome(False, "the robot still touches the food", measures)
+        if not judging.at_rest(world, "food"):
+            return Outcome(False, "the food is still moving", measures)
+        return Outcome(True, f"the food lies inside the open {self.cabinet_name}", measures)
+
+    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        key = Key.parse(subtask)
+        if key.action == "OPEN":
+            angle = world.joint_position(f"{self.cabinet_name}/hinge")
+            passage = self._passage(angle, self._described())
+            done = passage >= self._needed_passage()
+            return Outcome(done, f"the door stands at {math.degrees(angle):.0f} degrees", {"door_rad": angle})
+        return None
+
+    def _described(self) -> Body:
+        return self.cabinet(np.random.default_rng(0))[0]
+
+    def _passage(self, angle: float, described: Body) -> float:
+        extents = described.cavities[0].size
+        clear = extents[2] if self.hinge.edge == "bottom" else extents[1]
+        return judging.passage(angle, clear, clear + 2 * WALL)
+
+    def _needed_passage(self) -> float:
+        return judging.DROP_DOOR_PASSAGE_M if self.hinge.edge == "bottom" else judging.HAND_PASSAGE_M
+
+    @property
+    def reference_solution(self) -> str:
+        return resources.files("memo_tabletop.solutions").joinpath("food_in_cabinet.py").read_text(encoding="utf-8").replace(
+            "CABINET", self.cabinet_name
+        )

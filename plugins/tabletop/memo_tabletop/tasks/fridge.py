@@ -1,0 +1,64 @@
+"""Open the fridge: a tall door on an upright edge, milk on a shelf behind it."""
+
+from __future__ import annotations
+
+import math
+from importlib import resources
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.simulator import WorldState
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.scene.description import Geom, SceneDescription
+from memo_core.scene.pose import Pose
+from memo_tabletop import judging
+from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
+from memo_tabletop.things import BLUE, block, cameras
+
+SIZE = (0.30, 0.36, 0.50)  # depth, width, height
+SHELF = 0.22  # m, top of the shelf above the table
+SHELF_DEPTH = 0.09
+
+
+class OpenTheFridge(Task):
+    """Success: the door stands open so far that a hand with the milk in it comes straight out, and the hand has let go
+    of the door."""
+
+    name = "open-the-fridge"
+    instruction = "open the fridge"
+    kind = "TR"
+
+    def __init__(self, mirrored: bool = False, handle_height: float = 0.30, hinge_friction: float = 1.0) -> None:
+        self.hinge = DoorHinge("right" if mirrored else "left", math.radians(115), friction=hinge_friction)
+        self.handle = Handle(length=0.20, distance=0.045, inset=0.03, height=handle_height)
+
+    def scene(self, rng: np.random.Generator) -> SceneDescription:
+        x, y = np.array([0.72, 0.05]) + rng.uniform(-0.02, 0.02, 2)
+        yaw = rng.uniform(-math.radians(5), math.radians(5))
+        fridge = cabinet("fridge", (x, y, 0.0), yaw, SIZE, self.hinge, self.handle, WHITE, STEEL)
+        board = Geom(
+            "box", (SHELF_DEPTH, SIZE[1] - 2 * WALL, 0.01), Pose((SIZE[0] - WALL - SHELF_DEPTH / 2, 0.0, SHELF - 0.005))
+        )
+        fridge = attrs.evolve(fridge, geoms=(*fridge.geoms, board))
+        place = fridge.pose.apply((SIZE[0] - WALL - SHELF_DEPTH / 2, 0.0, SHELF + 0.001))
+        milk = block("milk", "milk", tuple(place), yaw, (0.05, 0.05, 0.11), 0.25, BLUE)
+        return SceneDescription((fridge, milk), cameras((x, y, 0.25)))
+
+    def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        angle = world.joint_position("fridge/hinge")
+        width = judging.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
+        measures = {"door_rad": angle, "passage_m": width}
+        if width < judging.HAND_PASSAGE_M:
+            return Outcome(False, f"the fridge door lets only {max(width, 0):.2f} m through", measures)
+        if not judging.released(world, "fridge/door"):
+            return Outcome(False, "the robot still touches the door", measures)
+        return Outcome(True, f"the fridge stands open, {width:.2f} m wide", measures)
+
+    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        return self.check(world, {}) if subtask.upper().startswith("OPEN") else None
+
+    @property
+    def reference_solution(self) -> str:
+        return resources.files("memo_tabletop.solutions").joinpath("open_the_fridge.py").read_text(encoding="utf-8")

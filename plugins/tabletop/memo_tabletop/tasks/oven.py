@@ -1,0 +1,34 @@
+"""Put the food in the oven: its door drops down about its lower edge. Held out: nobody ever teaches this one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from memo_core.scene.description import Body
+from memo_tabletop.furniture import DARK, STEEL, DoorHinge, Handle, cabinet, stand
+from memo_tabletop.tasks.food_in_cabinet import FoodInCabinet
+
+SIZE = (0.32, 0.34, 0.27)  # depth, width, height
+BOTTOM = 0.20  # m above the table; lower, and the hand hits the table below the open door
+
+
+class PutTheFoodInTheOven(FoodInCabinet):
+    """``hinge_friction`` in Nm: enough that the door stays where it is let go, as an oven's springs do."""
+
+    name = "put-the-food-in-the-oven"
+    instruction = "put the food in the oven"
+    kind = "CR"
+    split = "held-out"
+    cabinet_name = "oven"
+
+    def __init__(self, hinge_friction: float = 1.2, handle_length: float = 0.20) -> None:
+        self.hinge = DoorHinge("bottom", math.radians(95), friction=hinge_friction, mass=0.7)
+        self.handle = Handle(length=handle_length, distance=0.05, inset=0.014)
+
+    def cabinet(self, rng: np.random.Generator) -> tuple[Body, ...]:
+        x, y = np.array([0.68, 0.12]) + rng.uniform(-0.02, 0.02, 2)
+        yaw = rng.uniform(-math.radians(5), math.radians(5))
+        oven = cabinet("oven", (x, y, BOTTOM), yaw, SIZE, self.hinge, self.handle, STEEL, DARK)
+        return oven, stand("stand", (x, y, 0.0), yaw, (SIZE[0], SIZE[1], BOTTOM))
