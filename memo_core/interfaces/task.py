@@ -49,6 +49,7 @@ class Task(ABC):
     kind: str = ""  # LH, CR, SR, TR
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds
+    settle: float = 2.5  # simulated seconds to let pass with the arm still before ``check``
 
     @abstractmethod
     def scene(self, rng: np.random.Generator) -> SceneDescription:
