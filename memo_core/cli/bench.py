@@ -26,6 +26,21 @@ def startup(
 
 
 @app.command()
+def sim(
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Rounds; medians are compared.")] = 3,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """The whole motion stack against a bare loop that replays its recorded controls in the same scene."""
+    from memo_core.experiment.bench_sim import bench_sim
+
+    _, experiment = load(config, overrides)
+    simulator, robot = experiment.create("simulator"), experiment.create("robot")
+    _report(_measured("sim", lambda progress: bench_sim(simulator, robot, rounds=rounds)), json)
+
+
+@app.command()
 def retrieval(
     entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 10_000,
     keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,

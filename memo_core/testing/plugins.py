@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from typing import Any, Literal
 import attrs
 
 from memo_core.config import ConfigErrors, load_experiment
+from memo_core.config.experiment import plain
 from memo_core.config.fields import field_types
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName
 from memo_core.interfaces.backend import KINDS, Backend
@@ -129,11 +131,15 @@ def rule(check: Callable[[Registry, Backend], None]) -> Callable[[Registry, Back
 @rule
 def default_settings_pass_their_own_checks(registry: Registry, backend: Backend) -> None:
     """What the config class gives by default is what a config file may say."""
-    if any(field.default is attrs.NOTHING and field.init for field in attrs.fields(backend.config)):
-        return
-    section = "skills" if backend.kind == "skills" else backend.kind
     try:
-        load_experiment(registry, None, [f"{section}={backend.name}"])
+        settings = plain(backend.config())
+    except TypeError:
+        return  # needs settings that only its user knows
+    section = {"backend": backend.name} | settings
+    try:
+        load_experiment(
+            registry, None, [f"{backend.kind}={json.dumps([section] if backend.kind == 'skills' else section)}"]
+        )
     except ConfigErrors as errors:
         raise AssertionError(str(errors)) from None
 
