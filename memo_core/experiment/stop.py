@@ -123,7 +123,9 @@ class Supervisor:
                 return Stopped("before the person was asked")
             if question.interrupted:
                 self.prompt_ready.append(time.monotonic())
-                return self.teacher.interrupted(question.episode)
+                verdict = self.teacher.interrupted(question.episode)
+                self._last_press = -1e9  # it was answered: the next press is a new stop, not a second one
+                return verdict
             return self.teacher.judge(question.episode)
         except _PromptInterrupted:
             return Stopped("waiting for the person")

@@ -1,0 +1,223 @@
+"""Real signals to a run: the person is heard, the run goes on or ends with everything saved, and never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from memo_core.errors import Stopped
+from memo_core.experiment.stop import Supervisor
+from memo_core.interfaces.teacher import Episode, Teacher, Verdict
+from memo_core.policy.stopping import StopSwitch, abandonable
+from memo_core.testing.fake_stage import FakeStage
+
+PROMISE_S = 0.1  # last command within 50 ms of the signal, prompt ready within another 50 ms
+
+
+def an_episode() -> Episode:
+    scene = FakeStage().glance()
+    return Episode("task", "OPEN(jar)", 1, scene, scene)
+
+
+class Patient(Teacher):
+    """Waits for ever unless it is asked after a stop."""
+
+    def __init__(self) -> None:
+        self.interrupted_at: list[float] = []
+
+    def judge(self, episode: Episode) -> Verdict:
+        read, _write = os.pipe()
+        os.read(read, 1)
+        raise AssertionError("nobody writes")
+
+    def interrupted(self, episode: Episode) -> Verdict:
+        self.interrupted_at.append(time.monotonic())
+        return Verdict("correct", "slower")
+
+
+def send_after(seconds: float, number: int = signal.SIGINT) -> list[float]:
+    sent: list[float] = []
+
+    def send() -> None:
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), number)
+
+    threading.Timer(seconds, send).start()
+    return sent
+
+
+def test_a_signal_while_a_person_is_waited_for_asks_what_was_wrong_at_once():
+    teacher, stop = Patient(), StopSwitch()
+    supervisor = Supervisor(stop, teacher)
+    sent = send_after(0.1)
+
+    def work() -> Verdict:
+        with pytest.raises(Stopped):
+            supervisor.ask(an_episode(), False)
+        verdict = supervisor.ask(an_episode(), True)
+        stop.release()
+        return verdict
+
+    assert supervisor.run(work) == Verdict("correct", "slower")
+    assert teacher.interrupted_at[0] - sent[0] < PROMISE_S
+    assert not supervisor.ending
+
+
+def test_a_signal_while_a_model_is_waited_for_gives_it_up_and_counts_its_late_answer():
+    stop = StopSwitch()
+    supervisor = Supervisor(stop, Patient())
+    late: list[object] = []
+    came = threading.Event()
+
+    def slow() -> str:
+        time.sleep(0.4)
+        return "an answer"
+
+    def note(result) -> None:
+        late.append(result)
+        came.set()
+
+    sent = send_after(0.1)
+
+    def work() -> float:
+        with pytest.raises(Stopped):
+            abandonable(stop, "plan", slow, note)
+        return time.monotonic()
+
+    given_up = supervisor.run(work)
+    assert given_up - sent[0] < PROMISE_S
+    assert came.wait(2) and late == ["an answer"]
+
+
+def test_a_second_signal_within_two_seconds_ends_the_run():
+    stop = StopSwitch()
+    supervisor = Supervisor(stop, Patient())
+    send_after(0.05)
+    send_after(0.2)
+
+    def work() -> str:
+        while not supervisor.ending:
+            time.sleep(0.005)
+        with pytest.raises(Stopped):
+            supervisor.ask(an_episode(), True)
+        return "saved"
+
+    assert supervisor.run(work) == "saved"
+
+
+def test_two_signals_far_apart_are_two_stops(monkeypatch):
+    monkeypatch.setattr("memo_core.experiment.stop.SECOND_PRESS_S", 0.05)
+    supervisor = Supervisor(StopSwitch(), Patient())
+    send_after(0.05)
+    send_after(0.25)
+
+    def work() -> None:
+        while supervisor.presses < 2:
+            time.sleep(0.005)
+
+    supervisor.run(work)
+    assert not supervisor.ending
+
+
+def test_the_handlers_of_before_are_back_after_a_run_however_it_ends():
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+
+    def broken() -> None:
+        raise ValueError("broken")
+
+    with pytest.raises(ValueError, match="broken"):
+        Supervisor(StopSwitch()).run(broken)
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_a_stop_already_pressed_is_not_slept_through():
+    stop = StopSwitch()
+    stop.press()
+    with pytest.raises(Stopped):
+        abandonable(stop, "plan", lambda: time.sleep(5), lambda _: None)
+    heard: list[int] = []
+    with stop.waking(lambda: heard.append(1)):
+        assert heard == [1]
+    stop.release()
+    with stop.waking(lambda: heard.append(2)):
+        stop.press()
+    assert heard == [1, 2]
+
+
+PROGRAM = textwrap.dedent(
+    """
+    import sys, time
+    from memo_core.experiment.stop import Supervisor
+    from memo_core.policy.stopping import StopSwitch
+
+    supervisor = Supervisor(StopSwitch())
+
+    def work():
+        print("working", flush=True)
+        while not supervisor.ending:
+            time.sleep(0.01)
+        print("saved", flush=True)
+
+    supervisor.run(work)
+    """
+)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_no_signal_ever_shows_a_traceback(number):
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "working\n"
+    process.send_signal(number)
+    if number == signal.SIGINT:
+        time.sleep(0.2)
+        process.send_signal(number)
+    out, errors = process.communicate(timeout=10)
+    assert out == "saved\n" and "Traceback" not in errors and process.returncode == 0
+
+
+KILLED = textwrap.dedent(
+    """
+    import json, os, signal, sys
+    from memo_core.testing.fake_llm import ScriptedModel
+    from tests.test_policy_loop import Bench, BESIDE, Sandbox, Skillbook, FakeEmbedder, FakeStore
+    from tests.test_policy_loop import BUILTIN_SKILLS, skill_library, Verdict
+
+    def die(request):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
+        book = Skillbook(sys.argv[1], FakeEmbedder(), FakeStore()).open()
+        script = {"plan": ["PICK_UP(red cube)"], "code": [BESIDE], "feedback": [die]}
+        Bench(sandbox, book, script, [Verdict("correct", json.loads(sys.argv[2]))]).run()
+    """
+)
+
+
+def test_feedback_survives_kill_9_right_after_it_was_given(tmp_path: Path):
+    from memo_core.skillbook.book import Skillbook
+
+    url, words = f"sqlite:///{tmp_path / 'book.db'}", 'no!\n  höher — 3 cm, "please"'
+    ended = subprocess.run(
+        [sys.executable, "-c", KILLED, url, json.dumps(words)],
+        cwd=Path(__file__).parent.parent,
+        env=os.environ | {"PYTHONPATH": "."},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    with Skillbook(url) as book:
+        [pending] = book.pending_feedback()
+    assert (pending.words, pending.who, pending.status) == (words, "ana", "pending")
