@@ -1,3 +1,29 @@
 """What this distribution offers to MEMO. Only declares: nothing heavy is imported here."""
 
 from __future__ import annotations
+
+from typing import Any
+
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend
+from memo_llm.settings import OfflineSettings
+
+
+def _offline(settings: Any) -> Any:
+    from memo_llm.offline.model import OfflineModel
+
+    return OfflineModel(settings)
+
+
+@hookimpl
+def memo_language_models() -> list[Backend]:
+    return [
+        Backend(
+            kind="llm",
+            name="offline",
+            summary="rule-based reader of the prompts: no network, no cost; regression figures only",
+            factory=_offline,
+            config=OfflineSettings,
+            default=True,
+        )
+    ]

@@ -1,0 +1,315 @@
+"""Applying edits to a recipe. Every edit is applied, also one that contradicts another or does not fit the subtask: the
+person is taken at their word. The caller orders them so that what ranks highest is applied last and wins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import attrs
+
+from memo_llm.offline.reading import Edit
+from memo_llm.offline.recipe import Recipe
+
+Rough = dict[str, float]
+_BASE = {
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "away": (1.0, 0.0, 0.0),
+    "towards": (-1.0, 0.0, 0.0),
+}
+
+
+def apply(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    """The recipe with one edit made. An edit that cannot change this recipe leaves it as it is."""
+    return _EDITS[edit.kind](recipe, edit, rough) if edit.kind in _EDITS else recipe
+
+
+def _arc(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    # The sense is kept: a template or another correction may have set it.
+    return attrs.evolve(_with_path(recipe), shape="arc")
+
+
+def _straight(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(_with_path(recipe), shape="straight")
+
+
+def _reverse(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.shape == "straight" and recipe.kind in ("open", "close", "pull", "push"):
+        flipped = {"out": "in", "in": "out", "up": "down", "down": "up", "left": "right", "right": "left"}
+        return attrs.evolve(recipe, way=flipped.get(recipe.way, recipe.way))
+    return attrs.evolve(recipe, sense=-recipe.sense, turn=-recipe.turn)
+
+
+def _pivot(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    edge = {"up": "top", "down": "bottom"}.get(edit.value, edit.value)
+    return attrs.evolve(_arc(recipe, edit, rough), pivot=edge)
+
+
+def _way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    way = "out" if edit.value.startswith("away from") else edit.value
+    if edit.negated:
+        return recipe
+    recipe = _with_path(recipe)
+    if recipe.shape == "arc":
+        return attrs.evolve(recipe, sense=-1 if way == "in" else 1, way=way)
+    distance = edit.amount.metres if edit.amount and edit.amount.exact else recipe.distance
+    return attrs.evolve(recipe, way=way, distance=distance)
+
+
+def _farther(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.amount and edit.amount.exact:
+        return attrs.evolve(
+            recipe, distance=recipe.distance + edit.amount.metres, deeper=_placed_deeper(recipe, edit, rough)
+        )
+    return _stretched(
+        recipe, edit.amount.factor if edit.amount else rough["further"], _placed_deeper(recipe, edit, rough), rough
+    )
+
+
+def _placed_deeper(recipe: Recipe, edit: Edit, rough: Rough) -> float:
+    """Where there is no path, "further" is about where the hand goes."""
+    if not recipe.changes_nothing_held:
+        return recipe.deeper
+    return recipe.deeper + (edit.amount.metres if edit.amount else rough["offset"])
+
+
+def _all_the_way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    deeper = recipe.deeper + (rough["offset"] if recipe.changes_nothing_held else 0.0)
+    return _stretched(recipe, rough["all_the_way"], deeper, rough)
+
+
+def _less_far(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    factor = 0.5 if "half" in edit.said else rough["less"]
+    deeper = recipe.deeper - (rough["offset"] if recipe.changes_nothing_held else 0.0)
+    return _stretched(recipe, factor, deeper, rough)
+
+
+def _stretched(recipe: Recipe, factor: float, deeper: float, rough: Rough) -> Recipe:
+    widest = max(rough["widest_angle"], recipe.angle)
+    return attrs.evolve(
+        recipe, distance=recipe.distance * factor, angle=min(recipe.angle * factor, widest), deeper=deeper
+    )
+
+
+def _angle(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.degrees is None:
+        return recipe
+    return attrs.evolve(recipe, angle=edit.degrees)
+
+
+def _offset(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.negated:
+        return recipe
+    metres = edit.amount.metres if edit.amount else rough["offset"]
+    direction = _BASE.get("towards" if edit.value == "out" else edit.value)
+    if direction is None:
+        direction = _BASE["down" if edit.said.endswith(("below", "under")) else "up"]
+    moved = tuple(o + metres * d for o, d in zip(recipe.offset, direction, strict=True))
+    return attrs.evolve(recipe, offset=moved)
+
+
+def _hold_at(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.negated:
+        return attrs.evolve(recipe, hold_at="middle") if recipe.hold_at == edit.value else recipe
+    return attrs.evolve(recipe, hold_at=edit.value)
+
+
+def _approach(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    other = "front" if recipe.approach == "top" else "top"
+    if edit.negated:
+        return attrs.evolve(recipe, approach=other) if recipe.approach == edit.value else recipe
+    side = {"side": "front", "edge": "front", "side approach": "front", "middle": recipe.approach}.get(
+        edit.value, edit.value
+    )
+    if side not in ("front", "top", "left", "right", "back", "bottom"):
+        side = other
+    return attrs.evolve(recipe, approach=side)
+
+
+def _tilt(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    degrees = edit.degrees if edit.degrees is not None else rough["tilt"]
+    upwards = edit.value in ("up", "out", "towards", "less")
+    return attrs.evolve(recipe, tilt=0.0 if edit.negated else recipe.tilt + (-degrees if upwards else degrees))
+
+
+def _turn_hand(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    degrees = edit.degrees if edit.degrees is not None else 90.0
+    counter = edit.value == "left" or edit.value.startswith(("counter", "anti"))
+    if edit.negated:
+        return attrs.evolve(recipe, hand_turn=0.0, hand_follows=False)
+    return attrs.evolve(recipe, hand_turn=recipe.hand_turn + (-degrees if counter else degrees))
+
+
+def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    degrees = edit.degrees if edit.degrees is not None else 90.0
+    counter = edit.value == "left" or edit.value.startswith(("counter", "anti"))
+    steps = recipe.steps
+    if "turn" not in steps:
+        at = steps.index("path") if "path" in steps else _after_grip(steps)
+        steps = (*steps[:at], "turn", *steps[at:])
+    return attrs.evolve(recipe, steps=steps, turn=0.0 if edit.negated else (-degrees if counter else degrees))
+
+
+def _fingers(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    word = edit.value
+    level = word in ("horizontal", "horizontally", "level", "flat")
+    upright = word in ("vertical", "vertically", "upright")
+    return attrs.evolve(recipe, fingers="horizontal" if level else "vertical" if upright else "across")
+
+
+def _finger_width(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    now = recipe.opening if recipe.opening is not None else 0.08
+    if edit.negated or edit.said.startswith(("don't", "do not", "not")) or edit.value in ("less", "only a little"):
+        width: float | None = now * rough["less"]
+    elif edit.amount and edit.amount.exact:
+        width = edit.amount.metres
+    elif edit.value.startswith(("half", "only half")):
+        width = 0.04
+    elif edit.value in ("fully", "completely", "all the way"):
+        width = None
+    else:
+        width = now * rough["further"]
+    return attrs.evolve(recipe, opening=None if width is None or width >= 0.08 else width)
+
+
+def _between(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, fingers="across", deeper=recipe.deeper + rough["deeper"])
+
+
+def _open_first(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    steps = tuple(s for s in recipe.steps[:1] if s != "close-hand") + recipe.steps[1:]
+    if edit.negated:
+        return attrs.evolve(recipe, steps=steps[1:] if steps[:1] == ("open-hand",) else steps)
+    return attrs.evolve(recipe, steps=steps if steps[:1] == ("open-hand",) else ("open-hand", *steps))
+
+
+def _close_first(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    steps = recipe.steps[1:] if recipe.steps[:1] == ("open-hand",) else recipe.steps
+    if edit.negated:
+        return attrs.evolve(recipe, steps=steps[1:] if steps[:1] == ("close-hand",) else recipe.steps)
+    return attrs.evolve(recipe, steps=steps if steps[:1] == ("close-hand",) else ("close-hand", *steps))
+
+
+def _release(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if "open-hand" in recipe.steps[_after_grip(recipe.steps) :]:
+        return recipe
+    at = recipe.steps.index("back-off") if "back-off" in recipe.steps else len(recipe.steps)
+    return attrs.evolve(recipe, steps=(*recipe.steps[:at], "open-hand", *recipe.steps[at:]))
+
+
+def _hold_on(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    at = _after_grip(recipe.steps)
+    kept = tuple(s for s in recipe.steps[at:] if s not in ("open-hand", "back-off"))
+    return attrs.evolve(recipe, steps=(*recipe.steps[:at], *kept))
+
+
+def _back_off(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.negated:
+        return attrs.evolve(recipe, steps=tuple(s for s in recipe.steps if s != "back-off"))
+    if "back-off" in recipe.steps:
+        return attrs.evolve(
+            recipe, clearance=recipe.clearance + (edit.amount.metres if edit.amount else rough["offset"])
+        )
+    at = recipe.steps.index("look") if recipe.steps[-1:] == ("look",) else len(recipe.steps)
+    return attrs.evolve(recipe, steps=(*recipe.steps[:at], "back-off", *recipe.steps[at:]))
+
+
+def _back_off_before(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    for step in ("turn", "path"):
+        if step in recipe.steps:
+            at = recipe.steps.index(step)
+            if recipe.steps[at - 1] == "back-off":
+                return recipe
+            return attrs.evolve(recipe, steps=(*recipe.steps[:at], "back-off", *recipe.steps[at:]))
+    return _back_off(recipe, edit, rough)
+
+
+def _force(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    gentle = edit.value in (
+        "gently",
+        "softly",
+        "lightly",
+        "carefully",
+        "delicately",
+        "softer",
+        "less hard",
+        "with less force",
+    )
+    return attrs.evolve(recipe, force=rough["gentle_force"] if gentle != edit.negated else rough["firm_force"])
+
+
+def _speed(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    slow = edit.value.startswith("slow")
+    return attrs.evolve(recipe, speed=rough["slow"] if slow != edit.negated else rough["fast"])
+
+
+def _repeat(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, repeat=1 if edit.negated else max(1, min(10, edit.count)))
+
+
+def _centre(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, centred=not edit.negated, offset=(0.0, 0.0, recipe.offset[2]))
+
+
+def _look(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return recipe if recipe.steps[:1] == ("look",) else attrs.evolve(recipe, steps=("look", *recipe.steps))
+
+
+def _with_path(recipe: Recipe) -> Recipe:
+    if "path" in recipe.steps:
+        return recipe
+    at = _after_grip(recipe.steps)
+    return attrs.evolve(recipe, steps=(*recipe.steps[:at], "path", *recipe.steps[at:]))
+
+
+def _after_grip(steps: tuple[str, ...]) -> int:
+    """Where in the steps the thing is held: after closing the hand on it, or after the approach."""
+    approach = steps.index("approach") if "approach" in steps else -1
+    if "close-hand" in steps[approach + 1 :]:
+        return steps.index("close-hand", approach + 1) + 1
+    return approach + 1
+
+
+def _stiff(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, hand_follows=edit.negated)
+
+
+def _follow(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, hand_follows=not edit.negated)
+
+
+_EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
+    "arc": _arc,
+    "straight": _straight,
+    "reverse": _reverse,
+    "pivot": _pivot,
+    "way": _way,
+    "farther": _farther,
+    "all-the-way": _all_the_way,
+    "less-far": _less_far,
+    "angle": _angle,
+    "offset": _offset,
+    "hold-at": _hold_at,
+    "approach": _approach,
+    "tilt": _tilt,
+    "turn-hand": _turn_hand,
+    "turn-thing": _turn_thing,
+    "fingers": _fingers,
+    "finger-width": _finger_width,
+    "between": _between,
+    "open-first": _open_first,
+    "close-first": _close_first,
+    "release": _release,
+    "hold-on": _hold_on,
+    "back-off": _back_off,
+    "back-off-before": _back_off_before,
+    "force": _force,
+    "speed": _speed,
+    "repeat": _repeat,
+    "centre": _centre,
+    "look": _look,
+    "stiff-hand": _stiff,
+    "follow-hand": _follow,
+}

@@ -1,0 +1,66 @@
+"""The backend itself: which phase a prompt is, and who answers it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
+from memo_llm.offline.feedback import note
+from memo_llm.offline.generalising import generalise
+from memo_llm.offline.planning import plan
+from memo_llm.offline.prompt import Prompt, unreadable
+from memo_llm.offline.recipe import Habits
+from memo_llm.offline.vocabulary import Vocabulary
+from memo_llm.offline.writing import write_code
+from memo_llm.settings import OfflineSettings
+
+
+class OfflineModel(LanguageModel):
+    """A deterministic, rule-based reader of MEMO's prompts. It looks at nothing but the messages' text."""
+
+    name = "offline"
+
+    def __init__(self, settings: OfflineSettings | None = None) -> None:
+        self._settings = settings or OfflineSettings()
+        self._vocabulary: Vocabulary | None = None
+        self._habits: Habits | None = None
+
+    def open(self) -> None:
+        """Reads vocabulary and habits. Raises ``InvalidArgument`` naming what is wrong in them."""
+        self._vocabulary = Vocabulary.load(self._settings.vocabulary)
+        self._habits = Habits.load(self._settings.habits)
+
+    def close(self) -> None:
+        self._vocabulary = self._habits = None
+
+    def answer(
+        self,
+        request: Request,
+        on_text: Callable[[str], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Answer:
+        started = time.perf_counter()
+        text, missed = self._answered(Prompt.read(request.messages))
+        if on_text is not None:
+            on_text(text)
+        read = sum(len(message.text) for message in request.messages)
+        # Four characters a token is the usual rule of thumb; nothing is tokenised here.
+        usage = Usage(read // 4, len(text) // 4, 0.0, time.perf_counter() - started)
+        return Answer(text, usage=usage, model=self.name, not_understood=missed)
+
+    def _answered(self, prompt: Prompt) -> tuple[str, tuple[str, ...]]:
+        if self._vocabulary is None or self._habits is None:
+            raise unreadable("it has not been opened")
+        phase = prompt.phase
+        if phase == "plan":
+            planned = plan(prompt)
+            return planned.answer, planned.not_understood
+        if phase == "code":
+            code = write_code(prompt, self._habits, self._vocabulary)
+            return f"```python\n{code.text}```", code.not_understood
+        if phase == "feedback":
+            noted = note(prompt, self._vocabulary)
+            return noted.text, noted.not_understood
+        template = generalise(prompt)
+        return template.text, template.not_understood

@@ -1,0 +1,291 @@
+"""Phase 1: the next subtask, from the task's verbs, what the scene shows, and what was done so far."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+import attrs
+
+from memo_core.scene.graph import Node, SceneGraph
+from memo_llm.offline.prompt import Prompt, read_subtask
+from memo_llm.offline.surroundings import descendants, doors, find, last_word, space_of, states
+
+_OPEN = r"open(?: up)?|pull open|swing open|slide open"
+_CLOSE = r"close|shut"
+_PUT = r"put|place|store|insert|move|bring|set|lay|drop|return|stow"
+_PICK = r"pick up|pick|take out|take|grab|grasp|fetch|get|lift|remove|hand over"
+_STACK = r"stack|pile(?: up)?|build a tower (?:of|from|with)"
+_INTO = r"in|into|inside|inside of|on|onto|on top of|to|at"
+_LETTERS = "abcdefghijklmnopqrstuvwxyz "
+MOST_LOOKS = 6  # closed things opened in search of something
+
+
+@attrs.frozen
+class Wish:
+    """One clause of a task: what to do with what, and where to."""
+
+    verb: str  # open, close, put, pick, stack, away, other
+    what: str = ""
+    where: str = ""
+    relation: str = ""  # in, on
+    spoken: str = ""  # the verb as said, for "other"
+
+
+@attrs.frozen
+class Plan:
+    answer: str
+    not_understood: tuple[str, ...] = ()
+
+
+def plan(prompt: Prompt) -> Plan:
+    """The next subtask or DONE. Raises ``LanguageModelError`` for a prompt that lacks a section."""
+    scene = prompt.scene()
+    done = [read_subtask(line) for line in prompt.bullets("done")]
+    wishes, unread = read_task(prompt.task, scene)
+    # A door opened on the way is not one to open again: what is wished for is met one after the other.
+    for wish in wishes:
+        step = _next(wish, scene, done, prompt.task)
+        if step:
+            return Plan(step, unread)
+    return Plan("DONE", unread)
+
+
+def read_task(task: str, scene: SceneGraph) -> tuple[list[Wish], tuple[str, ...]]:
+    """The clauses of a task, and those that are not understood."""
+    text = " ".join(re.sub(r"[^\w\s,;.'-]", " ", task.lower()).split()).strip(" .")
+    wishes, unread = [], []
+    for clause in re.split(r"[,;.]|\band then\b|\bthen\b|\band\b(?= (?:\w+ )?(?:the|it|them|all)\b)", text):
+        clause = re.sub(
+            r"^(?:please|now|first|and|next|could you|can you|you should|i want you to) ", "", clause.strip()
+        )
+        clause = re.sub(r"^(?:please|and) ", "", clause)
+        if not clause:
+            continue
+        wish = _wish(clause, wishes)
+        if wish is None:
+            unread.append(clause)
+        else:
+            wishes.append(wish)
+    return wishes, tuple(unread)
+
+
+def _wish(clause: str, before: list[Wish]) -> Wish | None:
+    last = before[-1].what if before else ""
+
+    def thing(words: str) -> str:
+        words = re.sub(r"^(?:the|a|an|all|all the|both|both the|every|some|your) ", "", words.strip())
+        words = re.sub(r"^(?:the|of the) ", "", words)
+        return last if words in ("it", "them", "that") else words
+
+    for pattern, verb in (
+        (rf"(?:{_STACK}) (?P<what>.+?)(?: (?:on top of|onto|on) (?:each other|one another|(?P<where>.+)))?", "stack"),
+        (rf"(?:{_PUT}|tidy|clear|pack) (?P<what>.+?) away|(?:{_PUT}|tidy|clear|pack) away (?P<what2>.+)", "away"),
+        (rf"(?:{_PUT}) (?P<what>.+?) (?P<relation>{_INTO}) (?P<where>.+)", "put"),
+        (rf"(?:{_PICK}) (?P<what>.+?)(?: up)?(?: (?:out of|from|off) (?P<where>.+))?", "pick"),
+        (rf"(?:{_OPEN}) (?P<what>.+)", "open"),
+        (rf"(?:{_CLOSE}) (?P<what>.+)", "close"),
+    ):
+        match = re.fullmatch(pattern, clause)
+        if match:
+            groups = match.groupdict()
+            relation = groups.get("relation") or ""
+            kind = "in" if relation.startswith("in") else "on" if relation.startswith("on") else ""
+            what = groups.get("what") or groups.get("what2") or ""
+            return Wish(verb, thing(what), thing(groups.get("where") or ""), kind, clause.split(" ")[0])
+    words = clause.split(" ")
+    if len(words) > 1 and set(words[0]) <= set(_LETTERS):
+        return Wish("other", thing(" ".join(words[1:])), "", "", words[0])
+    return None
+
+
+def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], task: str) -> str:
+    if wish.verb == "open":
+        return _open_step(wish.what, scene, "closed")
+    if wish.verb == "close":
+        return _close_step(wish.what, scene)
+    if wish.verb == "pick":
+        return _pick_step(wish, scene, done)
+    if wish.verb == "put":
+        return _put_step(wish.what, wish.where, wish.relation, scene, done)
+    if wish.verb == "away":
+        return _away_step(wish.what, scene, done)
+    if wish.verb == "stack":
+        return _stack_step(wish, scene, done)
+    step = _call(wish.spoken, wish.what if find(scene, wish.what) is None else find(scene, wish.what).label)  # type: ignore[union-attr]
+    return "" if read_subtask(step) in done else step
+
+
+# -- one wish at a time -----------------------------------------------------------------------------------------------
+
+
+def _open_step(what: str, scene: SceneGraph, unless: str) -> str:
+    node = find(scene, what)
+    if node is None:
+        return _search(scene, []) or _call("OPEN", what)
+    told = states(scene)
+    movers = doors(scene, node)
+    if movers and all(told.get(m.id, "closed") == "open" for m in movers):
+        return ""
+    return _call("OPEN", _openable_name(scene, movers[0] if movers else node, node))
+
+
+def _close_step(what: str, scene: SceneGraph) -> str:
+    node = find(scene, what)
+    if node is None:
+        return _call("CLOSE", what)
+    told = states(scene)
+    movers = [m for m in doors(scene, node) if told.get(m.id) == "open"]
+    return _call("CLOSE", _openable_name(scene, movers[0], node)) if movers else ""
+
+
+def _pick_step(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
+    node = find(scene, wish.what)
+    if node is None:
+        return _search(scene, done, wish.where) or _call("PICK_UP", wish.what)
+    return "" if _held(scene) is node else _fetch(node, scene)
+
+
+def _put_step(what: str, where: str, relation: str, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
+    thing, place = find(scene, what), find(scene, where)
+    if thing is None:
+        return _search(scene, done) or _call("PICK_UP", what)
+    if place is not None and _is_at(thing, place, relation, scene):
+        return ""
+    if place is not None and relation != "on" and (step := _open_up(place, scene)):
+        free = _put_down(scene)
+        return free or step
+    if _held(scene) is thing:
+        return _call("PLACE", thing.label, place.label if place else where or "table")
+    return _put_down(scene) or _fetch(thing, scene)
+
+
+def _away_step(what: str, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
+    """Into something that opens, which is shut again afterwards."""
+    thing = find(scene, what)
+    stores = [n for n in _openable(scene)]
+    if thing is None:
+        return _search(scene, done) or _call("PICK_UP", what)
+    home = next((s for s in stores if _is_at(thing, s, "in", scene)), None)
+    if home is not None:
+        return "" if states(scene).get(home.id) == "closed" else _call("CLOSE", home.label)
+    placed = [
+        objects
+        for action, objects in done
+        if action == "place" and objects and objects[0].lower() == thing.label.lower()
+    ]
+    if not stores:
+        return ""
+    opened = [s for s in stores if states(scene).get(s.id) == "open"]
+    store = (opened or stores)[0]
+    name = _openable_name(scene, store, store)
+    if placed and _held(scene) is not thing and store not in opened:
+        return ""  # it went in, and what is shut shows nothing
+    if store not in opened:
+        return _put_down(scene) or _call("OPEN", name)
+    if _held(scene) is thing:
+        return _call("PLACE", thing.label, name)
+    return _put_down(scene) or _fetch(thing, scene)
+
+
+def _stack_step(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
+    if wish.where:
+        return _put_step(wish.what, wish.where, "on", scene, done)
+    noun = last_word(wish.what)
+    blocks = [n for n in scene.nodes if n.kind == "object" and last_word(n.label) in (noun, noun.removesuffix("s"))]
+    on = {r.subject: r.object for r in scene.relations if r.predicate == "on"}
+    held = _held(scene)
+    # The largest lies lowest; of equal ones the order of the table decides.
+    order = sorted(blocks, key=lambda n: -round(n.size[0] * n.size[1], 4))
+    tower = _tower(order, on)
+    for upper in order:
+        if upper.id in tower:
+            continue
+        top = tower[-1]
+        if held is upper:
+            return _call("PLACE", upper.label, next(n.label for n in blocks if n.id == top))
+        return _put_down(scene) or _fetch(upper, scene)
+    return ""
+
+
+def _tower(blocks: list[Node], on: dict[str, str | None]) -> list[str]:
+    """Ids of the highest tower that stands, from the bottom."""
+    best: list[str] = [blocks[0].id] if blocks else []
+    for block in blocks:
+        tower = [block.id]
+        while above := next((b.id for b in blocks if on.get(b.id) == tower[-1] and b.id not in tower), None):
+            tower.append(above)
+        if on.get(block.id) not in {b.id for b in blocks} and len(tower) > len(best):
+            best = tower
+    return best
+
+
+# -- pieces -------------------------------------------------------------------------------------------------------------
+
+
+def _fetch(thing: Node, scene: SceneGraph) -> str:
+    return _call("PICK_UP", thing.label)
+
+
+def _put_down(scene: SceneGraph) -> str:
+    """What to do first when the one hand is full of something else."""
+    held = _held(scene)
+    return _call("PLACE", held.label, "table") if held is not None else ""
+
+
+def _search(scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], hint: str = "") -> str:
+    """What cannot be seen may be inside something closed: the one that was named first, then any."""
+    told = states(scene)
+    tried = Counter(objects[0].lower() for action, objects in done if action == "open" and objects)
+    closed = [n for n in _openable(scene) if told.get(n.id) == "closed"]
+    named = find(scene, hint) if hint else None
+    family = {n.id for n in ([named, *descendants(scene, named)] if named is not None else [])}
+    closed.sort(key=lambda n: n.id not in family)
+    for node in closed:
+        name = _openable_name(scene, node, node)
+        if tried[name.lower()] < 2 and sum(tried.values()) < MOST_LOOKS:
+            return _call("OPEN", name)
+    return ""
+
+
+def _open_up(place: Node, scene: SceneGraph) -> str:
+    """OPEN(...) when the place is shut."""
+    told = states(scene)
+    if place.kind == "space":
+        return ""
+    shut = [d for d in doors(scene, place) if told.get(d.id) == "closed"]
+    return _call("OPEN", _openable_name(scene, shut[0], place)) if shut else ""
+
+
+def _openable(scene: SceneGraph) -> list[Node]:
+    told = states(scene)
+    return [n for n in scene.nodes if n.id in told]
+
+
+def _openable_name(scene: SceneGraph, door: Node, asked: Node) -> str:
+    """People open the thing, not its door; but a drawer has a name of its own."""
+    owner = next((n for n in scene.nodes if n.id == door.part_of), None)
+    if owner is not None and (
+        owner.label.lower() in door.label.lower() or last_word(door.label) in ("door", "lid", "flap")
+    ):
+        return owner.label
+    return door.label
+
+
+def _held(scene: SceneGraph) -> Node | None:
+    held = next((r.subject for r in scene.relations if r.predicate == "held"), None)
+    node = next((n for n in scene.nodes if n.id == held), None)
+    return node if node is not None and node.kind == "object" else None
+
+
+def _is_at(thing: Node, place: Node, relation: str, scene: SceneGraph) -> bool:
+    family = {place.id, *(n.id for n in descendants(scene, place))}
+    if place.part_of and place.kind == "space":
+        family.add(place.part_of)
+    hollow = space_of(scene, place) is not None
+    wanted = ("in",) if hollow and relation != "on" else ("on",) if relation == "on" else ("in", "on")
+    return any(r.subject == thing.id and r.predicate in wanted and r.object in family for r in scene.relations)
+
+
+def _call(action: str, *objects: str) -> str:
+    return f"{action.upper().replace(' ', '_')}({', '.join(objects)})"

@@ -1,0 +1,217 @@
+"""Reading a prompt: sections by their headings, the scene's table, entries, code blocks. Text is all there is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.llm import LanguageModelError, Message
+from memo_core.scene.graph import PREDICATES, Node, Observation, Relation, SceneGraph
+from memo_core.scene.pose import Pose
+
+BACKEND = "offline"
+
+PHASE_TITLES = {  # words of a prompt's title, phase
+    "plan": "plan",
+    "write": "code",
+    "code": "code",
+    "note": "feedback",
+    "taught": "feedback",
+    "template": "template",
+}
+
+
+def unreadable(problem: str) -> LanguageModelError:
+    return LanguageModelError(BACKEND, problem)
+
+
+@attrs.frozen
+class Entry:
+    """One line of a person's guidance, or one template, with the key it was stored under ("" for general)."""
+
+    text: str
+    key: str = ""
+
+
+@attrs.frozen(eq=False)
+class Prompt:
+    """A prompt taken apart. ``sections`` maps a heading in lower case to the text below it."""
+
+    title: str
+    sections: dict[str, str]
+
+    @classmethod
+    def read(cls, messages: Iterable[Message]) -> Prompt:
+        """From a request's messages. Raises ``LanguageModelError`` when there is no user message with a title."""
+        text = "\n".join(message.text for message in messages if message.role == "user")
+        title, sections, heading, fenced = "", {}, "", False
+        body: list[str] = []
+        for line in text.splitlines():
+            if line.strip().startswith("```"):
+                fenced = not fenced
+            match = None if fenced else re.match(r"(#{1,2}) +(.+?)\s*$", line)
+            if match is None:
+                body.append(line)
+                continue
+            sections[heading] = "\n".join(body).strip("\n")
+            body, heading = [], match.group(2).strip().lower()
+            if match.group(1) == "#" and not title:
+                title = heading
+        sections[heading] = "\n".join(body).strip("\n")
+        if not title:
+            raise unreadable("the prompt has no title ('# ...')")
+        return cls(title, sections)
+
+    @property
+    def phase(self) -> str:
+        """plan, code, feedback or template, by the title's words. Raises ``LanguageModelError``."""
+        words = re.findall(r"[a-z]+", self.title)
+        # "Turn code that worked into a template" also says code: the last telling word decides.
+        found = [PHASE_TITLES[word] for word in words if word in PHASE_TITLES]
+        if "template" in found:
+            return "template"
+        if found:
+            return found[0]
+        raise unreadable(f"cannot tell from the title {self.title!r} what is asked for")
+
+    def section(self, *words: str) -> str:
+        """The text under the heading that begins with one of ``words``. Raises ``LanguageModelError`` naming it."""
+        for word in words:
+            for heading, text in self.sections.items():
+                if heading.startswith(word):
+                    return text.strip()
+        raise unreadable(f"the prompt has no section '## {words[0].capitalize()}'")
+
+    @property
+    def task(self) -> str:
+        return self.section("task")
+
+    @property
+    def subtask(self) -> tuple[str, tuple[str, ...]]:
+        """(action in lower case with spaces, the objects named)."""
+        return read_subtask(self.section("subtask"))
+
+    def bullets(self, *words: str) -> list[str]:
+        lines = [line[2:].strip() for line in self.section(*words).splitlines() if line.startswith("- ")]
+        return [line for line in lines if line.lower() not in ("none", "nothing")]
+
+    def entries(self, *words: str) -> list[Entry]:
+        """Bulleted entries with their keys, best first."""
+        return [_entry(line) for line in self.bullets(*words)]
+
+    def templates(self) -> list[Entry]:
+        """Code blocks with the key written above each."""
+        text = self.section("templates")
+        blocks = re.finditer(r"(?:^\[([^\]\n]*)\][ \t]*\n)?^```(?:python)?[ \t]*\n(.*?)^```", text, re.S | re.M)
+        return [Entry(block.group(2).strip("\n"), block.group(1) or "") for block in blocks]
+
+    def code(self, *words: str) -> str:
+        """The first code block of a section. Raises ``LanguageModelError``."""
+        match = re.search(r"```(?:python)?[ \t]*\n(.*?)^```", self.section(*words) + "\n", re.S | re.M)
+        if match is None:
+            raise unreadable(f"the section '## {words[0].capitalize()}' has no code block")
+        return match.group(1).rstrip("\n")
+
+    def attempts(self) -> int:
+        """How many attempts at this subtask the prompt shows."""
+        heads = [text for heading, text in self.sections.items() if heading.startswith("earlier attempts")]
+        return sum(line.startswith("### ") for text in heads for line in text.splitlines())
+
+    def scene(self) -> SceneGraph:
+        """The scene as far as its table and sentences tell. Raises ``LanguageModelError``."""
+        return read_scene(self.section("scene"))
+
+
+def read_subtask(text: str) -> tuple[str, tuple[str, ...]]:
+    """``PICK_UP(cup)`` -> ("pick up", ("cup",)). Raises ``LanguageModelError``."""
+    match = re.search(r"([A-Za-z][\w -]*?)\s*\(([^()]*)\)", text)
+    if match is None:
+        raise unreadable(f"{text.strip()!r} is no subtask of the form ACTION(object)")
+    action = " ".join(match.group(1).lower().replace("_", " ").split())
+    return action, tuple(name.strip() for name in match.group(2).split(",") if name.strip())
+
+
+def _entry(line: str) -> Entry:
+    match = re.match(r"\[([^\]]*)\]\s*(.*)", line, re.S)
+    return Entry(match.group(2), match.group(1)) if match else Entry(line)
+
+
+# -- the scene --------------------------------------------------------------------------------------------------------
+
+
+def read_scene(text: str) -> SceneGraph:
+    """A scene graph from ``memo_core.policy.prompting.scene_table``'s text; ids are labels. Numbers are as rounded as
+    in the prompt. Raises ``LanguageModelError`` naming the row that cannot be read."""
+    rows = [line.strip().strip("|").split("|") for line in text.splitlines() if line.strip().startswith("|")]
+    if len(rows) < 2:
+        raise unreadable("the scene has no table of objects")
+    columns = [cell.strip().lower() for cell in rows[0]]
+    nodes = []
+    for row in rows[2:]:
+        cells = dict(zip(columns, (cell.strip() for cell in row), strict=False))
+        try:
+            nodes.append(_node(cells))
+        except (KeyError, ValueError) as error:
+            raise unreadable(f"cannot read the scene's row {cells.get('name', row)!r} ({error})") from None
+    height = re.search(r"z\s*=\s*(-?[\d.]+\d)", text)
+    label = re.search(r"^Scene:\s*(.+?)\.(?:\s|$)", text, re.M)
+    labels = [node.label for node in nodes]
+    sentences = [line[2:].strip().rstrip(".") for line in text.splitlines() if line.startswith("- ")]
+    relations = [relation for sentence in sentences if (relation := _relation(sentence, labels))]
+    hand = re.search(r"hand is at (-?[\d.]+) (-?[\d.]+) (-?[\d.]+), fingers (-?[\d.]+) m apart, holding (\w+)", text)
+    observation = Observation(
+        Pose(tuple(float(hand.group(i)) for i in (1, 2, 3))) if hand else Pose(),
+        float(hand.group(4)) if hand else 0.0,
+        bool(hand) and hand.group(5) != "nothing",  # type: ignore[union-attr]
+    )
+    return SceneGraph(
+        tuple(nodes),
+        tuple(relations),
+        observation,
+        float(height.group(1)) if height else 0.0,
+        label.group(1) if label else "",
+    )
+
+
+def _node(cells: dict[str, str]) -> Node:
+    def column(start: str) -> str:
+        return next(value for key, value in cells.items() if key.startswith(start))
+
+    def numbers(value: str) -> tuple[float, ...]:
+        return tuple(float(v) for v in re.findall(r"-?\d+(?:\.\d+)?", value))
+
+    try:
+        turned, opening = column("turned"), numbers(column("opens"))
+        position, size = numbers(column("centre")), numbers(column("size"))
+    except StopIteration:
+        raise ValueError("a column is missing") from None
+    if len(position) != 3 or len(size) != 3:
+        raise ValueError("centre and size need three numbers each")
+    orientation = (1.0, 0.0, 0.0, 0.0)
+    if "quaternion" in turned:
+        orientation = numbers(turned)  # type: ignore[assignment]
+    elif turned:
+        half = np.radians(numbers(turned)[0]) / 2
+        orientation = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
+    name = cells["name"]
+    return Node(
+        id=name,
+        label=name,
+        pose=Pose(position, orientation),
+        size=size,  # type: ignore[arg-type]
+        part_of=cells.get("part of") or None,
+        kind=cells.get("kind") or "object",
+        opening=opening if len(opening) == 3 else None,  # type: ignore[arg-type]
+    )
+
+
+def _relation(sentence: str, labels: list[str]) -> Relation | None:
+    for predicate, form in PREDICATES.items():
+        pattern = re.escape(form).replace(r"\{subject\}", "(?P<subject>.+?)").replace(r"\{object\}", "(?P<object>.+)")
+        match = re.fullmatch(pattern, sentence, re.I)
+        if match and match.group("subject") in labels:
+            return Relation(match.group("subject"), predicate, match.groupdict().get("object"))
+    return None

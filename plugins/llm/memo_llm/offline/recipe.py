@@ -1,0 +1,92 @@
+"""A subtask as a list of steps with their parameters: what habits give, templates shape and corrections edit, before any
+code is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+from memo_llm.offline.vocabulary import read_yaml
+
+STEPS = ("open-hand", "close-hand", "approach", "path", "turn", "back-off", "look")
+Vector = tuple[float, float, float]
+
+
+@attrs.frozen
+class Recipe:
+    """How one subtask is done. Lengths in metres, angles in degrees; directions are words that code resolves at run time:
+    ``out`` and ``in`` are relative to the thing, ``up``, ``left``, ``towards`` (the robot) ... to the robot's base."""
+
+    kind: str  # open, close, pick, place, push, pull, turn
+    thing: str
+    place: str | None = None
+    steps: tuple[str, ...] = ()
+    hold_at: str = "middle"
+    approach: str = "top"
+    opening: float | None = None  # of the fingers before the approach; None: fully
+    clearance: float = 0.10
+    side_tilt: float = 0.0  # pitch where a side approach is needed
+    tilt: float = 0.0  # pitch asked for
+    hand_turn: float = 0.0  # about the approach, before gripping
+    fingers: str = "across"  # across what is held, horizontal, vertical
+    offset: Vector = (0.0, 0.0, 0.0)
+    deeper: float = 0.0  # along the approach
+    centred: bool = False
+    shape: str = "straight"  # straight, arc
+    way: str = "up"
+    distance: float = 0.15
+    angle: float = 90.0
+    pivot: str = "far"  # edge of the door: far (from the handle), near, left, right, top, bottom
+    sense: int = 1  # -1: the other way round
+    hand_follows: bool = True
+    turn: float = 0.0  # of the held thing, about the approach
+    repeat: int = 1
+    force: float | None = None
+    speed: float | None = None
+    gap: float = 0.008
+
+    @property
+    def changes_nothing_held(self) -> bool:
+        return "path" not in self.steps and "turn" not in self.steps
+
+
+@attrs.frozen(eq=False)
+class Habits:
+    """The data of ``habits.yaml``."""
+
+    verbs: dict[str, str]  # verb -> kind
+    kinds: dict[str, dict[str, Any]]
+    rough: dict[str, float]
+
+    @classmethod
+    def load(cls, path: str = "") -> Habits:
+        """From a YAML file, or the one that comes with MEMO. Raises ``InvalidArgument`` naming the key."""
+        data = read_yaml(path, "habits.yaml", "llm.habits")
+        for key in ("verbs", "rough"):
+            if not isinstance(data.get(key), dict):
+                raise InvalidArgument("llm.habits", f"no mapping {key!r}", "the keys of habits.yaml")
+        fields = {field.name for field in attrs.fields(Recipe)}
+        kinds = {key: value for key, value in data.items() if key not in ("verbs", "rough")}
+        for kind, habit in kinds.items():
+            for key in habit:
+                if key not in fields:
+                    raise InvalidArgument(f"llm.habits: {kind}.{key}", "unknown key", ", ".join(sorted(fields)))
+            for step in habit.get("steps", ()):
+                if step not in STEPS:
+                    raise InvalidArgument(f"llm.habits: {kind}.steps", f"unknown step {step!r}", ", ".join(STEPS))
+        verbs = {verb: kind for kind, words in data["verbs"].items() for verb in words}
+        for verb, kind in verbs.items():
+            if kind not in kinds:
+                raise InvalidArgument(f"llm.habits: verbs.{kind}", f"no habit for {verb!r}", ", ".join(kinds))
+        return cls(verbs, kinds, {key: float(value) for key, value in data["rough"].items()})
+
+    def recipe(self, action: str, objects: tuple[str, ...]) -> Recipe | None:
+        """The naive way to do ACTION(objects), or None for a verb that is not known."""
+        kind = self.verbs.get(action) or self.verbs.get(action.split(" ")[0])
+        if kind is None:
+            return None
+        habit = dict(self.kinds[kind])
+        habit["steps"] = tuple(habit.get("steps", ()))
+        return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)

@@ -1,0 +1,484 @@
+"""From a recipe to code. Places and directions are computed by the code when it runs, from the same functions that any
+robot code may call; only names and amounts are written into it."""
+
+from __future__ import annotations
+
+import textwrap
+
+import attrs
+
+from memo_core.scene.graph import SceneGraph
+from memo_llm.offline.pieces import compose
+from memo_llm.offline.recipe import Recipe
+from memo_llm.offline.surroundings import Surroundings
+
+_BASE_WAYS = {
+    "up": "[0.0, 0.0, 1.0]",
+    "down": "[0.0, 0.0, -1.0]",
+    "left": "[0.0, 1.0, 0.0]",
+    "right": "[0.0, -1.0, 0.0]",
+    "away": "[1.0, 0.0, 0.0]",
+    "towards": "[-1.0, 0.0, 0.0]",
+}
+_COMING = {  # where the hand comes from -> the direction it points
+    "left": "[0.0, -1.0, 0.0]",
+    "right": "[0.0, 1.0, 0.0]",
+    "back": "[-1.0, 0.0, 0.0]",
+}
+
+
+@attrs.define
+class _Sheet:
+    """Code as it is being written."""
+
+    header: list[str] = attrs.field(factory=list)
+    constants: dict[str, str] = attrs.field(factory=dict)
+    body: list[str] = attrs.field(factory=list)
+
+    def constant(self, name: str, value: str | float, why: str = "") -> str:
+        shown = repr(value) if isinstance(value, str) else f"{round(value, 4):g}"
+        self.constants[name] = f"{name} = {shown}" + (f"  # {why}" if why else "")
+        return name
+
+    def add(self, *lines: str) -> None:
+        self.body.extend(lines)
+
+    def code(self, repeat: int) -> str:
+        body = self.body
+        if repeat > 1:
+            body = [f"for again in range({repeat}):", *(f"    {line}" if line else line for line in self.body)]
+        return compose(self.header, body, list(self.constants.values())) + "\n"
+
+
+def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: list[str]) -> str:
+    """Python code of a recipe. ``remarks`` go into it as comments."""
+    around = Surroundings.of(scene, recipe.thing, recipe.place)
+    sheet = _Sheet()
+    sheet.header.append(f"# {subtask}: {_in_words(recipe)}")
+    sheet.header += [f"# {line}" for remark in remarks for line in _wrapped(remark)]
+    if around.thing is None:
+        return _looking_for(recipe, sheet)
+    if recipe.kind == "place":
+        _placing(recipe, around, sheet)
+    else:
+        _gripping(recipe, around, sheet, task)
+    return sheet.code(recipe.repeat)
+
+
+def _looking_for(recipe: Recipe, sheet: _Sheet) -> str:
+    sheet.constant("THING", recipe.thing)
+    sheet.add(
+        "# It was not to be seen when this was written; another look may show it.",
+        "look()",
+        "if THING not in get_objects():",
+        '    raise RuntimeError("there is no " + THING + " to be seen")',
+        'raise RuntimeError("the " + THING + " has only come into sight now, so this has to be planned again")',
+    )
+    return sheet.code(1)
+
+
+# -- things that are gripped, pulled, pushed, turned -------------------------------------------------------------------
+
+
+def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) -> None:
+    if recipe.kind in ("open", "close", "pull", "push") and (around.door or around.handle):
+        _hold_door(recipe, around, sheet)
+    else:
+        _hold_object(recipe, around, sheet, task)
+    if any(recipe.offset):
+        shift = ", ".join(f"{v:g}" for v in recipe.offset)
+        sheet.add(f"grasp = [g + shift for g, shift in zip(grasp, ({shift}))]  # as asked for")
+    if recipe.deeper:
+        sheet.add(f"grasp = along(grasp, heading, {sheet.constant('DEEPER', recipe.deeper)})")
+    if recipe.hand_turn:
+        turn = sheet.constant("HAND_TURN", recipe.hand_turn, "degrees, about the way the hand points")
+        sheet.add(f"hold = turn_orientation(hold, heading, math.radians({turn}))")
+    if recipe.steps[:1] == ("close-hand",):
+        sheet.add("grasp = along(grasp, opposite(heading), 0.02)  # closed fingers push from outside")
+    _path(recipe, around, sheet)
+    _steps(recipe, sheet)
+
+
+def _hold_door(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+    """``out``, ``grasp``, ``heading`` and ``hold`` for a door, drawer or lid."""
+    door = around.door or around.thing
+    assert door is not None
+    sheet.constant("DOOR", door.label)
+    held = around.part(recipe.hold_at) or (around.handle if recipe.hold_at == "handle" else None)
+    if around.handle is not None:
+        sheet.constant("HANDLE", around.handle.label)
+        sheet.add("# Which way the door faces: its handle sticks out on that side.")
+        sheet.add("out = facing(DOOR, get_position(HANDLE))")
+    else:
+        owner = sheet.constant("OWNER", (around.owner or door).label)
+        sheet.add(f"out = level(between(get_position({owner}), get_position(DOOR)))")
+    if held is not None and held is around.handle:
+        sheet.add("grasp = get_position(HANDLE)")
+    elif held is not None:
+        sheet.add(f"grasp = get_position({sheet.constant('HELD', held.label)})")
+    else:
+        _point_of_box("DOOR", recipe.hold_at, sheet)
+    heading = "opposite(out)" if recipe.approach == "front" else _heading(recipe)
+    sheet.add(f"heading = {heading}")
+    bar = "HANDLE" if around.handle is not None else "DOOR"
+    _hold(recipe, sheet, f"long_axis({bar})")
+
+
+def _hold_object(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) -> None:
+    """``grasp``, ``heading`` and ``hold`` for a thing that is picked up, pushed or turned."""
+    thing = around.thing
+    assert thing is not None
+    sheet.constant("THING", thing.label)
+    part = around.part(recipe.hold_at)
+    if part is not None:
+        sheet.add(f"grasp = get_position({sheet.constant('HELD', part.label)})")
+    else:
+        _point_of_box("THING", recipe.hold_at, sheet)
+    space = around.sideways_space(task)
+    if recipe.approach == "top" and space is not None and recipe.side_tilt:
+        sheet.constant("SPACE", space.label)
+        tilt = sheet.constant("TILT", recipe.side_tilt + recipe.tilt, "degrees, the hand points down by that much")
+        where = "is in" if around.inside is space else "will go into"
+        sheet.add(f"# It {where} something that opens to the side: reach for it the way one reaches in there.")
+        inward = "level(opposite(get_opening(SPACE)))"
+        sheet.add(f"heading = {inward}" if around.inside is space else f"heading = nearest_axis(THING, {inward})")
+        fingers = "vertical" if recipe.fingers == "vertical" else "horizontal"
+        sheet.add(f'hold = side_orientation(heading, "{fingers}", math.radians({tilt}))')
+        sheet.add(
+            f"heading = along([c * math.cos(math.radians({tilt})) for c in heading], [0.0, 0.0, -1.0], "
+            f"math.sin(math.radians({tilt})))"
+        )
+        return
+    if recipe.approach == "top":
+        if part is None and recipe.hold_at == "middle":
+            sheet.add("# The palm must not touch the top of tall things.")
+            sheet.add("grasp[2] = max(grasp[2], get_bounds(THING)[1][2] - 0.03)")
+        sheet.add("heading = [0.0, 0.0, -1.0]")
+        if recipe.fingers == "across":
+            held = "HELD" if part is not None else "THING"
+            sheet.add(f"hold = top_orientation(yaw_for(narrow_side({held})))")
+            _tilted(recipe, sheet)
+        else:
+            _hold(recipe, sheet, "[0.0, 0.0, 1.0]")
+        return
+    front = "level(get_position(THING))" if recipe.approach == "front" else _heading(recipe)
+    sheet.add(f"heading = {front}")
+    _hold(recipe, sheet, "[0.0, 0.0, 1.0]")
+
+
+def _heading(recipe: Recipe) -> str:
+    return {"top": "[0.0, 0.0, -1.0]", "bottom": "[0.0, 0.0, 1.0]"}.get(recipe.approach) or _COMING.get(
+        recipe.approach, "[1.0, 0.0, 0.0]"
+    )
+
+
+def _hold(recipe: Recipe, sheet: _Sheet, bar: str) -> None:
+    """The hand's orientation for ``heading``; the fingers close across the bar unless told otherwise."""
+    if recipe.approach in ("top", "bottom"):
+        closing = f"level(cross({bar}, [0.0, 0.0, 1.0]))" if not bar.startswith("[0.0, 0.0") else "[0.0, 1.0, 0.0]"
+        sheet.add("# From above, the fingers close across what they hold.")
+        if bar.startswith("long_axis"):
+            sheet.add(
+                f"bar = {bar}", f"closing = {closing.replace(bar, 'bar')} if abs(bar[2]) < 0.7 else [0.0, 1.0, 0.0]"
+            )
+            sheet.add("hold = top_orientation(yaw_for(closing))")
+        else:
+            sheet.add(f"hold = top_orientation(yaw_for({closing}))")
+        if recipe.approach == "bottom":
+            sheet.add("hold = turn_orientation(hold, [0.0, 1.0, 0.0], math.pi)")
+    else:
+        fingers = f'"{recipe.fingers}"'
+        if recipe.fingers == "across":
+            sheet.add("# The fingers close across the bar.")
+            sheet.add(f'fingers = "horizontal" if abs({bar}[2]) > 0.7 else "vertical"')
+            fingers = "fingers"
+        sheet.add(f"hold = side_orientation(heading, {fingers})")
+    _tilted(recipe, sheet)
+
+
+def _tilted(recipe: Recipe, sheet: _Sheet) -> None:
+    if not recipe.tilt:
+        return
+    tilt = sheet.constant("TILT", recipe.tilt, "degrees, the hand points down by that much more")
+    sheet.add("sideways = cross(heading, [0.0, 0.0, 1.0]) if abs(heading[2]) < 0.9 else [0.0, 1.0, 0.0]")
+    sheet.add(f"hold = turn_orientation(hold, sideways, -math.radians({tilt}))")
+    sheet.add(f"heading = turn_point(heading, [0.0, 0.0, 0.0], sideways, -math.radians({tilt}))")
+
+
+def _point_of_box(name: str, where: str, sheet: _Sheet) -> None:
+    """``grasp`` at a place of a box that has no part of that name."""
+    sheet.add(f"grasp = get_position({name})")
+    if where in ("top", "cap"):
+        sheet.add(f"grasp[2] = get_bounds({name})[1][2] - 0.01")
+    elif where == "bottom":
+        sheet.add(f"grasp[2] = get_bounds({name})[0][2] + 0.015")
+    elif where in ("neck", "upper end"):
+        sheet.add(f"grasp = along(grasp, [0.0, 0.0, 1.0], 0.35 * extent({name}, [0.0, 0.0, 1.0]))")
+    elif where == "lower end":
+        sheet.add(f"grasp = along(grasp, [0.0, 0.0, -1.0], 0.35 * extent({name}, [0.0, 0.0, 1.0]))")
+    elif where in ("rim", "edge"):
+        sheet.add(
+            "# The rim: the upper edge on the side nearest to the robot.",
+            f"low, high = get_bounds({name})",
+            "grasp = [low[0] + 0.005, grasp[1], high[2] - 0.01]",
+        )
+    elif where in ("left end", "right end", "far end", "near end", "end"):
+        way = {"left end": "[0.0, 1.0, 0.0]", "right end": "[0.0, -1.0, 0.0]", "far end": "[1.0, 0.0, 0.0]"}
+        sheet.add(
+            f"length = long_axis({name})",
+            f"if dot(length, {way.get(where, '[-1.0, 0.0, 0.0]')}) < 0:",
+            "    length = opposite(length)",
+            f"grasp = along(grasp, length, 0.4 * extent({name}, length))",
+        )
+
+
+# -- the path and the steps ---------------------------------------------------------------------------------------------
+
+
+def _way(recipe: Recipe, has_out: bool) -> str:
+    if recipe.way in _BASE_WAYS:
+        return _BASE_WAYS[recipe.way]
+    if recipe.way == "in":
+        return "opposite(out)" if has_out else "heading"
+    return "out" if has_out else "opposite(heading)"
+
+
+def _path(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+    """``path`` and ``leaving`` (the way the hand points at its end)."""
+    has_out = any(line.startswith("out =") for line in sheet.body)
+    if "path" not in recipe.steps:
+        sheet.add("leaving = heading")
+        return
+    if recipe.shape == "arc":
+        _arc_geometry(recipe, around, sheet, has_out)
+        return
+    way = _way(recipe, has_out)
+    if recipe.kind == "close" and recipe.distance <= 0 and around.owner is not None and has_out:
+        owner = sheet.constant("OWNER", around.owner.label)
+        sheet.add(
+            "# It stands out by the distance between its front and the front of what it belongs to, which may itself be",
+            "# a little behind: the rest is for nudges.",
+            "front = dot(get_position(DOOR), out) + extent(DOOR, out) / 2",
+            f"distance = front - dot(get_position({owner}), out) - extent({owner}, out) / 2 - 0.02",
+            f"path = [[along(grasp, {way}, max(distance, 0.005)), hold]]",
+        )
+    else:
+        distance = sheet.constant("DISTANCE", recipe.distance, "metres")
+        sheet.add(f"path = [[along(grasp, {way}, {distance}), hold]]")
+    sheet.add("leaving = heading")
+
+
+def _arc_geometry(recipe: Recipe, around: Surroundings, sheet: _Sheet, has_out: bool) -> None:
+    angle = sheet.constant(
+        "ANGLE", recipe.sense * recipe.angle, "degrees that the door is led through; positive opens it"
+    )
+    door = "DOOR" if "DOOR" in sheet.constants else "THING"
+    if not has_out:
+        sheet.add("out = opposite(heading)" if recipe.approach not in ("top", "bottom") else "out = [-1.0, 0.0, 0.0]")
+    bar = "HANDLE" if "HANDLE" in sheet.constants else door
+    edges = {
+        "left": "[0.0, 1.0, 0.0]",
+        "right": "[0.0, -1.0, 0.0]",
+        "top": "[0.0, 0.0, 1.0]",
+        "bottom": "[0.0, 0.0, -1.0]",
+    }
+    if recipe.pivot in edges:
+        sheet.add(f"side = {edges[recipe.pivot]}")
+    else:
+        sheet.add("# It hangs on the edge that is parallel to the handle and farthest from it.")
+        sheet.add(f"side = hinge_side({door}, {bar}, out)")
+        if recipe.pivot == "near":
+            sheet.add("side = opposite(side)")
+    sheet.add(
+        f"pivot = along(get_position({door}), side, extent({door}, side) / 2)",
+        f"pivot = along(pivot, opposite(out), extent({door}, out) / 2)  # hinges sit where it meets what it closes",
+        "axis = cross(out, side)",
+        f"sense = sense_of(grasp, pivot, axis, {'opposite(out)' if recipe.kind == 'close' else 'out'})",
+        f"turned = sense * math.radians({angle})",
+        f"path = {'arc' if recipe.hand_follows else 'stiff_arc'}(grasp, hold, pivot, axis, turned)",
+    )
+    sheet.add(
+        "leaving = turn_point(heading, [0.0, 0.0, 0.0], axis, turned)" if recipe.hand_follows else "leaving = heading"
+    )
+
+
+def _steps(recipe: Recipe, sheet: _Sheet) -> None:
+    clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres between the hand's last stop and the grasp")
+    sheet.add(f"start = along(grasp, opposite(heading), {clearance})", "")
+    speed = f", speed={recipe.speed:g}" if recipe.speed is not None else ""
+    opening = (
+        "" if recipe.opening is None else sheet.constant("OPENING", recipe.opening, "metres between the open fingers")
+    )
+    force = "" if recipe.force is None else f"force={recipe.force:g}"
+    has_path = "path" in recipe.steps
+    moved = False
+    at = "grasp"
+    for i, step in enumerate(recipe.steps):
+        later = recipe.steps[i + 1 :]
+        if step == "open-hand":
+            sheet.add(f"open_gripper({opening})")
+        elif step == "close-hand":
+            sheet.add(f"close_gripper({force})")
+        elif step == "approach":
+            _approach_lines(recipe, sheet, has_path and "path" in later, speed)
+        elif step == "path":
+            sheet.add(f"follow_path(path{speed})")
+            at, moved = "path[-1][0]", True
+            if (
+                recipe.kind == "close"
+                and recipe.distance <= 0
+                and recipe.shape == "straight"
+                and "DOOR" in sheet.constants
+            ):
+                sheet.add(
+                    "for nudge in range(4):",
+                    "    if not is_closed(DOOR):",
+                    f"        path = [[along(path[-1][0], {_way(recipe, True)}, 0.01), hold]]",
+                    "        follow_path(path)",
+                )
+        elif step == "turn":
+            turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
+            sheet.add(f"rotate_gripper(math.radians({turn}))")
+        elif step == "back-off":
+            direction = "leaving" if moved else "heading"
+            sheet.add(f"follow_path([along({at}, opposite({direction}), {clearance})])")
+        elif step == "look":
+            sheet.add("look()")
+    if recipe.kind == "pick":
+        sheet.add(
+            "if not is_holding():", '    print("nothing is held: the fingers are", get_gripper_width(), "m apart")'
+        )
+
+
+def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -> None:
+    if leads_on and recipe.shape == "arc":
+        sheet.add(
+            "# The arm must arrive in a posture from which it can go the whole way; a slightly shorter way may do.",
+            "whole = path",
+            "reached = False",
+            "for pieces in (len(whole), len(whole) - 1, len(whole) - 2, len(whole) - 3):",
+            "    if not reached:",
+            "        path = whole[:pieces]",
+            "        try:",
+            f"            move_to(start, hold, then=[[grasp, hold]] + path{speed})",
+            "            reached = True",
+            "        except MotionError as error:",
+            '            print("cannot lead it through", pieces, "pieces of the arc:", error)',
+            "if not reached:",
+            '    raise RuntimeError("the arm cannot follow that arc")',
+            f"follow_path([[grasp, hold]], then=path{speed})",
+        )
+    elif leads_on:
+        sheet.add(f"move_to(start, hold, then=[[grasp, hold]] + path{speed})")
+        sheet.add(f"follow_path([[grasp, hold]], then=path{speed})")
+    else:
+        sheet.add(f"move_to(start, hold, then=[[grasp, hold]]{speed})", f"follow_path([[grasp, hold]]{speed})")
+
+
+# -- putting down ---------------------------------------------------------------------------------------------------------
+
+
+def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+    """``target`` for the point between the fingertips, ``start`` before it, and the hand's orientation."""
+    sheet.constant("THING", recipe.thing if around.thing is None else around.thing.label)
+    clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres to go on the last, straight stretch")
+    gap = sheet.constant("GAP", recipe.gap, "metres that it is let fall")
+    sheet.add(
+        "# How far below and beside the fingertips the thing hangs in the hand.",
+        "hand = get_gripper_position()",
+        "hanging = hand[2] - get_bounds(THING)[0][2]",
+    )
+    space, support = around.goal_space, around.goal
+    sideways = space is not None and space.opening is not None and abs(space.opening[2]) < 0.5
+    if space is not None:
+        name = sheet.constant("PLACE", space.label)
+        sheet.add(f"target = get_position({name})", f"floor = get_bounds({name})[0][2]")
+    elif support is not None:
+        name = sheet.constant("PLACE", support.label)
+        sheet.add(f"target = get_position({name})", f"floor = get_bounds({name})[1][2]")
+    else:
+        sheet.add(
+            "# No place is named that can be seen: the table, where it is.",
+            "target = list(hand)",
+            "floor = get_table_height()",
+        )
+    if sideways and recipe.approach in ("top", "front"):
+        tilt = sheet.constant("TILT", recipe.side_tilt + recipe.tilt, "degrees, the hand points down by that much")
+        sheet.add(
+            "# It opens to the side: go in through the opening, the hand a little tilted.",
+            f"out = level(get_opening({name}))",
+            f'hold = side_orientation(opposite(out), "horizontal", math.radians({tilt}))',
+            f"target = [target[0], target[1], floor + hanging + {gap}]",
+            f"start = along(target, out, extent({name}, out) / 2 + {clearance})",
+        )
+    else:
+        sheet.add(
+            "hold = get_gripper_orientation()",
+            "beside = between(get_position(THING), hand)",
+            f"target = [target[0] + beside[0], target[1] + beside[1], floor + hanging + {gap}]",
+        )
+        coming = {"top": "[0.0, 0.0, 1.0]", "front": "opposite(level(target))"}.get(
+            recipe.approach
+        ) or f"opposite({_heading(recipe)})"
+        sheet.add(f"out = {coming}", f"start = along(target, out, {clearance})")
+    if any(recipe.offset):
+        shift = ", ".join(f"{v:g}" for v in recipe.offset)
+        sheet.add(f"target = [t + shift for t, shift in zip(target, ({shift}))]  # as asked for")
+        sheet.add("start = [s + shift for s, shift in zip(start, (%s))]" % shift)
+    if recipe.deeper:
+        sheet.add(f"target = along(target, opposite(out), {sheet.constant('DEEPER', recipe.deeper)})")
+    if recipe.hand_turn:
+        turn = sheet.constant("HAND_TURN", recipe.hand_turn, "degrees, about the way the hand points")
+        sheet.add(f"hold = turn_orientation(hold, opposite(out), math.radians({turn}))")
+    speed = f", speed={recipe.speed:g}" if recipe.speed is not None else ""
+    opening = (
+        "" if recipe.opening is None else sheet.constant("OPENING", recipe.opening, "metres between the open fingers")
+    )
+    way = _BASE_WAYS.get(recipe.way, "opposite(out)" if recipe.way == "in" else "out")
+    sheet.add("")
+    at = "target"
+    for step in recipe.steps:
+        if step == "open-hand":
+            sheet.add(f"open_gripper({opening})")
+        elif step == "close-hand":
+            sheet.add("close_gripper()")
+        elif step == "approach":
+            sheet.add(f"move_to(start, hold, then=[[target, hold]]{speed})", f"follow_path([[target, hold]]{speed})")
+        elif step == "path" and recipe.shape == "arc":
+            angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
+            sheet.add(
+                f"path = arc(target, hold, along(target, [0.0, 1.0, 0.0], 0.2), [0.0, 0.0, 1.0], math.radians({angle}))",
+                f"follow_path(path{speed})",
+            )
+            at = "path[-1][0]"
+        elif step == "path":
+            distance = sheet.constant("DISTANCE", recipe.distance, "metres")
+            sheet.add(f"goal = along(target, {way}, {distance})", f"follow_path([[goal, hold]]{speed})")
+            at = "goal"
+        elif step == "turn":
+            turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
+            sheet.add(f"rotate_gripper(math.radians({turn}))")
+        elif step == "back-off":
+            sheet.add("follow_path([start])" if at == "target" else f"follow_path([along({at}, out, {clearance})])")
+        elif step == "look":
+            sheet.add("look()")
+
+
+# -- words ------------------------------------------------------------------------------------------------------------------
+
+
+def _in_words(recipe: Recipe) -> str:
+    if recipe.kind == "place":
+        return "go there, " + ("let go and leave." if "open-hand" in recipe.steps else "and stay.")
+    steps = []
+    where = f"the {recipe.hold_at}" if recipe.hold_at != "middle" else "the middle"
+    steps.append(f"take {where} from the {recipe.approach}")
+    if "path" in recipe.steps:
+        steps.append("lead it along an arc" if recipe.shape == "arc" else f"move it straight {recipe.way}")
+    if "turn" in recipe.steps:
+        steps.append("turn it")
+    return ", ".join(steps) + "."
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(" ".join(text.split()), 110)

@@ -1,0 +1,174 @@
+"""The closed vocabulary: words, phrases and what each phrase means. The data is ``vocabulary.yaml`` or a file like it."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.errors import InvalidArgument
+
+_UNITS = {"cm": 0.01, "centi": 0.01, "mm": 0.001, "milli": 0.001, "inch": 0.0254, "m": 1.0, "meter": 1.0, "metre": 1.0}
+
+
+@attrs.frozen
+class Phrase:
+    """A group of phrasings that mean one edit. ``opposite`` is the edit that "don't" makes of it, ``general`` a
+    statement that holds for other objects too, made when one of its phrasings explains why (``lesson``)."""
+
+    edit: str
+    patterns: tuple[re.Pattern[str], ...]
+    say: str
+    general: str = ""
+    general_say: str = ""
+    opposite: str = ""
+
+
+@attrs.frozen
+class Amount:
+    """What "3 cm", "a bit" or "much" is: metres, and the factor the same word means for a path's length. ``words`` are
+    as said; ``exact`` where a number was said."""
+
+    metres: float
+    factor: float
+    words: str
+    exact: bool
+
+
+@attrs.frozen(eq=False)
+class Vocabulary:
+    phrases: tuple[Phrase, ...]
+    values: dict[str, str]  # spelling -> value
+    amounts: dict[str, tuple[float, float]]
+    angles: dict[str, float]  # degrees
+    numbers: dict[str, float]
+    negations: re.Pattern[str]
+    complaints: re.Pattern[str]
+    fillers: frozenset[str]
+
+    @classmethod
+    def load(cls, path: str = "") -> Vocabulary:
+        """From a YAML file, or the one that comes with MEMO. Raises ``InvalidArgument`` naming the key."""
+        data = read_yaml(path, "vocabulary.yaml", "llm.vocabulary")
+        missing = {
+            "words",
+            "values",
+            "amounts",
+            "angles",
+            "numbers",
+            "negations",
+            "complaints",
+            "fillers",
+            "phrases",
+        } - set(data)
+        if missing:
+            raise InvalidArgument("llm.vocabulary", f"no key {sorted(missing)[0]!r}", "the keys of vocabulary.yaml")
+        numbers = {str(k): float(v) for k, v in data["numbers"].items()}
+        amounts = {str(k): (float(v[0]), float(v[1])) for k, v in data["amounts"].items()}
+        angles = {str(k): float(v) for k, v in data["angles"].items()}
+        spelled = "|".join(sorted(map(re.escape, numbers), key=len, reverse=True))
+        number = rf"(?:\d+(?:[.,]\d+)?|half an?|an? (?:few|couple of)|{spelled})"
+        unit = r"(?:cms?|centi\w+|mms?|milli\w+|inch(?:es)?|m|met(?:er|re)s?)"
+        rough = "|".join(sorted(map(re.escape, amounts), key=len, reverse=True))
+        named = "|".join(sorted(map(re.escape, angles), key=len, reverse=True))
+        groups = {
+            "amount": rf"(?:(?:by |about |around |some )*(?:{number} ?{unit}\b|(?:{rough})\b))",
+            "angle": rf"(?:(?:by |about |around |some )*(?:{number} ?(?:deg\w*|°)|(?:{named})\b))",
+        }
+        for name, pattern in data["words"].items():
+            groups[name] = _fill(f"(?:{pattern})", groups, f"words.{name}")
+        phrases = []
+        for i, item in enumerate(data["phrases"]):
+            where = f"phrases[{i}]"
+            if not isinstance(item, dict) or not {"edit", "match", "say"} <= set(item):
+                raise InvalidArgument(f"llm.vocabulary: {where}", "edit, match and say are needed")
+            patterns = tuple(_compile(_fill(pattern, groups, where), where) for pattern in item["match"])
+            general = item.get("general", "")
+            said = item.get("general_say", "")
+            phrases.append(Phrase(item["edit"], patterns, item["say"], general, said, item.get("opposite", "")))
+        values = {spelling: value for value, spellings in data["values"].items() for spelling in spellings}
+        fillers = frozenset(data["fillers"].split())
+        denials = (_any_of(data["negations"]), _any_of(data["complaints"]))
+        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, fillers)
+
+    def amount(self, text: str) -> Amount | None:
+        """The first amount of length in a text."""
+        text = re.sub(r"far enough|all the way|(?:other|wrong|opposite|another|same) way|too far", "", text)
+        match = re.search(
+            r"(\d+(?:[.,]\d+)?|half an?|an? few|a couple of|[a-z-]+) ?(cm|centi|mm|milli|inch|m\b|meter|metre)", text
+        )
+        if match and (value := self._number(match.group(1))) is not None:
+            return Amount(value * _UNITS[match.group(2)], 1.0, match.group(0), True)
+        for words in sorted(self.amounts, key=len, reverse=True):
+            if re.search(rf"\b{re.escape(words)}\b", text):
+                return Amount(*self.amounts[words], words, False)
+        return None
+
+    def angle(self, text: str) -> float | None:
+        """The first angle in a text, in degrees."""
+        match = re.search(r"(\d+(?:[.,]\d+)?|[a-z-]+) ?(?:deg|°)", text)
+        if match and (value := self._number(match.group(1))) is not None:
+            return value
+        for words in sorted(self.angles, key=len, reverse=True):
+            if re.search(rf"\b{re.escape(words)}\b", text):
+                return self.angles[words]
+        return None
+
+    def count(self, text: str) -> int:
+        """How often: "twice" 2, "three times" 3, "again" 2."""
+        if "thrice" in text:
+            return 3
+        match = re.search(r"(\w+) times", text)
+        value = self._number(match.group(1)) if match else None
+        return max(1, int(value)) if value is not None else 2
+
+    def _number(self, word: str) -> float | None:
+        if word.startswith("half"):
+            return 0.5
+        if word.endswith(("few", "couple of")):
+            return 2.0
+        if word in self.numbers:
+            return self.numbers[word]
+        try:
+            return float(word.replace(",", "."))
+        except ValueError:
+            return None
+
+
+def read_yaml(path: str, name: str, setting: str) -> dict[str, Any]:
+    """A mapping from the file at ``path``, or from the file ``name`` that comes with this package."""
+    try:
+        text = Path(path).read_text("utf-8") if path else resources.files(__package__).joinpath(name).read_text("utf-8")
+    except OSError as error:
+        raise InvalidArgument(setting, f"{path!r} cannot be read ({error.strerror})", "a YAML file") from None
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InvalidArgument(setting, f"{path or name}: {' '.join(str(error).split())}", "YAML") from None
+    if not isinstance(data, dict):
+        raise InvalidArgument(setting, f"{path or name} holds no mapping", f"the keys of {name}")
+    return data
+
+
+def _fill(pattern: str, groups: dict[str, str], where: str) -> str:
+    def group(match: re.Match[str]) -> str:
+        if match.group(1) not in groups:
+            raise InvalidArgument(f"llm.vocabulary: {where}", f"no words named {match.group(1)!r}", ", ".join(groups))
+        return groups[match.group(1)]
+
+    return re.sub(r"\{([a-z_]+)\}", group, pattern)
+
+
+def _any_of(words: list[str]) -> re.Pattern[str]:
+    return re.compile(r"\b(?:" + "|".join(sorted(map(re.escape, words), key=len, reverse=True)) + r")(?!\w)")
+
+
+def _compile(pattern: str, where: str) -> re.Pattern[str]:
+    try:
+        return re.compile(rf"(?<![\w'-])(?:{pattern})(?![\w'-])")
+    except re.error as error:
+        raise InvalidArgument(f"llm.vocabulary: {where}", f"{error} in {pattern!r}", "a regular expression") from None
