@@ -38,6 +38,8 @@ def _open_gl(width: int, height: int) -> Any:
         kinds = ("egl", "glfw", "osmesa") if _has_display() else ("egl", "osmesa")
     elif platform.system() == "Darwin":
         kinds = ("cgl", "glfw")
+    if wished in ("disable", "disabled", "off", "false", "0"):
+        raise BackendUnavailable("renderer", "mujoco", f"MUJOCO_GL={wished} switches it off", "unset MUJOCO_GL")
     if wished in ("egl", "osmesa", "glfw", "cgl"):
         kinds = (wished,)
     failures = []

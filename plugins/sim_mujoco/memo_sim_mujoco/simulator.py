@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import struct
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, cast
 
 import attrs
@@ -55,6 +57,9 @@ class MujocoSimulator(Simulator):
             import mujoco
         except ImportError as error:
             raise BackendUnavailable("simulator", "mujoco", str(error), "pip install 'mujoco>=4,<5'") from error
+        except Exception as error:  # MuJoCo loads the OpenGL that MUJOCO_GL names; what a missing one raises varies
+            remedy = f"unset MUJOCO_GL, now {os.environ.get('MUJOCO_GL', 'not set')!r}"
+            raise BackendUnavailable("simulator", "mujoco", f"importing it failed ({error})", remedy) from error
         self._mujoco = mujoco
 
     def close(self) -> None:
@@ -287,13 +292,19 @@ class MujocoSimulator(Simulator):
         self._refresh()
 
     def _refresh(self) -> None:
-        """Recompute everything derived from the state, leaving the state (the solver's warm start too) as it is."""
+        """Recompute everything derived from the state."""
+        with self._state_kept():
+            self._mujoco.mj_forward(self.model, self.data)
+        self._stale = False
+
+    @contextmanager
+    def _state_kept(self) -> Iterator[None]:
+        """Whatever happens inside leaves the state, the solver's warm start too, as it was."""
         mujoco, kind = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, kind))
         mujoco.mj_getState(self.model, self.data, state, kind)
-        mujoco.mj_forward(self.model, self.data)
+        yield
         mujoco.mj_setState(self.model, self.data, state, kind)
-        self._stale = False
 
     def _freshen(self) -> None:
         """After a step MuJoCo's poses are those before its last integration; bring them up to the state."""
@@ -373,9 +384,11 @@ class MujocoSimulator(Simulator):
         try:
             import mujoco.viewer
 
-            self._viewer = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
+            with self._state_kept():
+                window = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
         except (ImportError, OSError, RuntimeError) as error:
             raise BackendUnavailable("viewer", "mujoco", str(error), REMEDY) from error
+        self._viewer = window
 
     def _show(self) -> None:
         if not self._viewer.is_running():
