@@ -418,8 +418,8 @@ def test_without_opengl_a_recording_is_one_problem_and_the_run_goes_on(tmp_path,
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.parametrize(("kind", "words"), [("osmesa", "MUJOCO_GL"), ("disabled", "MUJOCO_GL")])
-def test_an_opengl_that_does_not_exist_is_named(kind, words):
+@pytest.mark.parametrize("kind", ["osmesa", "disabled"])
+def test_an_opengl_that_does_not_exist_is_named(kind):
     code = """
 from memo_core.errors import BackendUnavailable
 from memo_core.testing.simulator import check_robot, check_scene
@@ -433,10 +433,10 @@ try:
 except BackendUnavailable as error:
     print(error)
 """
-    environment = {**os.environ, "MUJOCO_GL": kind}
+    environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"} | {"MUJOCO_GL": kind}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=environment)
     assert done.returncode == 0, done.stderr
-    assert words in done.stdout and len(done.stdout.splitlines()) == 1
+    assert "MUJOCO_GL" in done.stdout and len(done.stdout.splitlines()) == 1
 
 
 @drawing
