@@ -301,3 +301,11 @@ def test_the_still_world_turns_its_door_about_the_hinge():
     world.joints["cupboard_hinge"] = math.pi / 2
     hinge_edge = world.body_pose("cupboard_door").apply([0.0, 0.15, 0.0])
     assert hinge_edge == pytest.approx([0.54, 0.15, 0.15])
+
+
+def test_a_glance_sees_the_truth_and_changes_nothing():
+    perception, context = looking(position_noise=0.05, dropout=0.9)
+    before = perception.state()
+    truth = looking()[0].look()
+    assert perception.glance().nodes == truth.nodes
+    assert perception.state() == before

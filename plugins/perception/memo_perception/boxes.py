@@ -30,7 +30,9 @@ def body_box(body: Body) -> tuple[Pose, tuple[float, float, float]] | None:
 
 
 def _pieces(body: Body, pose: Pose, parts: Sequence[Part]):
-    for geom in body.geoms:
+    # What nothing can touch is decoration, unless there is nothing else to see.
+    solid = [geom for geom in body.geoms if geom.collides] or body.geoms
+    for geom in solid:
         yield geom_bounds(geom, pose)
     for child in body.bodies:
         if child.joint is None and not child.label and not child.parts:
@@ -41,7 +43,8 @@ def _belongs_to_part(piece: tuple[Array, Array], parts: Sequence[Part], total: f
     low, high = piece
     for part in parts:
         part_low, part_high = _upright(part.pose, np.asarray(part.size) / 2)
-        if np.all(low >= part_low - INSIDE_PART_M) and np.all(high <= part_high + INSIDE_PART_M):
+        centre = (low + high) / 2
+        if np.all(centre >= part_low - INSIDE_PART_M) and np.all(centre <= part_high + INSIDE_PART_M):
             return True
         touches = np.all(low <= part_high + INSIDE_PART_M) and np.all(high >= part_low - INSIDE_PART_M)
         if touches and float(np.prod(high - low)) < MOUNTING_SHARE * total:

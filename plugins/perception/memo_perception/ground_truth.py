@@ -36,6 +36,7 @@ class _Seen:
     cavity: Cavity | None = None
     droppable: str | None = None  # id of the free object it belongs to
     lineage: tuple[str, ...] = ()  # names of its body and that body's ancestors
+    door: str | None = None  # of a cavity: name of the body that closes it
 
 
 @attrs.frozen
@@ -73,14 +74,26 @@ class GroundTruth(Perception):
         self._labels = {}
 
     def look(self) -> SceneGraph:
+        return self._graph(exact=False)
+
+    def glance(self) -> SceneGraph:
+        remembered = dict(self._labels)
+        try:
+            return self._graph(exact=True)
+        finally:
+            self._labels = remembered
+
+    def _graph(self, exact: bool) -> SceneGraph:
+        """The scene graph now; ``exact``: without noise, dropout and pictures."""
         context = self._started()
         simulator, scene = context.simulator, context.scene
         assert simulator is not None and scene is not None
         poses = {thing.body.name: simulator.body_pose(thing.body.name) for thing in self._things}
         shut = [thing for thing in self._things if thing.cavity and self._closed(thing.cavity)]
         visible = [thing for thing in self._things if not self._hidden(thing, shut, poses)]
-        visible = self._noticed(visible)
-        seen_as = {name: self._misplaced(pose) for name, pose in poses.items()}
+        if not exact:
+            visible = self._noticed(visible)
+        seen_as = poses if exact else {name: self._misplaced(pose) for name, pose in poses.items()}
         time = simulator.time
         nodes = tuple(
             Node(
@@ -96,7 +109,7 @@ class GroundTruth(Perception):
             for thing in visible
         )
         return SceneGraph(
-            nodes, tuple(self._relations(nodes)), self._observation(), scene.table_height, scene.label, time
+            nodes, tuple(self._relations(nodes)), self._observation(() if exact else self.settings.images), scene.table_height, scene.label, time
         )
 
     def state(self) -> bytes:
@@ -174,10 +187,10 @@ class GroundTruth(Perception):
         loose = [node for node in nodes if node.id not in held_ids]
         yield from relations.arrangement(loose, related)
 
-    def _observation(self) -> Observation:
+    def _observation(self, cameras: tuple[str, ...]) -> Observation:
         context = self._started()
-        rgb = {name: context.simulator.render(name) for name in self.settings.images}  # type: ignore[union-attr]
-        depth = {name: context.simulator.render_depth(name) for name in self.settings.images}  # type: ignore[union-attr]
+        rgb = {name: context.simulator.render(name) for name in cameras}  # type: ignore[union-attr]
+        depth = {name: context.simulator.render_depth(name) for name in cameras}  # type: ignore[union-attr]
         return Observation(context.tool_pose(), context.link.gripper_width(), context.link.holding(), rgb, depth)
 
     def _started(self) -> PerceptionContext:
@@ -191,6 +204,7 @@ class GroundTruth(Perception):
 
 def _visible_things(scene: SceneDescription) -> Iterator[_Seen]:
     taken = {body.name for body, _ in scene.walk()}
+    movers = {joint: body.name for body, _ in scene.walk() if (joint := getattr(body.joint, "name", None))}
     owners: dict[str, tuple[str | None, str | None]] = {}  # body -> (nearest labelled node, free object it belongs to)
     lineages: dict[str, tuple[str, ...]] = {}
     for body, parent in scene.walk():
@@ -207,7 +221,8 @@ def _visible_things(scene: SceneDescription) -> Iterator[_Seen]:
             yield _Seen(id, part.label, "part", body, part.pose, part.size, owner, None, loose, lineage)
         for cavity in body.cavities:
             id = _unique(cavity.id, body, taken)
-            yield _Seen(id, cavity.label, "space", body, cavity.pose, cavity.size, owner, cavity, loose, lineage)
+            door = movers.get(cavity.door or "")
+            yield _Seen(id, cavity.label, "space", body, cavity.pose, cavity.size, owner, cavity, loose, lineage, door)
 
 
 def _body_thing(body: Body, owner: str | None, loose: str | None) -> _Seen:
@@ -240,8 +255,9 @@ def _closings(scene: SceneDescription, things: list[_Seen]) -> Iterator[_Closing
 
 
 def _may_hide(cavity: _Seen, thing: _Seen) -> bool:
-    """A closed inside hides everything in it but the body it is the inside of and what that body hangs on."""
-    return thing.body.name not in cavity.lineage
+    """A closed inside hides everything in it but the body it is the inside of, what that body hangs on, and the door
+    that closes it with all that is on the door."""
+    return thing.body.name not in cavity.lineage and (cavity.door is None or cavity.door not in thing.lineage)
 
 
 def _around(cavity: _Seen, body_pose: Pose, centre: tuple[float, float, float]) -> bool:
