@@ -161,7 +161,7 @@ class Simulator(WorldState):
 
     def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:
         """Restore, then replay the recorded controls (one entry a tick) in a plain Python loop around the engine, one
-        physics step at a time, without anything else. Returns the loop's wall time (s); leaves the state it came to."""
+        physics step at a time, without anything else. Returns the loop's CPU time (s); leaves the state it came to."""
         raise NotImplementedError(f"{type(self).__name__} has no bare loop")
 
     def view(self) -> None:

@@ -367,11 +367,11 @@ class MujocoSimulator(Simulator):
         for (force, latches), steps in pieces:
             self._set_force(force)
             self._switch_latches(latches)
-            started = clock.perf_counter()
+            started = clock.thread_time()
             for ctrl in steps:
                 data.ctrl[:] = ctrl
                 step(model, data)
-            taken += clock.perf_counter() - started
+            taken += clock.thread_time() - started
         self._ramp = float(self._ctrl[self._servo]) if self._servo >= 0 else 0.0
         self._stale = True
         return taken
