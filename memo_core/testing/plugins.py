@@ -44,7 +44,8 @@ before = set(sys.modules)
 import importlib
 importlib.import_module(sys.argv[1])
 own = sys.argv[1].partition(".")[0]
-new = {name.partition(".")[0] for name in set(sys.modules) - before} - {own, "memo_core"}
+tops = lambda names: {name.partition(".")[0] for name in names}
+new = tops(sys.modules) - tops(before) - {own, "memo_core"}
 print(*sorted(name for name in new if "site-packages" in (getattr(sys.modules.get(name), "__file__", None) or "")))
 """
 
