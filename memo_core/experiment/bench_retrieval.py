@@ -139,8 +139,7 @@ class _Flat:
         query = np.concatenate([self._weights[0] * actions[0], self._weights[1] * objects[0]]) / sum(self._weights)
         ids, _ = self._store.search(query.astype(np.float32), self._count)
         searched = time.perf_counter()
-        with self._database.look() as connection:
-            _, found = rows.served_rows(connection, [int(i) for i in ids])
+        _, found = rows.served_rows(self._database, [int(i) for i in ids])
         [found[int(i)] for i in ids]
         return searched - begun, time.perf_counter() - searched
 

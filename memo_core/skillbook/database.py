@@ -11,9 +11,10 @@ import sqlite3
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import attrs
 import sqlalchemy as sa
@@ -57,6 +58,9 @@ class Database:
         self._url = _parse(url)
         self.name = self._url.render_as_string(hide_password=True)
         self._engine: sa.Engine | None = None
+        self._fetching = threading.Lock()
+        self._reader: sa.PoolProxiedConnection | None = None
+        self._prepared: dict[sa.Select[Any], tuple[str, tuple[str, ...]]] = {}
         self._memory_lock = threading.RLock()  # the one connection of a book in memory is used by one thread at a time
 
     @property
@@ -84,6 +88,10 @@ class Database:
 
     def close(self) -> None:
         """Idempotent."""
+        with self._fetching:
+            if self._reader is not None:
+                self._reader.close()
+                self._reader = None
         if self._engine is not None:
             self._engine.dispose()
             self._engine = None
@@ -100,11 +108,23 @@ class Database:
         with self._exclusive(), self.engine.connect() as connection, connection.begin():
             yield connection
 
-    @contextmanager
-    def look(self) -> Iterator[sa.Connection]:
-        """A connection for one reading statement, which is a transaction of its own."""
-        with self._exclusive(), self.engine.connect().execution_options(memo_look=True) as connection:
-            yield connection
+    def fetch(self, statement: sa.Select[Any], parameters: dict[str, Any]) -> Sequence[Sequence[Any]]:
+        """Rows of one reading statement, a transaction of its own. For statements that are asked again and again: on
+        a local file it goes past SQLAlchemy's execution, over a connection of its own that holds no lock between."""
+        if not self.is_sqlite or self.in_memory:
+            with self.read() as connection:
+                return connection.execute(statement, parameters).all()
+        with self._fetching:
+            if self._reader is None:
+                self._reader = self.engine.raw_connection()
+            prepared = self._prepared.get(statement)
+            if prepared is None:
+                compiled = statement.compile(dialect=self.engine.dialect)
+                prepared = self._prepared[statement] = (str(compiled), tuple(compiled.positiontup or ()))
+            sql, names = prepared
+            raw = self._reader.dbapi_connection
+            assert raw is not None
+            return raw.execute(sql, [parameters[name] for name in names]).fetchall()
 
     @contextmanager
     def write(self) -> Iterator[sa.Connection]:
@@ -276,6 +296,7 @@ def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
     raw.isolation_level = None  # the driver would begin DEFERRED by itself, and late
     cursor = raw.cursor()
     cursor.execute("PRAGMA foreign_keys=ON")
+    cursor.execute("PRAGMA cache_size=-65536")  # KiB; the default of 2 MB is less than a year's book
     if writable:
         cursor.execute("PRAGMA busy_timeout=60000")
         _switch_to_wal(cursor)
@@ -300,9 +321,8 @@ def _switch_to_wal(cursor: sqlite3.Cursor) -> None:
 
 
 def _begin_sqlite(connection: sa.Connection) -> None:
-    options = connection.get_execution_options()
-    if not options.get("memo_look", False):
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("memo_write", False) else "BEGIN")
+    write = connection.get_execution_options().get("memo_write", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if write else "BEGIN")
 
 
 def filesystem_of(path: Path, mountinfo: Path = Path("/proc/self/mountinfo")) -> str:

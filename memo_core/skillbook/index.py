@@ -18,6 +18,8 @@ from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.wording import KeyVectors
 
+_FIRST = 32  # keys asked for at first
+
 
 @attrs.frozen(eq=False)
 class Hits:
@@ -60,7 +62,7 @@ class KeyIndex:
             return Hits(np.zeros(0, dtype=np.int64), nothing, nothing, nothing)
         total = weights[0] + weights[1]
         query = np.concatenate([weights[0] * action, weights[1] * objects]).astype(np.float32) / np.float32(total)
-        count = min(64, len(self.ids))
+        count = min(_FIRST, len(self.ids))
         while True:
             hits = self._score(self._search_store(query, count), action, objects, weights)
             if count >= len(self.ids) or enough(hits):

@@ -5,6 +5,7 @@ r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2),    λ1,
 
 from __future__ import annotations
 
+import operator
 import threading
 from collections import Counter
 
@@ -209,8 +210,7 @@ class Retriever:
         corrections = self._best("correction", hits, ranked, meant, state)
         templates = self._best("template", hits, ranked, meant, state)
         general = self._best_general(meant, state)
-        with self._database.look() as connection:
-            generation, rows = served_rows(connection, [*corrections, *templates, *general])
+        generation, rows = served_rows(self._database, [*corrections, *templates, *general])
         if generation != state.number:
             return None
         served = {
@@ -324,13 +324,18 @@ class Retriever:
             if len(served[kind]) < limit:
                 continue
             from_key = Counter(one.entry.key for one in served[kind])
-            full = ranked[state.sizes[kind][hits.rows[ranked]] > 0][: len(from_key) + _SHOWN]
-            for place in full:
+            last = served[kind][-1].score if limit else 2.0
+            for place in ranked[state.sizes[kind][hits.rows[ranked]] > 0]:
                 row = int(hits.rows[place])
                 left = int(state.sizes[kind][row]) - from_key[state.keys[row]]
-                if left:
+                if left and hits.scores[place] <= last + _TIE:
                     cut.append(_cut(hits, place, state, left, f"beyond the first {limit} {kind}s"))
+                if len(cut) >= _SHOWN:
+                    break
         return tuple(cut)
+
+
+_FIRST_OF = operator.itemgetter(0)
 
 
 def _cut(hits: Hits, place: int, state: _Generation, entries: int, rule: str) -> Cut:
@@ -359,10 +364,10 @@ def _first(limit: int, hits: Hits, ids: np.ndarray, places: np.ndarray, similar:
 
 def _order(found: Found, rows: dict[int, Entry], count: int) -> tuple[Served, ...]:
     """By r, then similarity of the text, confirmed uses, recency."""
-
-    def place(item: tuple[int, Terms]) -> tuple[float, ...]:
-        entry, terms = rows[item[0]], item[1]
-        return (-round(terms[0], 6), -round(terms[3], 6), -entry.confirmed_uses, -entry.created, -entry.id)
-
-    best = sorted(found.items(), key=place)[:count]
-    return tuple(Served(rows[i], n, *terms) for n, (i, terms) in enumerate(best, start=1))
+    places = []
+    for i, terms in found.items():
+        entry = rows[i]
+        tied = (-round(terms[0], 6), -round(terms[3], 6), -entry.confirmed_uses, -entry.created, -i)
+        places.append((tied, entry, terms))
+    places.sort(key=_FIRST_OF)
+    return tuple(Served(entry, n, *terms) for n, (_, entry, terms) in enumerate(places[:count], start=1))

@@ -11,6 +11,7 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback
 from memo_core.skillbook.keys import Key
 
@@ -20,7 +21,7 @@ _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key ==
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
 _PLACES = 40
 _PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
-_GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
+_GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
 _SERVED = (
     sa.select(_GENERATION.scalar_subquery(), *_COLUMNS, _K.action, _K.objects)
     .join_from(tables.entries, tables.keys, _E.key == _K.id)
@@ -62,16 +63,16 @@ def entry_of(row: Sequence[Any]) -> Entry:
     return Entry(row[0], row[1], key_of(row[-2], row[-1]), *row[3:-2])
 
 
-def served_rows(connection: sa.Connection, ids: Sequence[int]) -> tuple[int, dict[int, Entry]]:
+def served_rows(database: Database, ids: Sequence[int]) -> tuple[int, dict[int, Entry]]:
     """The book's generation and entries by id, as one statement and so of one state of the book.
 
     The statement has a fixed number of places, filled up with the first id: it is prepared once.
     """
     if not 0 < len(ids) <= _PLACES:
-        with_rows = entries_by_id(connection, ids)
-        return int(connection.execute(_GENERATION).scalar_one()), with_rows
+        with database.read() as connection:
+            return int(connection.execute(_GENERATION).scalar_one()), entries_by_id(connection, ids)
     filled = [*ids, *[ids[0]] * (_PLACES - len(ids))]
-    found = connection.execute(_SERVED, dict(zip(_PLACE_NAMES, filled, strict=True))).all()
+    found = database.fetch(_SERVED, dict(zip(_PLACE_NAMES, filled, strict=True)))
     return (int(found[0][0]) if found else -1), {row[1]: entry_of(row[1:]) for row in found}
 
 
