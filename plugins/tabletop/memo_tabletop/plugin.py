@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import Backend
+from memo_core.interfaces.backend import Backend, Demo
 
 
 @attrs.frozen
@@ -26,4 +26,14 @@ def tasks(settings: TabletopSettings):
 
 @hookimpl
 def memo_task_suites():
-    return [Backend("suite", "tabletop", "five tabletop tasks with doors, a drawer and cubes", tasks, TabletopSettings, default=True)]
+    return [
+        Backend(
+            "suite",
+            "tabletop",
+            "five tabletop tasks with doors, a drawer and cubes",
+            tasks,
+            TabletopSettings,
+            demo=Demo(taught="put-the-food-in-the-microwave", transfer="put-the-food-in-the-oven"),
+            default=True,
+        )
+    ]
