@@ -34,12 +34,12 @@ MODULES: dict[str, tuple[str, ...]] = {
 }
 
 BUILTINS = frozenset(
-    "ArithmeticError AssertionError AttributeError BaseException Ellipsis Exception ImportError IndexError KeyError "
-    "LookupError NameError NotImplemented NotImplementedError OSError OverflowError RecursionError RuntimeError "
-    "StopIteration TimeoutError TypeError UnboundLocalError ValueError ZeroDivisionError __name__ __doc__ abs all any "
-    "bin bool bytes callable chr complex dict divmod enumerate filter float format frozenset getattr hasattr hash hex "
-    "id int isinstance iter len list map max min next object oct ord pow print range repr reversed round set setattr "
-    "slice sorted str sum tuple type zip "
+    "ArithmeticError AssertionError AttributeError BaseException Ellipsis Exception ImportError IndexError "
+    "KeyError KeyboardInterrupt LookupError MemoryError NameError NotImplemented NotImplementedError OSError "
+    "OverflowError RecursionError RuntimeError StopIteration TimeoutError TypeError UnboundLocalError ValueError "
+    "ZeroDivisionError __name__ __doc__ abs all any bin bool bytes callable chr complex dict divmod enumerate "
+    "filter float format frozenset getattr hasattr hash hex id int isinstance iter len list map max min next "
+    "object oct ord pow print range repr reversed round set setattr slice sorted str sum tuple type zip "
     "MotionError SkillError InvalidArgument UnknownName".split()
 )
 
@@ -58,7 +58,6 @@ REFUSED: dict[str, str] = {
     "exit": "return from a function or raise an exception",
     "quit": "return from a function or raise an exception",
     "SystemExit": "raise RuntimeError instead",
-    "KeyboardInterrupt": "catch Exception instead",
     "breakpoint": "use print",
     "super": "classes cannot inherit here",
     "property": "write a method without a decorator",

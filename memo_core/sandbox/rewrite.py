@@ -78,11 +78,10 @@ class _Rewriter(ast.NodeTransformer):
     def _replace(self, old: ast.AST, text: str, **holes: ast.expr) -> ast.expr:
         """An expression written as text, with the names in ``holes`` standing for nodes of the old tree."""
         self.changed = True
-        new = _Fill(holes).visit(ast.parse(text, mode="eval").body)
-        for node in ast.walk(new):
-            if not hasattr(node, "memo_kept") and isinstance(node, ast.expr):
-                ast.copy_location(node, old)
-        return typing.cast(ast.expr, new)
+        template = ast.parse(text, mode="eval").body
+        for node in ast.walk(template):
+            ast.copy_location(node, old)
+        return typing.cast(ast.expr, _Fill(holes).visit(template))
 
     # -- imports -------------------------------------------------------------------------------------------------------
     def visit_Import(self, node: ast.Import) -> typing.Any:
@@ -205,12 +204,7 @@ class _Fill(ast.NodeTransformer):
         self._holes = holes
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        filled = self._holes.get(node.id)
-        if filled is None:
-            return node
-        for inner in ast.walk(filled):
-            inner.memo_kept = True  # type: ignore[attr-defined]
-        return filled
+        return self._holes.get(node.id, node)
 
 
 def _assignment(node: ast.stmt, name: str, value: str) -> ast.stmt:

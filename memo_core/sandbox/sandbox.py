@@ -38,6 +38,10 @@ from memo_core.skills.control import Control
 from memo_core.skills.skill import Skill
 
 _GATE = "_memo_gate"
+_CONTROL = {  # what could rewrite the operator's terminal is shown, not obeyed
+    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
+    for code in (*range(9), *range(11, 32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+}
 _SLEEP = ("time.sleep", "system.sleep")
 _CLOCK = tuple(f"time.{name}{unit}" for name in ("time", "monotonic", "perf_counter") for unit in ("", "_ns"))
 
@@ -193,7 +197,7 @@ class _Run:
         self._source = b""
         self._filename = ""
         self._line: Callable[[int], int] = lambda line: line
-        self._last_line = 0  # of the last call, for limits that strike where the interpreter cannot say
+        self._position = -1  # of the last call, for limits that strike where the interpreter cannot say
 
     def execute(self, session: MontySession, program: _Program) -> Execution:
         pid = session.worker_pid
@@ -241,7 +245,7 @@ class _Run:
         if self._stopped():
             raise Stopped("running code")
         if snapshot.position.filename == self._filename:
-            self._last_line = self._line(self._source[: snapshot.position.start].count(b"\n") + 1)
+            self._position = snapshot.position.start
         if isinstance(snapshot, NameLookupSnapshot):
             skill = self._skills.get(snapshot.variable_name) if snapshot.object_id is None else None
             return snapshot.resume if skill is None else lambda: snapshot.resume(value=_stub(skill.name))
@@ -298,7 +302,7 @@ class _Run:
     def _print(self, stream: str, text: str) -> None:
         if self._flooded:
             return
-        kept = text[: self._room]
+        kept = text[: self._room].translate(_CONTROL)
         self._room -= len(text)
         self._printed.append(kept)
         if self._on_print is not None and kept:
@@ -310,7 +314,7 @@ class _Run:
     # -- endings -------------------------------------------------------------------------------------------------------
 
     def _execution(self, ended: Ended, kind: str = "", problem: str = "", line: int | None = None) -> Execution:
-        error = f"{kind}: {problem}" if problem else kind
+        error = f"{kind}: {problem}".translate(_CONTROL) if problem else kind
         if line is not None:
             error = f"line {line}: {error}"
         return Execution(ended, "".join(self._printed), error, kind, line, tuple(self._calls))
@@ -339,7 +343,8 @@ class _Run:
         return self._execution("error", kind, problem, line)
 
     def _time_problem(self) -> str:
-        since = f"after the call in line {self._last_line}" if self._last_line else "before any skill call"
+        line = self._line(self._source[: self._position].count(b"\n") + 1)
+        since = f"after the call in line {line}" if self._position >= 0 else "before any skill call"
         return (
             f"the code computed longer than {self._limits.seconds_between_calls:g} s between two skill calls or "
             f"{self._limits.seconds_in_all:g} s in all; it was {since}"

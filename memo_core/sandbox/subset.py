@@ -10,6 +10,7 @@ import ast
 import builtins
 import inspect
 from collections.abc import Iterator
+from itertools import chain, islice
 
 import attrs
 
@@ -41,16 +42,16 @@ _UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
 }
 
 
+_MOST_FINDINGS = 30  # looking for close matches of thousands of hostile names would take minutes
+_MOST_CANDIDATES = 500
+
+
 def check(tree: ast.Module, skills: dict[str, Skill]) -> list[Finding]:
-    """Every finding, in the order of lines."""
-    findings = [
-        *_unsupported(tree),
-        *_imports(tree),
-        *_module_attributes(tree),
-        *_names(tree, skills),
-        *_skill_calls(tree, skills),
-    ]
-    return sorted(findings, key=lambda finding: finding.line)
+    """What was found, in the order of lines."""
+    every = chain(
+        _unsupported(tree), _imports(tree), _module_attributes(tree), _names(tree, skills), _skill_calls(tree, skills)
+    )
+    return sorted(islice(every, _MOST_FINDINGS), key=lambda finding: finding.line)
 
 
 def uses_arrays(tree: ast.Module) -> bool:
@@ -159,7 +160,8 @@ def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
         elif hasattr(builtins, name):
             yield Finding(node.lineno, f"{name!r} is not available in robot code")
         else:
-            yield Finding(node.lineno, f"unknown name {name!r}{close_match(name, bound | skills.keys() | BUILTINS)}")
+            candidates = [*sorted(bound)[:_MOST_CANDIDATES], *skills, *BUILTINS]
+            yield Finding(node.lineno, f"unknown name {name[:100]!r}{close_match(name[:100], candidates)}")
 
 
 def bound_names(tree: ast.Module) -> set[str]:

@@ -1,0 +1,1 @@
+exec(compile("go_home()", "x", "exec"))

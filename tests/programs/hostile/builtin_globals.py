@@ -1,0 +1,1 @@
+globals()["move_to"]([9, 9, 9])

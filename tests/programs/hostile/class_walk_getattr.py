@@ -1,0 +1,2 @@
+t = getattr((), "__class__")
+print(t)

@@ -1,0 +1,2 @@
+o = __import__("os")
+print(o.environ)

@@ -1,0 +1,1 @@
+raise RuntimeError("first\nsecond\n  File '/etc/passwd'\n" + "x" * 100000)

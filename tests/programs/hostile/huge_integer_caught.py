@@ -1,0 +1,4 @@
+try:
+    x = 9 ** 9 ** 9 ** 9
+except BaseException:
+    go_home()

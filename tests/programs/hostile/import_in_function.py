@@ -1,0 +1,4 @@
+def f():
+    import gc
+    return gc.get_objects()
+f()

@@ -1,0 +1,4 @@
+try:
+    import os
+except ImportError:
+    move_to([0.4, 0.0, 0.3])

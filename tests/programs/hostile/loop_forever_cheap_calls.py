@@ -1,0 +1,2 @@
+while True:
+    get_gripper_width()

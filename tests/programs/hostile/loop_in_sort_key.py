@@ -1,0 +1,4 @@
+def slow(x):
+    while True:
+        pass
+sorted([2, 1], key=slow)

@@ -1,0 +1,2 @@
+import numpy as np
+x = np.zeros((10000, 10000))

@@ -1,0 +1,1 @@
+wait(seconds=30.5)

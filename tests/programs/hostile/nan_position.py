@@ -1,0 +1,1 @@
+move_to([float("nan"), 0.0, 0.3])

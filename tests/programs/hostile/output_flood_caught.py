@@ -1,0 +1,5 @@
+while True:
+    try:
+        print("y" * 500)
+    except BaseException:
+        pass

@@ -1,0 +1,1 @@
+_memo_gate()

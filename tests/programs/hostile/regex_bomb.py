@@ -1,0 +1,2 @@
+import re
+print(re.match("(a+)+$", "a" * 5000 + "b"))

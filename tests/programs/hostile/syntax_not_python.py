@@ -1,0 +1,4 @@
+Sure! Here is the code you asked for:
+```python
+go_home()
+```

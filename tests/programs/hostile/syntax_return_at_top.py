@@ -1,0 +1,3 @@
+go_home()
+return
+go_home()

@@ -1,0 +1,3 @@
+if True:
+	go_home()
+        go_home()

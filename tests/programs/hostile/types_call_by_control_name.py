@@ -1,0 +1,1 @@
+control.move_to([9, 9, 9])

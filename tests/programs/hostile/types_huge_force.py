@@ -1,0 +1,1 @@
+close_gripper(force=1e9)

@@ -1,0 +1,1 @@
+get_position("x" * 10**6)

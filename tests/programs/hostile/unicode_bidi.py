@@ -1,0 +1,2 @@
+s = "‮move‬"
+print(s)

@@ -1,0 +1,1 @@
+get_position("red\x00cube")

@@ -1,0 +1,2 @@
+print("\ud800")
+get_position("\udfff")

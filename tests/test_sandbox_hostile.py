@@ -1,0 +1,69 @@
+"""Hostile code: each program a clear one-line error within its limit, nothing sent to the robot, the session alive."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from memo_core.sandbox import Execution, Limits, Sandbox, Workspace
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import skill_library
+from memo_core.testing.fake_control import FakeControl
+
+FOLDER = Path(__file__).parent / "programs" / "hostile"
+EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "expected.toml").read_text())
+LIMITS = Limits(seconds_between_calls=0.8, seconds_in_all=3.0, memory=64 << 20, output=10_000, calls=300)
+WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
+SLOWEST = LIMITS.seconds_in_all + 0.5 + 2.0  # s: the parent's grace before it kills, and a loaded machine
+GOOD = "p = get_position('red cube')\nmove_to([p[0], p[1], p[2] + 0.1])\nprint('fine')"
+
+
+@pytest.fixture(scope="module")
+def sandbox():
+    with Sandbox(skill_library(BUILTIN_SKILLS), LIMITS) as opened:
+        yield opened
+
+
+def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Execution, FakeControl]:
+    control = FakeControl(stop_after=stop_after)
+    return sandbox.run(code, control, stopped=control.stopped, workspace=WORKSPACE), control
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox):
+    expected, code = EXPECTED[name], (FOLDER / f"{name}.py").read_text()
+    started = time.perf_counter()
+    execution, control = run(sandbox, code, expected.get("stop_after"))
+    assert time.perf_counter() - started < SLOWEST
+    assert (execution.ended, execution.kind) == (expected["ends"], expected.get("kind", ""))
+    assert expected.get("says", "") in execution.error
+    assert bool(execution.error) == (expected["ends"] != "done")
+    assert "\n" not in execution.error and len(execution.error) < 2100
+    assert len(execution.printed) <= 6 * LIMITS.output  # control characters are spelt out
+    for ours in ("Traceback", "site-packages", "memo_core", "python-input", "/work", "/tmp/memo"):
+        assert ours not in execution.error + execution.printed
+    assert control.commands == expected.get("commands", [])
+    good, control = run(sandbox, GOOD)
+    assert (good.ended, good.printed, control.commands) == ("done", "fine\n", ["move_to"])
+
+
+def test_there_is_a_program_for_every_expectation_and_the_other_way_round():
+    assert {path.stem for path in FOLDER.glob("*.py")} == set(EXPECTED)
+    assert len(EXPECTED) >= 60
+
+
+def test_a_plain_exec_would_fail_these_tests():
+    """The expectations can fail: Python's own exec moves the robot where they say that nothing may."""
+    reached: list[str] = []
+    names: dict[str, Any] = {
+        "go_home": lambda: reached.append("go_home"),
+        "move_to": lambda *_: reached.append("move_to"),
+    }
+    for name in ("builtin_eval", "builtin_eval_aliased"):
+        assert EXPECTED[name].get("commands", []) == []
+        exec((FOLDER / f"{name}.py").read_text(), dict(names))
+    assert reached == ["move_to", "go_home"]
