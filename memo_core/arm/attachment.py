@@ -41,7 +41,9 @@ class Attachment:
         moved = dict(self.moved)
         if self.held is not None:
             moved[self.held.node] = tool * self.held.offset
-        return Attachment(moved=moved, absent=tuple(name for name in self.absent if self.held and name != self.held.node))
+        return Attachment(
+            moved=moved, absent=tuple(name for name in self.absent if self.held and name != self.held.node)
+        )
 
     def lost(self) -> Attachment:
         """What was held is gone; where to, only a look can tell."""
@@ -90,7 +92,9 @@ def _between_fingers(scene: SceneGraph, before: Attachment, tool: Pose) -> Node 
         local = before.moved.get(node.id, node.pose).inverse().apply(np.asarray(tool.position))
         outside = float(np.linalg.norm(np.maximum(np.abs(local) - np.asarray(node.size) / 2, 0.0)))
         if outside <= _REACH:
-            found.append((outside if node.kind == "object" else outside + 0.005, float(np.prod(node.size)), node.id, node))
+            found.append(
+                (outside if node.kind == "object" else outside + 0.005, float(np.prod(node.size)), node.id, node)
+            )
     return min(found, key=lambda item: item[:3])[3] if found else None
 
 

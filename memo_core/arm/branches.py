@@ -25,7 +25,7 @@ _DENSE = 0.012  # m of path between configurations of the result
 _JUMP = 0.7  # rad a joint may change between layers
 _DENSE_JUMP = 0.25  # rad between configurations of the result
 _TILTS = (0.0, 0.22, 0.44, 0.7, 1.0)  # rad tried on both sides
-_TILT_COST, _TILT_CHANGE_COST, _LIMIT_COST = 0.5, 2.0, 0.3
+_TILT_COST, _TILT_CHANGE_COST, _LIMIT_COST = 0.5, 8.0, 0.3
 _LIMIT_ZONE = 0.2  # rad
 
 
@@ -179,7 +179,9 @@ class BranchSearch:
             parts.append(_distinct(_Layer(s, found.joints[:, same], tilt[same]), 0.2, most))
         return np.concatenate([p.joints for p in parts], axis=1), np.concatenate([p.tilt for p in parts])
 
-    def _lead(self, grid: Array, order: range, cloud: tuple[Array, Array], found: list[list[tuple[Array, Array]]]) -> None:
+    def _lead(
+        self, grid: Array, order: range, cloud: tuple[Array, Array], found: list[list[tuple[Array, Array]]]
+    ) -> None:
         """Follow every configuration of a cloud from layer to layer and add what it becomes."""
         joints, tilt = cloud
         for k in order:
@@ -277,7 +279,11 @@ class BranchSearch:
         """Whether a pose would be reached if the joints had no limits."""
         wide = _without_limits(self._kinematics)
         rotation, position = self._path.at(np.zeros(200) + s, tilts[0])
-        return "joint-limit" if wide.solve(self._kinematics.samples(200), rotation, position, 40).solved.any() else "unreachable"
+        return (
+            "joint-limit"
+            if wide.solve(self._kinematics.samples(200), rotation, position, 40).solved.any()
+            else "unreachable"
+        )
 
     def _why_blocked(self) -> Blocked:
         layers, nodes, edges, hits = self._layered, self._nodes, self._edges, self._hits

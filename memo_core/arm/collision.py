@@ -59,7 +59,11 @@ class Hit:
     own: bool  # the robot touches itself
 
     def __str__(self) -> str:
-        return f"the arm touches itself ({self.robot} and {self.other})" if self.own else f"{self.robot} touches the {self.other}"
+        return (
+            f"the arm touches itself ({self.robot} and {self.other})"
+            if self.own
+            else f"{self.robot} touches the {self.other}"
+        )
 
 
 def obstacles_of(
@@ -142,7 +146,9 @@ class RobotShape:
         model = kinematics.model
         folders = [description.mesh_folder] if description.mesh_folder else []
         if folders:
-            geometry = pin.buildGeomFromUrdfString(model, description.urdf, pin.GeometryType.COLLISION, package_dirs=folders)
+            geometry = pin.buildGeomFromUrdfString(
+                model, description.urdf, pin.GeometryType.COLLISION, package_dirs=folders
+            )
         else:
             geometry = pin.buildGeomFromUrdfString(model, description.urdf, pin.GeometryType.COLLISION)
         self.geometry = geometry
@@ -153,7 +159,9 @@ class RobotShape:
         finger_ids = [model.getJointId(name) for name in gripper.finger_joints if model.existJointName(name)]
         self.finger_index = np.array([model.joints[i].idx_q for i in finger_ids], dtype=int)
         last = kinematics.joint_ids[-1]
-        carriers = {model.frames[model.getFrameId(name)].parentFrame for name in gripper.finger_joints if model.existFrame(name)}
+        carriers = {
+            model.frames[model.getFrameId(name)].parentFrame for name in gripper.finger_joints if model.existFrame(name)
+        }
         hand_links = {model.frames[f].name for f in carriers}
         self.roles: list[str] = []
         for number, shape in enumerate(geometry.geometryObjects):

@@ -29,6 +29,8 @@ _SETTLE_TICKS = 60
 _ASTRAY = 0.05  # rad between a joint and its target from which on the target is taken back to the joint
 _FINGERS_STILL = 0.0003  # m
 _FINGERS_WINDOW = 10  # ticks
+_FINGERS_THERE = 0.001  # m
+_FINGERS_PATIENCE = 1.5  # s
 
 
 class ArmControl(Control):
@@ -69,7 +71,9 @@ class ArmControl(Control):
         gripper = self._description.gripper
         if width is not None and not 0.0 <= width <= gripper.stroke + 1e-6:
             raise InvalidArgument(
-                "open_gripper(width)", f"{width:.3f} m is not an opening of this gripper", f"0 to {gripper.stroke:.3f} m"
+                "open_gripper(width)",
+                f"{width:.3f} m is not an opening of this gripper",
+                f"0 to {gripper.stroke:.3f} m",
             )
         wanted = gripper.stroke if width is None else width
         reached = self._move_fingers(wanted, gripper.max_force, "opening the gripper")
@@ -81,7 +85,8 @@ class ArmControl(Control):
         gripper = self._description.gripper
         if force is not None and not gripper.min_force <= force <= gripper.max_force:
             raise InvalidArgument(
-                "close_gripper(force)", f"{force:.0f} N is not a force of this gripper",
+                "close_gripper(force)",
+                f"{force:.0f} N is not a force of this gripper",
                 f"{gripper.min_force:.0f} to {gripper.max_force:.0f} N",
             )
         reached = self._move_fingers(0.0, gripper.max_force if force is None else force, "closing the gripper")
@@ -95,17 +100,19 @@ class ArmControl(Control):
         link.check_stop(doing)
         target = link.joint_targets()
         gripper = self._description.gripper
-        patience = int((1.0 + 2.0 * gripper.stroke / gripper.speed) / link.control_period)
-        widths = [link.gripper_width()]
+        start = link.gripper_width()
+        # A gripper may move its set point at a limited speed, from wherever that is: stillness says nothing before.
+        least = int(max(width, start) / gripper.speed / link.control_period) + _FINGERS_WINDOW
+        widths = [start]
         try:
             link.set_gripper(width, force)
-            for tick in range(patience):
+            for tick in range(least + int(_FINGERS_PATIENCE / link.control_period)):
                 link.send(target)
                 widths.append(link.gripper_width())
-                if tick > 2 * _FINGERS_WINDOW:
-                    last = widths[-_FINGERS_WINDOW:]
-                    if max(last) - min(last) < _FINGERS_STILL:
-                        break
+                last = widths[-_FINGERS_WINDOW:]
+                still = tick >= _FINGERS_WINDOW and max(last) - min(last) < _FINGERS_STILL
+                if still and (tick >= least or abs(widths[-1] - width) < _FINGERS_THERE):
+                    break
         except Stopped:
             raise Stopped(doing) from None
         return widths[-1]
@@ -130,7 +137,15 @@ class ArmControl(Control):
         poses = _poses(path, self._kinematics.pose(start))
         following = _poses(then or [], poses[-1])
         plan = self._planner.follow(
-            skill, start, poses, following, slack, speed, self._world(), self.scene().table_height, path[0][1] is not None
+            skill,
+            start,
+            poses,
+            following,
+            slack,
+            speed,
+            self._world(),
+            self.scene().table_height,
+            path[0][1] is not None,
         )
         self._run(skill, plan, _CONTACT_TOLERANCE)
 
@@ -207,9 +222,7 @@ class ArmControl(Control):
                 f"did not arrive: the hand is {100 * distance:.1f} cm and {math.degrees(angle):.0f} degrees away from its goal, "
                 f"held back by something it touches or carries"
             )
-            raise MotionError(
-                skill, problem, cause="not-arrived", position_error_m=distance, rotation_error_rad=angle
-            )
+            raise MotionError(skill, problem, cause="not-arrived", position_error_m=distance, rotation_error_rad=angle)
 
     def _send_all(self, skill: str, targets: Array) -> None:
         """Send targets (T, n), ahead by the servo's lag, until done or stopped; then come to rest within the limits."""
@@ -224,7 +237,9 @@ class ArmControl(Control):
                 number += 1
         except Stopped:
             if number > 1:
-                self._link.halt(stopping(self._kinematics, targets[number - 2], targets[number - 1], self._link.control_period))
+                self._link.halt(
+                    stopping(self._kinematics, targets[number - 2], targets[number - 1], self._link.control_period)
+                )
             raise Stopped(skill) from None
 
     def _settle(self, skill: str, target: Array) -> None:
@@ -252,4 +267,6 @@ def _poses(waypoints: Sequence[tuple[list[float], list[float] | None]], before: 
 def _node(fields: dict) -> Node:
     pose = cattrs.structure(fields["pose"], Pose)
     opening = fields["opening"]
-    return Node(**{**fields, "pose": pose, "size": tuple(fields["size"]), "opening": tuple(opening) if opening else None})
+    return Node(
+        **{**fields, "pose": pose, "size": tuple(fields["size"]), "opening": tuple(opening) if opening else None}
+    )

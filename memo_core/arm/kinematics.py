@@ -43,7 +43,9 @@ class Kinematics:
         self.home = np.array(description.home) if description.home else (self.lower + self.upper) / 2
         if self.home.shape != self.lower.shape:
             raise InvalidArgument(
-                f"robot {description.name!r}: home", f"has {len(description.home)} values", f"one for each of {len(self.lower)} joints"
+                f"robot {description.name!r}: home",
+                f"has {len(description.home)} values",
+                f"one for each of {len(self.lower)} joints",
             )
         self._read(description)
 
@@ -62,11 +64,15 @@ class Kinematics:
         for joint in description.joints:
             if not model.existJointName(joint.name):
                 raise InvalidArgument(
-                    f"robot {description.name!r}: joint {joint.name!r}", "is not a moving joint of the URDF", ", ".join(list(model.names)[1:])
+                    f"robot {description.name!r}: joint {joint.name!r}",
+                    "is not a moving joint of the URDF",
+                    ", ".join(list(model.names)[1:]),
                 )
             ids.append(model.getJointId(joint.name))
         if not model.existFrame(description.tool_link):
-            raise InvalidArgument(f"robot {description.name!r}: tool_link", f"the URDF has no link {description.tool_link!r}")
+            raise InvalidArgument(
+                f"robot {description.name!r}: tool_link", f"the URDF has no link {description.tool_link!r}"
+            )
         frame = model.frames[model.getFrameId(description.tool_link)]
         above = 0
         turn = np.eye(3)
@@ -75,11 +81,14 @@ class Kinematics:
         for number in ids:
             if model.parents[number] != above:
                 raise InvalidArgument(
-                    f"robot {description.name!r}: joints", f"{model.names[number]!r} does not follow {model.names[above]!r}",
+                    f"robot {description.name!r}: joints",
+                    f"{model.names[number]!r} does not follow {model.names[above]!r}",
                     "the joints of one serial chain from the base to the tool, in order",
                 )
             data = model.joints[number].createData()
-            model.joints[number].calc(data, np.zeros(model.joints[number].nq) if model.joints[number].nq == 1 else np.array([1.0, 0.0]))
+            model.joints[number].calc(
+                data, np.zeros(model.joints[number].nq) if model.joints[number].nq == 1 else np.array([1.0, 0.0])
+            )
             motion = np.asarray(data.S).reshape(6, -1)[:, 0]
             revolute = bool(np.linalg.norm(motion[3:]) > 0.5)
             axis = motion[3:] if revolute else motion[:3]
@@ -91,7 +100,8 @@ class Kinematics:
             above = number
         if frame.parentJoint != above:
             raise InvalidArgument(
-                f"robot {description.name!r}: tool_link", f"{description.tool_link!r} is not moved by the last joint {model.names[above]!r}"
+                f"robot {description.name!r}: tool_link",
+                f"{description.tool_link!r} is not moved by the last joint {model.names[above]!r}",
             )
         tool = np.asarray(frame.placement.homogeneous) @ description.tool_offset.matrix
         self._tool = (turn.T @ tool[:3, :3], turn.T @ tool[:3, 3])
@@ -111,7 +121,7 @@ class Kinematics:
 
     def jacobian(self, joints: Array) -> Array:
         """Of the tool's origin in base axes, linear over angular, shape (6, n), for one configuration (n,)."""
-        rotation, position, axes, origins = self._chain(np.asarray(joints, dtype=float)[:, None])
+        _rotation, position, axes, origins = self._chain(np.asarray(joints, dtype=float)[:, None])
         return self._jacobian(position, axes, origins)[:, :, 0]
 
     def _chain(self, joints: Array) -> tuple[Array, Array, Array, Array]:
@@ -154,7 +164,9 @@ class Kinematics:
         return result
 
     # -- inverse -----------------------------------------------------------------------------------------------------
-    def solve(self, seeds: Array, rotation: Array, position: Array, iterations: int = 25, margin: float = 0.01) -> Solutions:
+    def solve(
+        self, seeds: Array, rotation: Array, position: Array, iterations: int = 25, margin: float = 0.01
+    ) -> Solutions:
         """Damped least squares from every seed (n, N) to its own goal (3, 3, N), (3, N), inside the joint limits.
 
         Steps are Levenberg-Marquardt's with the damping of Sugihara (2011), which vanishes with the error, clipped to

@@ -54,7 +54,15 @@ class MotionPlanner:
 
     # -- free motion -----------------------------------------------------------------------------------------------------
     def move(
-        self, skill: str, start: Array, goal: Pose, then: Sequence[Pose], slack: float, speed: float, world: World, table: float
+        self,
+        skill: str,
+        start: Array,
+        goal: Pose,
+        then: Sequence[Pose],
+        slack: float,
+        speed: float,
+        world: World,
+        table: float,
     ) -> Plan:
         """Free motion from joints (n,) to a pose from which ``then`` can be followed. Raises ``MotionError``."""
         path = CartesianPath([goal, *then])
@@ -91,14 +99,20 @@ class MotionPlanner:
         checker = self._checker(world, start)
         home = self.kinematics.home
         if (hit := checker.hit(home, "free")) is not None:
-            raise MotionError(skill, f"the home posture is blocked: {hit}", cause="self-collision" if hit.own else "collision")
+            raise MotionError(
+                skill, f"the home posture is blocked: {hit}", cause="self-collision" if hit.own else "collision"
+            )
         joints = self._route(checker, start, [home])
         if joints is None:
             hit = self._obstructing(checker, start, home)
-            raise MotionError(skill, f"no way home was found{f': on the straight way {hit}' if hit else ''}", cause="collision")
+            raise MotionError(
+                skill, f"no way home was found{f': on the straight way {hit}' if hit else ''}", cause="collision"
+            )
         return self._free_plan(checker, joints, speed, world)
 
-    def _route(self, checker: Checker, start: Array, goals: Sequence[Array], straight_only: bool = False) -> Array | None:
+    def _route(
+        self, checker: Checker, start: Array, goals: Sequence[Array], straight_only: bool = False
+    ) -> Array | None:
         """A free joint path (n, M); where the start is enclosed, a short straight retreat comes first."""
 
         def free(joints: Array) -> bool:
@@ -124,7 +138,9 @@ class MotionPlanner:
                 joints = np.empty((self.kinematics.count, len(s)))
                 joints[:, 0] = start
                 for i in range(1, len(s)):
-                    found = self.kinematics.solve(joints[:, i - 1 : i], rotation[:, :, i : i + 1], position[:, i : i + 1], 8, 0.002)
+                    found = self.kinematics.solve(
+                        joints[:, i - 1 : i], rotation[:, :, i : i + 1], position[:, i : i + 1], 8, 0.002
+                    )
                     if not found.solved[0] or checker.collides(found.joints[:, 0], "contact"):
                         break
                     joints[:, i] = found.joints[:, 0]
@@ -196,7 +212,9 @@ class MotionPlanner:
 
     def joint_line(self, start: Array, goal: Array) -> Trajectory:
         """Slowly along the straight joint line, minding nothing: for following where the arm already is."""
-        return time_path(self.kinematics, densified(np.column_stack([start, goal]))[0], Speed(0.3, 0.3, 1.0), self.period)
+        return time_path(
+            self.kinematics, densified(np.column_stack([start, goal]))[0], Speed(0.3, 0.3, 1.0), self.period
+        )
 
     def _checker(self, world: World, start: Array) -> Checker:
         checker = self._shape.checker(world.obstacles, world.width, world.held, world.carried)

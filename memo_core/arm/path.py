@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +28,7 @@ class CartesianPath:
             if quaternions[i] @ quaternions[i - 1] < 0:
                 quaternions[i] *= -1
         self._quaternions = quaternions
-        self.knots = np.concatenate([[0.0], np.cumsum([_extent(a, b) for a, b in zip(kept, kept[1:], strict=False)])])
+        self.knots = np.concatenate([[0.0], np.cumsum([_extent(a, b) for a, b in itertools.pairwise(kept)])])
 
     @property
     def length(self) -> float:
@@ -63,7 +64,9 @@ class CartesianPath:
 def tilted(rotation: Array, tilt: Array | float) -> Array:
     """Rotations (3, 3, N) turned about their own y axis by ``tilt`` (N,) or one number (rad)."""
     c, s = np.cos(tilt), np.sin(tilt)
-    return np.stack([rotation[:, 0] * c - rotation[:, 2] * s, rotation[:, 1], rotation[:, 0] * s + rotation[:, 2] * c], axis=1)
+    return np.stack(
+        [rotation[:, 0] * c - rotation[:, 2] * s, rotation[:, 1], rotation[:, 0] * s + rotation[:, 2] * c], axis=1
+    )
 
 
 def tilt_between(nominal: Pose, actual: Pose) -> tuple[float, float]:

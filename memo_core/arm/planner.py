@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 
@@ -27,7 +28,13 @@ def straight_is_free(free: Free, start: Array, goal: Array) -> bool:
 
 
 def plan_free(
-    kinematics: Kinematics, free: Free, start: Array, goals: Sequence[Array], seconds: float = 4.0, seed: int = 0, nodes: int = 4000
+    kinematics: Kinematics,
+    free: Free,
+    start: Array,
+    goals: Sequence[Array],
+    seconds: float = 4.0,
+    seed: int = 0,
+    nodes: int = 4000,
 ) -> Array | None:
     """A joint path (n, M) from ``start`` to the first of ``goals`` that can be reached, or None. Goals stand in the
     order of preference and must be free themselves. ``nodes`` bounds the search (0: straight lines only); ``seconds`` is
@@ -82,7 +89,13 @@ class _Tree:
 
 
 def _connect(
-    kinematics: Kinematics, free: Free, start: Array, goals: Sequence[Array], seconds: float, rng: np.random.Generator, nodes: int
+    kinematics: Kinematics,
+    free: Free,
+    start: Array,
+    goals: Sequence[Array],
+    seconds: float,
+    rng: np.random.Generator,
+    nodes: int,
 ) -> Array | None:
     trees = [_Tree([start]), _Tree(list(goals))]
     end = time.perf_counter() + seconds
@@ -95,7 +108,9 @@ def _connect(
         if new is not None:
             met = _reach(free, other, growing.node(new).copy())
             if met is not None:
-                first, second = (growing.branch(new), other.branch(met)) if turn == 0 else (other.branch(met), growing.branch(new))
+                first, second = (
+                    (growing.branch(new), other.branch(met)) if turn == 0 else (other.branch(met), growing.branch(new))
+                )
                 return np.array(first[::-1] + second[1:]).T
         turn = 1 - turn
     return None
@@ -129,9 +144,14 @@ def _shortened(free: Free, path: Array, rng: np.random.Generator, rounds: int = 
     for _ in range(rounds):
         if len(points) <= 2:
             break
-        lengths = np.concatenate([[0.0], np.cumsum([np.abs(b - a).max() for a, b in zip(points, points[1:], strict=False)])])
+        lengths = np.concatenate(
+            [[0.0], np.cumsum([np.abs(b - a).max() for a, b in itertools.pairwise(points)])]
+        )
         low, high = np.sort(rng.uniform(0.0, lengths[-1], 2))
-        i, j = int(np.searchsorted(lengths, low, side="right")) - 1, int(np.searchsorted(lengths, high, side="right")) - 1
+        i, j = (
+            int(np.searchsorted(lengths, low, side="right")) - 1,
+            int(np.searchsorted(lengths, high, side="right")) - 1,
+        )
         if i >= j or j >= len(points) - 1:
             continue
         a = points[i] + (points[i + 1] - points[i]) * ((low - lengths[i]) / max(lengths[i + 1] - lengths[i], 1e-12))

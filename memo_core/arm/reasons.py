@@ -41,15 +41,25 @@ class Reasons:
                 problem = f"{_point(pose.position)}{which} is {depth:.1f} cm below the table's top at z = {table:.3f}"
                 raise MotionError(skill, problem, cause="workspace")
 
-    def error(self, skill: str, blocked: Blocked, path: CartesianPath, end: float, start: Array, slack: float) -> MotionError:
+    def error(
+        self, skill: str, blocked: Blocked, path: CartesianPath, end: float, start: Array, slack: float
+    ) -> MotionError:
         """``end``: the parameter at which the motion proper ends and what follows it begins."""
         pose = path.pose(blocked.s)
         where = _where(pose, blocked.s, end, path.length)
         if blocked.cause in ("unreachable", "joint-limit"):
-            why = "is out of the arm's reach" if blocked.cause == "unreachable" else "would need joints beyond their limits"
+            why = (
+                "is out of the arm's reach"
+                if blocked.cause == "unreachable"
+                else "would need joints beyond their limits"
+            )
             problem = f"{where} {why} with the hand {_facing(pose)}{self._hint(pose, start, slack)}"
         elif blocked.cause in ("collision", "self-collision"):
-            problem = f"{where} cannot be reached, because {blocked.hit}" if blocked.hit else f"{where}: no free way was found"
+            problem = (
+                f"{where} cannot be reached, because {blocked.hit}"
+                if blocked.hit
+                else f"{where}: no free way was found"
+            )
         else:
             problem = f"the arm cannot get past {where} without changing its posture"
             if blocked.hit:
@@ -63,7 +73,10 @@ class Reasons:
         axes = [(pose.rotation[:, 1], "y"), (pose.rotation[:, 0], "x"), (np.array([0.0, 0.0, 1.0]), "z")]
         options = [(angle * sign, axis) for angle in _ANGLES for sign in (1, -1) for axis, _ in axes]
         seeds = np.concatenate([start[:, None], kinematics.home[:, None], kinematics.samples(60)], axis=1)
-        turned = [Pose(pose.position, multiply_quaternions(quaternion_from_axis_angle(axis, a), pose.orientation)) for a, axis in options]
+        turned = [
+            Pose(pose.position, multiply_quaternions(quaternion_from_axis_angle(axis, a), pose.orientation))
+            for a, axis in options
+        ]
         rotation = np.stack([one.rotation for one in turned], axis=2).repeat(seeds.shape[1], axis=2)
         position = np.asarray(pose.position)[:, None]
         found = kinematics.solve(np.tile(seeds, (1, len(turned))), rotation, position, 20)
@@ -103,6 +116,8 @@ def _facing(pose: Pose) -> str:
     if down < -75:
         return "pointing up"
     side = round(np.rad2deg(np.arctan2(y, x)))
-    heading = "forward" if abs(side) <= 10 else f"{abs(side)} degrees to the {'left' if side > 0 else 'right'} of forward"
+    heading = (
+        "forward" if abs(side) <= 10 else f"{abs(side)} degrees to the {'left' if side > 0 else 'right'} of forward"
+    )
     level = "" if abs(down) <= 5 else f" and {abs(down)} degrees {'down' if down > 0 else 'up'}"
     return f"pointing {heading}{level}"

@@ -8,6 +8,8 @@ the jerk; a straight joint line stays straight, and the motion starts and ends a
 
 from __future__ import annotations
 
+import itertools
+
 import attrs
 import numpy as np
 
@@ -40,11 +42,13 @@ class Trajectory:
         return len(self.targets) * self.period
 
 
-def time_path(kinematics: Kinematics, joints: Array, speed: Speed, period: float, stops: tuple[int, ...] = ()) -> Trajectory:
+def time_path(
+    kinematics: Kinematics, joints: Array, speed: Speed, period: float, stops: tuple[int, ...] = ()
+) -> Trajectory:
     """Time a joint path (n, M). ``stops``: indices at which to come to rest (corners that must not be cut)."""
     pieces = []
     bounds = [0, *sorted(i for i in set(stops) if 0 < i < joints.shape[1] - 1), joints.shape[1] - 1]
-    for a, b in zip(bounds, bounds[1:], strict=False):
+    for a, b in itertools.pairwise(bounds):
         pieces.append(_time_piece(kinematics, joints[:, a : b + 1], speed, period))
     targets = np.ascontiguousarray(np.concatenate(pieces)) if pieces else joints.T[-1:].copy()
     return Trajectory(targets, period)
