@@ -112,6 +112,8 @@ class MujocoSimulator(Simulator):
         warning = self._mujoco.mjtWarning
         self._warnings = self.data.warning.number
         self._fatal = (int(warning.mjWARN_BADQPOS), int(warning.mjWARN_BADQVEL), int(warning.mjWARN_BADQACC))
+        offset = world.robot.tool_offset
+        self._tool_offset = None if offset == Pose() else offset
         self._stale = False
         self._seen = 0.0
 
@@ -165,7 +167,7 @@ class MujocoSimulator(Simulator):
         self._freshen()
         index = self._world.tool_body
         link = Pose(self.data.xpos[index].tolist(), self.data.xquat[index].tolist())
-        return link * self._world.robot.tool_offset
+        return link if self._tool_offset is None else link * self._tool_offset
 
     # -- the joint-level link ------------------------------------------------------------------------------------------
     def joint_positions(self) -> Array:

@@ -1,0 +1,233 @@
+"""Conformance suite for robot descriptions.
+
+``check_robot_description(make)`` runs every rule and raises ``AssertionError`` naming the promise that is broken;
+``make`` returns the description. ``RULES`` maps a rule's name to its check, ``wrong_robots`` makes one wrong
+description a rule from a right one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.arm.urdf import Urdf, read_urdf
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+
+Make = Callable[[], RobotDescription]
+RULES: dict[str, Callable[[Make], None]] = {}
+
+
+def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
+    """Register a check; its docstring is the promise."""
+    RULES[check.__name__] = check
+    return check
+
+
+def check_robot_description(make: Make) -> None:
+    """Run all rules. Raises ``AssertionError`` naming the first that is broken."""
+    for name, check in RULES.items():
+        try:
+            check(make)
+        except AssertionError as error:
+            raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
+
+
+def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
+    """Every link's pose in the base frame, joints at ``positions`` (rad or m, 0 where not named)."""
+    poses = {urdf.root: Pose()}
+    for joint in urdf.joints:
+        value = positions.get(joint.name, 0.0)
+        motion = Pose()
+        if joint.kind == "revolute":
+            motion = Pose(orientation=quaternion_from_axis_angle(joint.axis, value))
+        elif joint.kind == "prismatic":
+            motion = Pose(tuple(value * v for v in joint.axis))
+        poses[joint.child] = poses[joint.parent] * joint.origin * motion
+    return poses
+
+
+def _read(robot: RobotDescription) -> Urdf:
+    try:
+        return read_urdf(robot.urdf, robot.mesh_folder)
+    except InvalidArgument as error:
+        raise AssertionError(str(error)) from error
+
+
+def _tool(robot: RobotDescription, urdf: Urdf) -> Pose:
+    """The tool frame in the base frame at home, fingers closed."""
+    home = dict(zip(robot.joint_names, robot.home, strict=True))
+    return link_poses(urdf, home)[robot.tool_link] * robot.tool_offset
+
+
+@rule
+def names_are_those_of_the_urdf(make: Make) -> None:
+    """The URDF is a tree, and all joints and links that the description names are in it."""
+    robot = make()
+    urdf = _read(robot)
+    joints = {joint.name: joint for joint in urdf.joints}
+    for name in (*robot.joint_names, *robot.gripper.finger_joints):
+        assert name in joints, f"no joint {name!r}"
+        assert joints[name].kind != "fixed", f"{name!r} is fixed"
+    links = (*robot.gripper.pads, robot.tool_link, *(link for pair in robot.allowed_contacts for link in pair))
+    for name in links:
+        assert name in urdf.links, f"no link {name!r}"
+
+
+@rule
+def every_moving_joint_is_described(make: Make) -> None:
+    """No joint of the URDF moves without being an arm or finger joint of the description."""
+    robot = make()
+    driven = {*robot.joint_names, *robot.gripper.finger_joints}
+    loose = [joint.name for joint in _read(robot).joints if joint.kind != "fixed" and joint.name not in driven]
+    assert not loose, f"nothing drives {', '.join(loose)}"
+
+
+@rule
+def the_arm_is_one_chain(make: Make) -> None:
+    """The joints stand in the order from the base to the tool, one after the other."""
+    robot = make()
+    urdf = _read(robot)
+    above = {joint.child: joint for joint in urdf.joints}
+    chain = []
+    link = robot.tool_link
+    while link in above:
+        if above[link].kind != "fixed":
+            chain.append(above[link].name)
+        link = above[link].parent
+    assert tuple(reversed(chain)) == robot.joint_names, f"from the base to the tool: {', '.join(reversed(chain))}"
+
+
+@rule
+def limits_are_possible(make: Make) -> None:
+    """Limits are ordered, within the URDF's, and gains, speeds and efforts are above 0."""
+    robot = make()
+    urdf = _read(robot)
+    for joint in robot.joints:
+        assert joint.lower < joint.upper, f"{joint.name} goes from {joint.lower} to {joint.upper}"
+        stated = urdf.joint(joint.name)
+        inside = stated.lower - 1e-9 <= joint.lower and joint.upper <= stated.upper + 1e-9
+        assert inside, f"{joint.name} leaves the URDF's {stated.lower} to {stated.upper}"
+        for key in ("velocity", "acceleration", "jerk", "effort", "kp", "kv"):
+            value = getattr(joint, key)
+            assert math.isfinite(value) and value > 0, f"{joint.name}: {key} is {value}"
+        assert joint.velocity <= stated.velocity + 1e-9, f"{joint.name} is faster than the URDF's {stated.velocity}"
+        assert joint.armature >= 0, f"{joint.name}: armature is {joint.armature}"
+
+
+@rule
+def home_is_within_the_limits(make: Make) -> None:
+    """Home has a value for each joint, inside its limits."""
+    robot = make()
+    assert len(robot.home) == len(robot.joints), f"{len(robot.home)} values for {len(robot.joints)} joints"
+    for joint, angle in zip(robot.joints, robot.home, strict=True):
+        assert joint.lower < angle < joint.upper, f"{joint.name} at {angle}, limits {joint.lower} to {joint.upper}"
+
+
+@rule
+def what_moves_has_mass(make: Make) -> None:
+    """Links that carry something and move have mass and an inertia that a solid body can have."""
+    robot = make()
+    urdf = _read(robot)
+    moving = {joint.child for joint in urdf.joints if joint.kind != "fixed"}
+    for name in moving:
+        link = urdf.links[name]
+        assert link.mass > 0, f"{name} weighs {link.mass} kg"
+        xx, yy, zz, xy, xz, yz = link.inertia
+        principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert principal[0] > 0, f"{name}: principal inertias {principal}"
+        assert principal[0] + principal[1] >= principal[2] * (1 - 1e-6), f"{name}: principal inertias {principal}"
+
+
+@rule
+def the_gripper_opens_by_its_stroke(make: Make) -> None:
+    """The finger joints' ranges add up to the stroke, and forces, speed and friction are possible."""
+    robot = make()
+    gripper = robot.gripper
+    if gripper.kind == "parallel":
+        urdf = _read(robot)
+        assert gripper.finger_joints and gripper.pads, "a parallel gripper without fingers or pads"
+        ranges = [urdf.joint(name).upper - urdf.joint(name).lower for name in gripper.finger_joints]
+        assert abs(sum(ranges) - gripper.stroke) < 1e-6, f"ranges {ranges} m, stroke {gripper.stroke} m"
+        slides = {urdf.joint(name).kind for name in gripper.finger_joints}
+        assert slides == {"prismatic"}, f"finger joints are {slides}, slides are known"
+    assert 0 < gripper.min_force <= gripper.max_force, f"forces {gripper.min_force} to {gripper.max_force} N"
+    assert gripper.speed > 0 and gripper.pad_friction > 0, "speed and friction are above 0"
+
+
+@rule
+def the_tool_frame_sits_between_the_fingers(make: Make) -> None:
+    """Fingers slide along the tool's y axis, in opposite directions and alike, with the tool centre in their middle."""
+    robot = make()
+    if robot.gripper.kind != "parallel":
+        return
+    urdf = _read(robot)
+    tool = _tool(robot, urdf)
+    home = dict(zip(robot.joint_names, robot.home, strict=True))
+    moved = {}
+    for opened in (0.0, 0.01):
+        poses = link_poses(urdf, home | dict.fromkeys(robot.gripper.finger_joints, opened))
+        moved[opened] = [
+            tool.inverse().apply(poses[urdf.joint(name).child].position) for name in robot.gripper.finger_joints
+        ]
+    motions = [after - before for before, after in zip(moved[0.0], moved[0.01], strict=True)]
+    for motion in motions:
+        assert np.allclose(np.abs(motion), (0, 0.01, 0), atol=1e-6), (
+            f"opening moves a finger by {motion} in the tool frame"
+        )
+    assert np.allclose(sum(motions), 0, atol=1e-9), "the fingers do not move apart"
+    middle = np.mean(moved[0.0], axis=0)
+    assert np.abs(middle[:2]).max() < 1e-3, f"the middle of the fingers is {middle} in the tool frame"
+
+
+@rule
+def the_approach_axis_leads_out_of_the_hand(make: Make) -> None:
+    """The tool's z axis points from the last arm joint outwards."""
+    robot = make()
+    urdf = _read(robot)
+    home = dict(zip(robot.joint_names, robot.home, strict=True))
+    wrist = link_poses(urdf, home)[urdf.joint(robot.joint_names[-1]).child]
+    last = _tool(robot, urdf).inverse().apply(wrist.position)
+    assert last[2] < -0.01, f"the last joint is at {last} in the tool frame, expected it behind (z below 0)"
+
+
+@rule
+def the_reach_is_that_of_the_links(make: Make) -> None:
+    """``reach`` is not more than the arm's links are long, and home lies within it."""
+    robot = make()
+    urdf = _read(robot)
+    first = urdf.joint(robot.joint_names[0])
+    lengths = [np.linalg.norm(urdf.joint(name).origin.position) for name in robot.joint_names[1:]]
+    hand = link_poses(urdf, {})
+    wrist = urdf.joint(robot.joint_names[-1]).child
+    lengths.append(np.linalg.norm((hand[wrist].inverse() * hand[robot.tool_link] * robot.tool_offset).position))
+    assert 0 < robot.reach <= sum(lengths) + 1e-9, f"reach {robot.reach} m, links {sum(lengths):.3f} m"
+    out = np.linalg.norm(np.array(_tool(robot, urdf).position[:2]) - np.array(first.origin.position[:2]))
+    assert out <= robot.reach, f"home is {out:.3f} m out, reach {robot.reach} m"
+
+
+def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:
+    """Name of the broken rule -> a description that breaks it and is right otherwise."""
+    evolve: Any = attrs.evolve
+    gripper, first = right.gripper, right.joints[0]
+    spare = f'<link name="spare"/><joint name="loose" type="continuous"><parent link="{read_urdf(right.urdf, right.mesh_folder).root}"/><child link="spare"/></joint>'
+    weightless = right.urdf.replace("<mass value=", '<mass value="0"/><was value=')
+    turned = Pose(orientation=quaternion_from_axis_angle((0, 0, 1), math.pi / 2))
+    flipped = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))
+    return {
+        "names_are_those_of_the_urdf": evolve(right, tool_link="nowhere"),
+        "every_moving_joint_is_described": evolve(right, urdf=right.urdf.replace("</robot>", spare + "</robot>")),
+        "the_arm_is_one_chain": evolve(right, joints=right.joints[::-1], home=right.home[::-1]),
+        "limits_are_possible": evolve(right, joints=(evolve(first, upper=99.0), *right.joints[1:])),
+        "home_is_within_the_limits": evolve(right, home=(99.0, *right.home[1:])),
+        "what_moves_has_mass": evolve(right, urdf=weightless),
+        "the_gripper_opens_by_its_stroke": evolve(right, gripper=evolve(gripper, stroke=gripper.stroke * 2)),
+        "the_tool_frame_sits_between_the_fingers": evolve(right, tool_offset=right.tool_offset * turned),
+        "the_approach_axis_leads_out_of_the_hand": evolve(right, tool_offset=right.tool_offset * flipped),
+        "the_reach_is_that_of_the_links": evolve(right, reach=99.0),
+    }
