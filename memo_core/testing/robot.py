@@ -172,14 +172,12 @@ def the_tool_frame_sits_between_the_fingers(make: Make) -> None:
     moved = {}
     for opened in (0.0, 0.01):
         poses = link_poses(urdf, home | dict.fromkeys(robot.gripper.finger_joints, opened))
-        moved[opened] = [
-            tool.inverse().apply(poses[urdf.joint(name).child].position) for name in robot.gripper.finger_joints
-        ]
+        fingers = [poses[urdf.joint(name).child] for name in robot.gripper.finger_joints]
+        moved[opened] = [tool.inverse().apply(finger.position) for finger in fingers]
     motions = [after - before for before, after in zip(moved[0.0], moved[0.01], strict=True)]
     for motion in motions:
-        assert np.allclose(np.abs(motion), (0, 0.01, 0), atol=1e-6), (
-            f"opening moves a finger by {motion} in the tool frame"
-        )
+        along_y = np.allclose(np.abs(motion), (0, 0.01, 0), atol=1e-6)
+        assert along_y, f"opening moves a finger by {motion} in the tool frame"
     assert np.allclose(sum(motions), 0, atol=1e-9), "the fingers do not move apart"
     middle = np.mean(moved[0.0], axis=0)
     assert np.abs(middle[:2]).max() < 1e-3, f"the middle of the fingers is {middle} in the tool frame"
@@ -215,7 +213,9 @@ def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:
     """Name of the broken rule -> a description that breaks it and is right otherwise."""
     evolve: Any = attrs.evolve
     gripper, first = right.gripper, right.joints[0]
-    spare = f'<link name="spare"/><joint name="loose" type="continuous"><parent link="{read_urdf(right.urdf, right.mesh_folder).root}"/><child link="spare"/></joint>'
+    root = read_urdf(right.urdf, right.mesh_folder).root
+    spare = f'<joint name="loose" type="continuous"><parent link="{root}"/><child link="spare"/></joint>'
+    spare += '<link name="spare"/>'
     weightless = right.urdf.replace("<mass value=", '<mass value="0"/><was value=')
     turned = Pose(orientation=quaternion_from_axis_angle((0, 0, 1), math.pi / 2))
     flipped = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))
