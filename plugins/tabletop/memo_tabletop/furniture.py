@@ -16,6 +16,7 @@ from memo_core.scene.pose import Pose
 
 WALL = 0.012  # m
 PANEL = 0.018  # m, thickness of doors and drawer fronts
+GAP = 0.003  # m around a closed door, so that it rubs neither on the shell nor on what the furniture stands on
 BAR_RADIUS = 0.009  # m
 WHITE: Colour = (0.93, 0.93, 0.92, 1.0)
 STEEL: Colour = (0.62, 0.64, 0.67, 1.0)
@@ -66,15 +67,16 @@ def cabinet(
 
 
 def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str, colour: Colour) -> Body:
-    """The door's frame lies in the middle of its hinged edge, at the shell's front."""
+    """The door's frame lies in the middle of its hinged edge, just before the shell's front."""
     _, width, height = size
+    extents = (PANEL, width, height - 2 * GAP)
     if hinge.edge == "bottom":
-        pose, axis = Pose(), (0.0, -1.0, 0.0)
+        pose, axis = Pose((-GAP, 0.0, 0.0)), (0.0, -1.0, 0.0)
         panel = Pose((-PANEL / 2, 0.0, height / 2))
         grip, along = (0.0, height - handle.inset), "y"
     else:
         sign = 1.0 if hinge.edge == "right" else -1.0  # towards the free edge
-        pose, axis = Pose((0.0, -sign * width / 2, 0.0)), (0.0, 0.0, sign)
+        pose, axis = Pose((-GAP, -sign * width / 2, 0.0)), (0.0, 0.0, sign)
         panel = Pose((-PANEL / 2, sign * width / 2, height / 2))
         middle = height / 2 if handle.height is None else handle.height
         grip, along = (sign * (width - handle.inset), middle), "z"
@@ -85,7 +87,7 @@ def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str,
     return Body(
         name=f"{name}/door",
         label=f"{name} door",
-        geoms=(Geom("box", (PANEL, width, height), panel, colour), *rod),
+        geoms=(Geom("box", extents, panel, colour), *rod),
         pose=pose,
         joint=Hinge(joint, axis, range=(0.0, hinge.opens_to), friction=hinge.friction, damping=hinge.damping),
         mass=hinge.mass,
@@ -93,8 +95,9 @@ def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str,
     )
 
 
-def chest(name: str, place: Vector, yaw: float, size: Vector, handle: Handle, opens_to: float) -> Body:
-    """A chest with one drawer that fills it; the slide joint is called ``NAME/slide``."""
+def chest(name: str, place: Vector, yaw: float, size: Vector, plinth: float, handle: Handle, opens_to: float) -> Body:
+    """A chest with one drawer that fills it, on a plinth of this height (m) below ``place``; the slide joint is called
+    ``NAME/slide``."""
     depth, width, height = size
     gap = 0.002
     tray = (depth - WALL - 0.004, width - 2 * WALL - 2 * gap, height - 2 * WALL - 2 * gap - 0.01)
@@ -103,6 +106,7 @@ def chest(name: str, place: Vector, yaw: float, size: Vector, handle: Handle, op
     grip = (-PANEL - handle.distance, 0.0, (height / 2 if handle.height is None else handle.height) - WALL - gap)
     thick = 2 * handle.radius
     joint = f"{name}/slide"
+    base = Geom("box", (depth, width, plinth), Pose((depth / 2, 0.0, -plinth / 2)), DARK)
     drawer = Body(
         name=f"{name}/drawer",
         label="drawer",
@@ -117,8 +121,8 @@ def chest(name: str, place: Vector, yaw: float, size: Vector, handle: Handle, op
         name=name,
         label=name,
         fixture=True,
-        geoms=shell(size, WALL, colour=WOOD),
-        pose=Pose.from_yaw(place, yaw),
+        geoms=(*shell(size, WALL, colour=WOOD), base),
+        pose=Pose.from_yaw((place[0], place[1], place[2] + plinth), yaw),
         bodies=(drawer,),
     )
 

@@ -16,6 +16,7 @@ from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.things import RED, block, cameras
 
 SIZE = (0.28, 0.30, 0.16)  # depth, width, height
+PLINTH = 0.06  # m; lower, and a hand that closes vertically about the bar hits the table
 SHUT_M = 0.015  # a drawer this far in looks shut
 REACHED_INTO_M = 0.10  # a drawer this far out can be reached into
 
@@ -37,7 +38,7 @@ class PutTheCubeAway(Task):
     def _chest(self, rng: np.random.Generator) -> Body:
         x, y = np.array([0.66, 0.10]) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
-        return chest("chest", (x, y, 0.0), yaw, SIZE, Handle(length=0.12, distance=0.055, height=0.08), opens_to=0.18)
+        return chest("chest", (x, y, 0.0), yaw, SIZE, PLINTH, Handle(length=0.12, distance=0.055, height=0.08), opens_to=0.18)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         drawer = self._chest(np.random.default_rng(0)).bodies[0]
