@@ -95,7 +95,7 @@ def test_good_code_has_no_findings(code, sandbox):
         ("x = 1\n\nprint(1 / 0)", 3, "ZeroDivisionError"),
         ("import numpy as np\n# a comment\n\na = np.zeros(3)\n\nb = a + [1, 2]\n", 6, "ValueError"),
         ("from __future__ import annotations\n\n\ndef f():\n    # why\n    return {}['k']\n\n\nf()", 6, "KeyError"),
-        ("names = [\n    'red cube',\n    'cup',\n]\nany(get_position(n)\n    for n in names)", 5, "UnknownName"),
+        ("names = [\n    'red cube',\n    'cup',\n]\nall(get_position(n)\n    for n in names)", 5, "UnknownName"),
         ("from numpy import (\n    array,\n    pi,\n)\n\nmove_to(array([9, 0, pi]))", 6, "MotionError"),
         ("import numpy as np\nd = {'a': 1}\ndel d['a']\nd['a']", 4, "KeyError"),
     ],
