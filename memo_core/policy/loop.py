@@ -275,6 +275,8 @@ class Loop:
             if verdict.kind == "correct":
                 self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
             self._session.release()
+            if self._session.ending():  # pressed while the answer came
+                raise Stopped("ending the run")
             return verdict
 
     def _learn(self, key: Key, attempt: _Attempt, verdict: Verdict, execution: Execution) -> None:
