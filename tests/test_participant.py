@@ -74,6 +74,14 @@ def test_a_straight_pull_on_a_swinging_door_is_called_that():
     assert not seen.fine and seen.cause == "straight-on-swing"
 
 
+def test_a_pull_that_the_door_bends_before_it_slips_still_looks_straight():
+    start = handle_at(0.0)
+    angles = [0, 0, 0.03, 0.3, 0.42, 0.42, 0.42]
+    hands = [start + [-0.2, 0, 0], start] + [start + [-d, s, 0] for d, s in ((0.01, 0), (0.09, 0.04), (0.15, 0.05), (0.15, 0), (0.2, 0))]
+    seen = impression(door_episode(angles, hands, [0.05, 0.018, 0.018, 0.018, 0.0, 0.0, 0.05]))
+    assert seen.cause == "straight-on-swing"
+
+
 def test_a_door_led_wide_open_is_fine_and_half_open_is_not():
     assert impression(arc_pull(math.radians(80))).fine
     assert impression(arc_pull(math.radians(40))).cause == "not-far-enough"

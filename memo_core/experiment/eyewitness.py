@@ -18,11 +18,12 @@ from memo_core.interfaces.teacher import Episode
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array
 
-WIDE_OPEN_RAD = math.radians(60)  # a door that stands open this far looks open to anybody
+WIDE_OPEN_RAD = math.radians(70)  # a door that stands open this far looks open to anybody
 DRAWER_OPEN_M = 0.08  # a drawer out this far can be reached into
 NEAR_HAND_M = 0.06  # a hand this near to something is "at" it
 SWUNG_RAD = math.radians(3)
 SLID_M = 0.005
+FINGERS_MEET_M = 0.004
 STRAIGHT = 0.05  # largest sideways deviation over length of a path that looks straight
 
 OPENING = {"OPEN"}
@@ -124,9 +125,8 @@ def _pull_gone_wrong(episode: Episode, mover: Node, handles: Sequence[Node], pul
     turned, slid = _furthest(episode, mover)
     curved = _curved(pull)
     if turned > SWUNG_RAD:
-        if not curved:
-            return "straight-on-swing"
-        return "not-far-enough" if turned > math.radians(30) else "wrong-way-round"
+        # A hand that does not go round with a door loses it; one that does and stops early still has it.
+        return "straight-on-swing" if _lost(episode, handles) else "not-far-enough"
     if slid > SLID_M:
         return "arc-on-slide" if curved else "slide-not-far-enough"
     if _closed_on_nothing(episode) or _length(pull) < 0.05:
@@ -184,6 +184,20 @@ def _pull(episode: Episode, hand: Sequence[Array], handles: Sequence[Node]) -> l
     return path
 
 
+def _lost(episode: Episode, handles: Sequence[Node]) -> bool:
+    """Whether the fingers, closed at a handle, came off it before they opened again."""
+    held = False
+    for sighting in episode.sightings:
+        point = np.asarray(sighting.scene.observation.end_effector.position)
+        now = [node for handle in handles if (node := _find(sighting.scene, handle.id)) is not None]
+        near = any(_distance_to_box(node, point) <= NEAR_HAND_M / 2 for node in now)
+        width = sighting.scene.observation.gripper_width
+        if held and (width < FINGERS_MEET_M or (not near and width < 0.03)):
+            return True
+        held = near and FINGERS_MEET_M <= width < 0.03
+    return False
+
+
 def _length(path: Sequence[Array]) -> float:
     return float(sum(np.linalg.norm(b - a) for a, b in zip(path, path[1:], strict=False)))
 
@@ -205,7 +219,7 @@ def _curved(path: Sequence[Array]) -> bool:
 
 
 def _closed_on_nothing(episode: Episode) -> bool:
-    return any(s.scene.observation.gripper_width < 0.004 for s in episode.sightings)
+    return any(s.scene.observation.gripper_width < FINGERS_MEET_M for s in episode.sightings)
 
 
 def _distance_to_box(node: Node, point: Array) -> float:
