@@ -9,7 +9,6 @@ import shutil
 import signal
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -96,19 +95,19 @@ class Watch(threading.Thread):
         self._pid = pid
         self._stopped = stopped
         self._computing = threading.Event()
-        self._ended = False
+        self._ended = threading.Event()
         self._kill_lock = threading.Lock()
 
     def run(self) -> None:
         while True:
             self._computing.wait()
-            if self._ended:
+            if self._ended.is_set():
                 return
             if self._stopped():
                 self.fired = True
                 self.kill()
                 return
-            time.sleep(_POLL)
+            self._ended.wait(_POLL)
 
     @contextlib.contextmanager
     def computing(self) -> Iterator[None]:
@@ -117,19 +116,19 @@ class Watch(threading.Thread):
         try:
             yield
         finally:
-            if not self._ended:
+            if not self._ended.is_set():
                 self._computing.clear()
 
     def kill(self) -> None:
         """Kill the worker; nothing it was about to do happens."""
         with self._kill_lock:
-            if not self._ended:
+            if not self._ended.is_set():
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(self._pid, signal.SIGKILL)
 
     def end(self) -> None:
         """Before the session is given back: from here on the process id may belong to someone else."""
         with self._kill_lock:
-            self._ended = True
+            self._ended.set()
         self._computing.set()
         self.join()
