@@ -19,6 +19,7 @@ from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array
 
 WIDE_OPEN_RAD = math.radians(70)  # a door that stands open this far looks open to anybody
+HALF_OPEN_RAD = math.radians(35)
 DRAWER_OPEN_M = 0.08  # a drawer out this far can be reached into
 NEAR_HAND_M = 0.06  # a hand this near to something is "at" it
 SWUNG_RAD = math.radians(3)
@@ -125,8 +126,8 @@ def _pull_gone_wrong(episode: Episode, mover: Node, handles: Sequence[Node], pul
     turned, slid = _furthest(episode, mover)
     curved = _curved(pull)
     if turned > SWUNG_RAD:
-        # A hand that does not go round with a door loses it; one that does and stops early still has it.
-        return "straight-on-swing" if _lost(episode, handles) else "not-far-enough"
+        # A hand that does not go round with a door loses it or gets stuck soon; one that does has it wide open by then.
+        return "straight-on-swing" if turned < HALF_OPEN_RAD or _lost(episode, handles) else "not-far-enough"
     if slid > SLID_M:
         return "arc-on-slide" if curved else "slide-not-far-enough"
     if _closed_on_nothing(episode) or _length(pull) < 0.05:
