@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -15,6 +16,7 @@ from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import rows, tables
 from memo_core.skillbook.database import Database, SkillbookError
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
+from memo_core.skillbook.export import records
 from memo_core.skillbook.forget import forget_person
 from memo_core.skillbook.index import KeyIndex
 from memo_core.skillbook.keys import Key
@@ -258,6 +260,11 @@ class Skillbook:
         with self._database.read() as connection:
             return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
 
+    def export(self) -> list[dict[str, Any]]:
+        """Everything in the book but vectors, as records that JSON can hold (``memo_core.skillbook.export``)."""
+        with self._database.read() as connection:
+            return list(records(connection, self._database.meta(connection)))
+
     def generation(self) -> int:
         """Grows with every change to what can be retrieved."""
         with self._database.read() as connection:
@@ -308,6 +315,13 @@ class Skillbook:
         return forgotten
 
     # -- inside --------------------------------------------------------------------------------------------------------
+    @staticmethod
+    def _origins(connection: sa.Connection, wanted: set[int]) -> list[int]:
+        known = set(rows.ids_of(connection.execute(sa.select(_F.id).where(_F.id.in_(wanted)))))
+        for missing in sorted(wanted - known):
+            raise UnknownName("feedback", str(missing), tuple(map(str, sorted(known))))
+        return sorted(known)
+
     def _set_status(self, feedback_id: int, status: str, reason: str) -> None:
         with self._database.write() as connection:
             changed = connection.execute(
@@ -361,7 +375,7 @@ class Skillbook:
                 )
                 for ordinal, (kind, text) in enumerate(items)
             ]
-            origins = sorted({feedback_id, *derived_from})
+            origins = self._origins(connection, {feedback_id, *derived_from})
             for entry in added:
                 for source in origins:
                     rows.insert_plain(connection, tables.sources, entry=entry, feedback=source)

@@ -214,6 +214,8 @@ class Database:
     def _check_path(self, path: Path) -> None:
         if path.is_dir():
             raise SkillbookError(self.name, f"{path} is a folder", "name a file, e.g. sqlite:///book.db")
+        if path.exists() and not _may_be_sqlite(path):
+            raise SkillbookError(self.name, f"{path} is no skillbook: it is some other file", "choose another file")
         if self.read_only and not path.exists():
             raise SkillbookError(self.name, f"there is no file {path}", "teach something first, or check the path")
         if not self.read_only:
@@ -290,6 +292,16 @@ def _parse(url: str) -> sa.URL:
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
     return parsed
+
+
+def _may_be_sqlite(path: Path) -> bool:
+    """SQLite itself takes a file of a few bytes for a new database, and writes over it."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(16)
+    except OSError:
+        return True  # it says why when it opens the file
+    return start in (b"", b"SQLite format 3\x00")
 
 
 def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:

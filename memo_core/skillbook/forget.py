@@ -35,7 +35,8 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
         digests = [digest(text) for text in gone[start : start + _CHUNK]]
         connection.execute(sa.delete(tables.vectors).where(tables.vectors.c.digest.in_(digests)))
     _drop_orphans(connection)
-    keys = connection.execute(sa.delete(tables.keys).where(tables.keys.c.id.not_in(sa.select(_E.key)))).rowcount
+    unused = tables.keys.c.id.not_in(sa.select(_E.key))
+    keys = connection.execute(sa.delete(tables.keys).where(unused, tables.keys.c.action != "")).rowcount
     return Forgotten(who, feedback, len(ids), keys), gone
 
 

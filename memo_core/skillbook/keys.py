@@ -45,7 +45,7 @@ class Key:
     @classmethod
     def parse(cls, text: str) -> Key:
         """Read ``OPEN(microwave)``, ``place(the cube, cabinet)``, ``Pick up (cup)``. Raises ``NotAKey``."""
-        stripped = text.strip().strip("`*").strip().rstrip(".;").strip()
+        stripped = text.strip(" `*.;\t\r\n")
         opening = stripped.find("(")
         if opening < 0 or not stripped.endswith(")"):
             raise NotAKey(text, "it has no objects in brackets")
@@ -93,8 +93,7 @@ def _words(text: str) -> str:
 
 def _object(text: str, first: bool) -> str:
     words = _words(text).split()
-    if not first and len(words) > 1 and words[0] in _PREPOSITIONS:
-        words = words[1:]
-    while len(words) > 1 and words[0] in _ARTICLES:
+    passed_over = _ARTICLES if first else _ARTICLES | _PREPOSITIONS
+    while len(words) > 1 and words[0] in passed_over:
         words = words[1:]
     return " ".join(words)
