@@ -236,6 +236,7 @@ def test_errors_to_the_end_are_said_aloud_to_whoever_watches(sandbox, book):
     bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [far] * 3}, [Verdict("silent")])
     bench.run()
     assert "MotionError" in bench.episodes[0].spoken_error
+    assert len(bench.of(CodeEnded)) == 1, "the same code again would fail the same way"
 
 
 def test_a_read_only_book_is_read_and_never_written(sandbox, book):

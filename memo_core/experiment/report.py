@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import difflib
+import logging
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
@@ -94,6 +95,7 @@ def _frames(video: Path) -> list[np.ndarray]:
     try:
         import imageio_ffmpeg
 
+        logging.getLogger("imageio_ffmpeg").setLevel(logging.ERROR)  # it warns that pictures are scaled, as asked
         reader = imageio_ffmpeg.read_frames(str(video), output_params=["-vf", f"scale={STRIP_WIDTH}:-2"])
         width, height = next(reader)["size"]
         return [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]

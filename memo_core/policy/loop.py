@@ -189,7 +189,10 @@ class Loop:
         tried = list(history)
         moved = False
         for repair in range(self._settings.repairs + 1):
-            attempt.code = self._write(key, attempt, tried, repair)
+            code = self._write(key, attempt, tried, repair)
+            if tried and repair and code == tried[-1].code:
+                break  # the model has no other idea: what would go wrong is known
+            attempt.code = code
             attempt.whole = not moved
             start = self._stage.time()
             execution = self._execute(key, attempt)
