@@ -287,7 +287,8 @@ def test_building_before_open_says_so():
         MujocoSimulator().build(SceneDescription(bodies=()), ROBOT)
 
 
-def test_a_diverged_simulation_is_an_error_not_a_restart():
+def test_a_diverged_simulation_is_an_error_not_a_restart(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     with built(cube(0.045)) as simulator:
         run(simulator, 0.1)
         good = simulator.checkpoint()
@@ -296,6 +297,7 @@ def test_a_diverged_simulation_is_an_error_not_a_restart():
             run(simulator, 0.5)
         simulator.restore(good)
         run(simulator, 0.1)
+    assert os.listdir(tmp_path) == [], "nothing is left behind in the folder one happens to be in"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import struct
@@ -21,6 +22,7 @@ from memo_core.scene.pose import Array, Pose
 from memo_sim_mujoco.pictures import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
+_log = logging.getLogger("memo.mujoco")
 _MAGIC = b"MEMOMJ01"
 _HEADER = struct.Struct("<8s16sddd")  # magic, fingerprint, gripper goal (m), ramp (m), force (N)
 _VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the window
@@ -60,6 +62,8 @@ class MujocoSimulator(Simulator):
         except Exception as error:  # MuJoCo loads the OpenGL that MUJOCO_GL names; what a missing one raises varies
             remedy = f"unset MUJOCO_GL, now {os.environ.get('MUJOCO_GL', 'not set')!r}"
             raise BackendUnavailable("simulator", "mujoco", f"importing it failed ({error})", remedy) from error
+        # MuJoCo's own habit is to append to a file in whatever folder one happens to be in.
+        mujoco.set_mju_user_warning(_log.warning)
         self._mujoco = mujoco
 
     def close(self) -> None:
