@@ -11,7 +11,7 @@ from memo_tabletop.furniture import DARK, STEEL, DoorHinge, Handle, cabinet, sta
 from memo_tabletop.tasks.food_in_cabinet import FoodInCabinet
 
 SIZE = (0.32, 0.34, 0.27)  # depth, width, height
-BOTTOM = 0.20  # m above the table; lower, and the hand hits the table below the open door
+BOTTOM = 0.40  # m above the table; lower than 0.35, and the arm meets the table below the open door
 
 
 class PutTheFoodInTheOven(FoodInCabinet):
