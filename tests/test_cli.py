@@ -161,11 +161,13 @@ def test_a_book_can_be_looked_into(book, capsys):
 
 
 def test_a_book_can_be_exported(book, capsys, tmp_path):
-    out = tmp_path / "export.json"
+    out = tmp_path / "export.jsonl"
     assert run("skillbook", "export", "--book", str(book), "--out", str(out)) == 0
-    exported = json.loads(out.read_text())
-    assert {feedback["words"] for feedback in exported["feedback"]} == {"pull it in an arc", "not so fast"}
-    assert len(exported["entries"]) == 3
+    first, *records = [json.loads(line) for line in out.read_text().splitlines()]
+    assert first["record"] == "book"
+    words = {record["words"] for record in records if record["record"] == "feedback"}
+    assert words == {"pull it in an arc", "not so fast"}
+    assert sum(record["record"] == "entry" for record in records) == 3
 
 
 def test_a_person_can_withdraw_and_is_asked_for_in_a_script(book, capsys):

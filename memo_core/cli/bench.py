@@ -65,6 +65,26 @@ def retrieval(
     _report(_measured("retrieval", measure), json)
 
 
+@app.command()
+def stop(
+    signals: Annotated[int, typer.Option("--signals", min=1, help="Stops in each phase.")] = 20,
+    phases: Annotated[list[str] | None, typer.Option("--phase", help="Only this phase; repeatable.")] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """From a signal to the arm's last command and to the question what was wrong: p50 and p99 in each phase."""
+    from memo_core.experiment.bench_stop import PHASES, bench_stop
+
+    _, experiment = load(config, overrides)
+    measured = _measured("stop", lambda progress: bench_stop(experiment, signals, phases or PHASES, progress).summary())
+    if json:
+        print_json(measured)
+        return
+    rows = measured["phases"]
+    print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+
+
 def _measured(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -128,18 +128,18 @@ def export(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Write everything in the book as JSON: people's words, entries, and which came from which."""
+    """Write everything in the book but its vectors: one JSON object a line, first the book, then what is in it."""
     with _reading(book, config, overrides) as opened:
-        exported = export_book(opened)
-    text = json_text.dumps(exported, ensure_ascii=False, indent=2)
+        records = opened.export()
+    text = "".join(json_text.dumps(record, ensure_ascii=False) + "\n" for record in records)
     if out is None:
-        print(text)
+        print(text, end="")
         return
     try:
-        out.write_text(text + "\n", encoding="utf-8")
+        out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InvalidArgument("--out", f"{out}: {error.strerror}", "a file that can be written") from None
-    note(f"{len(exported['entries'])} entries, {len(exported['feedback'])} pieces of feedback -> {out}")
+    note(f"{len(records)} records -> {out}")
 
 
 @app.command()
@@ -185,20 +185,6 @@ def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides =
         print_json({"texts": texts, "embedder": name})
     else:
         print(f"{texts} texts embedded with {name}")
-
-
-def export_book(opened: Skillbook) -> dict[str, Any]:
-    """Everything valid or superseded, and every piece of feedback an entry came from or that waits."""
-    entries = opened.entries(superseded=True)
-    feedback = {entry.feedback: opened.feedback(entry.feedback) for entry in entries if entry.feedback is not None}
-    for waiting in (*opened.pending_feedback(), *opened.pending_feedback(parked=True)):
-        feedback[waiting.id] = waiting
-    return {
-        "format": "memo-skillbook",
-        "version": 1,
-        "feedback": [attrs.asdict(feedback[number]) for number in sorted(feedback)],
-        "entries": [_as_json(entry) for entry in entries],
-    }
 
 
 def _reading(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
