@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from memo_franka.description import panda
+from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.errors import BackendUnavailable
 from memo_core.experiment.bench_sim import SimBench, bench_sim
-from memo_franka.description import panda
-from memo_sim_mujoco.simulator import MujocoSimulator
 
 
 @pytest.fixture(scope="module")
