@@ -73,18 +73,13 @@ def sense_of(point, pivot, axis, direction):
     return 1.0 if dot(moved, direction) > 0 else -1.0
 ''',
     "arc": '''
-def arc(point, orientation, pivot, axis, angle, pieces=18):
-    """Poses of a hand that goes round a pivot by an angle (rad) and turns with what it holds."""
+def arc(point, orientation, pivot, axis, angle, share, pieces=18):
+    """Poses of a hand that goes round a pivot by an angle (rad) and itself turns by a share of it."""
     poses = []
     for i in range(1, pieces + 1):
         part = angle * i / pieces
-        poses.append([turn_point(point, pivot, axis, part), turn_orientation(orientation, axis, part)])
+        poses.append([turn_point(point, pivot, axis, part), turn_orientation(orientation, axis, part * share)])
     return poses
-''',
-    "stiff_arc": '''
-def stiff_arc(point, orientation, pivot, axis, angle, pieces=18):
-    """Poses of a hand that goes round a pivot by an angle (rad) without turning."""
-    return [[turn_point(point, pivot, axis, angle * i / pieces), orientation] for i in range(1, pieces + 1)]
 ''',
     "narrow_side": '''
 def narrow_side(name):

@@ -80,7 +80,11 @@ def _wish(clause: str, before: list[Wish]) -> Wish | None:
 
     for pattern, verb in (
         (rf"(?:{_STACK}) (?P<what>.+?)(?: (?:on top of|onto|on) (?:each other|one another|(?P<where>.+)))?", "stack"),
-        (rf"(?:{_PUT}|tidy|clear|pack) (?P<what>.+?) away|(?:{_PUT}|tidy|clear|pack) away (?P<what2>.+)", "away"),
+        (
+            rf"(?:(?:{_PUT}|tidy|clear|pack) (?P<what>.+?) away|(?:{_PUT}|tidy|clear|pack) away (?P<what2>.+?))"
+            rf"(?: (?:in|into|inside|to) (?P<where>.+))?",
+            "away",
+        ),
         (rf"(?:{_PUT}) (?P<what>.+?) (?P<relation>{_INTO}) (?P<where>.+)", "put"),
         (rf"(?:{_PICK}) (?P<what>.+?)(?: up)?(?: (?:out of|from|off) (?P<where>.+))?", "pick"),
         (rf"(?:{_OPEN}) (?P<what>.+)", "open"),
@@ -109,7 +113,7 @@ def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]
     if wish.verb == "put":
         return _put_step(wish.what, wish.where, wish.relation, scene, done)
     if wish.verb == "away":
-        return _away_step(wish.what, scene, done)
+        return _away_step(wish, scene, done)
     if wish.verb == "stack":
         return _stack_step(wish, scene, done)
     step = _call(wish.spoken, wish.what if find(scene, wish.what) is None else find(scene, wish.what).label)  # type: ignore[union-attr]
@@ -160,12 +164,17 @@ def _put_step(what: str, where: str, relation: str, scene: SceneGraph, done: lis
     return _put_down(scene) or _fetch(thing, scene)
 
 
-def _away_step(what: str, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
+def _away_step(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]) -> str:
     """Into something that opens, which is shut again afterwards."""
-    thing = find(scene, what)
-    stores = [n for n in _openable(scene)]
+    thing = find(scene, wish.what)
+    stores = _openable(scene)
+    named = find(scene, wish.where) if wish.where else None
+    if named is not None:
+        family = {named.id, *(n.id for n in descendants(scene, named))}
+        stores = [n for n in stores if n.id in family] or stores
     if thing is None:
-        return _search(scene, done) or _call("PICK_UP", what)
+        placed = [objects for action, objects in done if action == "place" and objects[:1] == (wish.what,)]
+        return "" if placed else _search(scene, done) or _call("PICK_UP", wish.what)
     home = next((s for s in stores if _is_at(thing, s, "in", scene)), None)
     if home is not None:
         return "" if states(scene).get(home.id) == "closed" else _call("CLOSE", home.label)

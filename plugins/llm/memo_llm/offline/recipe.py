@@ -45,7 +45,8 @@ class Recipe:
     repeat: int = 1
     force: float | None = None
     speed: float | None = None
-    gap: float = 0.008
+    gap: float = 0.008  # that a thing is let fall
+    over: float = 0.04  # above its place on the way into something that opens to the side
 
     @property
     def changes_nothing_held(self) -> bool:

@@ -253,15 +253,8 @@ def _path(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
         _arc_geometry(recipe, around, sheet, has_out)
         return
     way = _way(recipe, has_out)
-    if recipe.kind == "close" and recipe.distance <= 0 and around.owner is not None and has_out:
-        owner = sheet.constant("OWNER", around.owner.label)
-        sheet.add(
-            "# It stands out by the distance between its front and the front of what it belongs to, which may itself be",
-            "# a little behind: the rest is for nudges.",
-            "front = dot(get_position(DOOR), out) + extent(DOOR, out) / 2",
-            f"distance = front - dot(get_position({owner}), out) - extent({owner}, out) / 2 - 0.02",
-            f"path = [[along(grasp, {way}, max(distance, 0.005)), hold]]",
-        )
+    if _pushes_shut(recipe, sheet):
+        sheet.constant("PUSH", 0.025, "metres between two looks")
     else:
         distance = sheet.constant("DISTANCE", recipe.distance, "metres")
         sheet.add(f"path = [[along(grasp, {way}, {distance}), hold]]")
@@ -295,11 +288,17 @@ def _arc_geometry(recipe: Recipe, around: Surroundings, sheet: _Sheet, has_out: 
         "axis = cross(out, side)",
         f"sense = sense_of(grasp, pivot, axis, {'opposite(out)' if recipe.kind == 'close' else 'out'})",
         f"turned = sense * math.radians({angle})",
-        f"path = {'arc' if recipe.hand_follows else 'stiff_arc'}(grasp, hold, pivot, axis, turned)",
     )
+    share = sheet.constant("SHARE", 1.0 if recipe.hand_follows else 0.0, "of the door's turn that the hand makes too")
     sheet.add(
-        "leaving = turn_point(heading, [0.0, 0.0, 0.0], axis, turned)" if recipe.hand_follows else "leaving = heading"
+        f"path = arc(grasp, hold, pivot, axis, turned, {share})",
+        f"leaving = turn_point(heading, [0.0, 0.0, 0.0], axis, turned * {share})",
     )
+
+
+def _pushes_shut(recipe: Recipe, sheet: _Sheet) -> bool:
+    """Whether something is pushed until it is shut, however far that is."""
+    return recipe.kind == "close" and recipe.distance <= 0 and recipe.shape == "straight" and "DOOR" in sheet.constants
 
 
 def _steps(recipe: Recipe, sheet: _Sheet) -> None:
@@ -311,6 +310,7 @@ def _steps(recipe: Recipe, sheet: _Sheet) -> None:
     )
     force = "" if recipe.force is None else f"force={recipe.force:g}"
     has_path = "path" in recipe.steps
+    has_out = any(line.startswith("out =") for line in sheet.body)
     moved = False
     at = "grasp"
     for i, step in enumerate(recipe.steps):
@@ -320,22 +320,28 @@ def _steps(recipe: Recipe, sheet: _Sheet) -> None:
         elif step == "close-hand":
             sheet.add(f"close_gripper({force})")
         elif step == "approach":
-            _approach_lines(recipe, sheet, has_path and "path" in later, speed)
+            gripped = "close-hand" in later
+            _approach_lines(recipe, sheet, has_path and "path" in later and gripped, speed)
+        elif step == "path" and _pushes_shut(recipe, sheet):
+            at, moved = "grasp", True
+            sheet.add(
+                "# Push a little and look, until it is shut or gives way no more.",
+                "for push in range(14):",
+                "    before = get_position(DOOR)",
+                "    try:",
+                f"        follow_path([[along(grasp, {_way(recipe, has_out)}, PUSH), hold]]{speed})",
+                "    except MotionError as error:",
+                '        print("it gives way no more:", error)',
+                "    look()",
+                "    gone = dot(between(before, get_position(DOOR)), opposite(out))",
+                "    grasp = along(grasp, opposite(out), gone)",
+                "    if gone < 0.003 and push > 1:",
+                "        break",
+            )
         elif step == "path":
-            sheet.add(f"follow_path(path{speed})")
+            then = ", then=[[after, path[-1][1]]]" if "after = " in "\n".join(sheet.body) else ""
+            sheet.add(f"follow_path(path{then}{speed})")
             at, moved = "path[-1][0]", True
-            if (
-                recipe.kind == "close"
-                and recipe.distance <= 0
-                and recipe.shape == "straight"
-                and "DOOR" in sheet.constants
-            ):
-                sheet.add(
-                    "for nudge in range(4):",
-                    "    if not is_closed(DOOR):",
-                    f"        path = [[along(path[-1][0], {_way(recipe, True)}, 0.01), hold]]",
-                    "        follow_path(path)",
-                )
         elif step == "turn":
             turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
             sheet.add(f"rotate_gripper(math.radians({turn}))")
@@ -353,20 +359,22 @@ def _steps(recipe: Recipe, sheet: _Sheet) -> None:
 def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -> None:
     if leads_on and recipe.shape == "arc":
         sheet.add(
-            "# The arm must arrive in a posture from which it can go the whole way; a slightly shorter way may do.",
-            "whole = path",
+            "# The arm must arrive in a posture from which it can go the whole way. Where the hand cannot turn with the door,",
+            "# the bar may turn between the fingers; where that does not help either, a shorter way may do.",
             "reached = False",
-            "for pieces in (len(whole), len(whole) - 1, len(whole) - 2, len(whole) - 3):",
+            "for share, part in ((1, 1), (0.5, 1), (0, 1), (0.5, 0.85), (0, 0.85), (1, 0.85), (0, 0.7)):",
             "    if not reached:",
-            "        path = whole[:pieces]",
+            "        path = arc(grasp, hold, pivot, axis, turned * part, SHARE * share)",
+            "        leaving = turn_point(heading, [0.0, 0.0, 0.0], axis, turned * part * SHARE * share)",
+            "        after = along(path[-1][0], opposite(leaving), CLEARANCE)",
             "        try:",
-            f"            move_to(start, hold, then=[[grasp, hold]] + path{speed})",
+            f"            move_to(start, hold, then=[[grasp, hold]] + path + [[after, path[-1][1]]]{speed})",
             "            reached = True",
             "        except MotionError as error:",
-            '            print("cannot lead it through", pieces, "pieces of the arc:", error)',
+            '            print("the hand turning", share, "of the way,", part, "of the arc:", error)',
             "if not reached:",
             '    raise RuntimeError("the arm cannot follow that arc")',
-            f"follow_path([[grasp, hold]], then=path{speed})",
+            f"follow_path([[grasp, hold]], then=path + [[after, path[-1][1]]]{speed})",
         )
     elif leads_on:
         sheet.add(f"move_to(start, hold, then=[[grasp, hold]] + path{speed})")
@@ -402,14 +410,30 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
             "target = list(hand)",
             "floor = get_table_height()",
         )
-    if sideways and recipe.approach in ("top", "front"):
+    sideways = sideways and recipe.approach in ("top", "front")
+    if sideways:
         tilt = sheet.constant("TILT", recipe.side_tilt + recipe.tilt, "degrees, the hand points down by that much")
+        over = sheet.constant("OVER", recipe.over, "metres above its place on the way in")
         sheet.add(
-            "# It opens to the side: go in through the opening, the hand a little tilted.",
+            "# It opens to the side: go in through the opening, the hand a little tilted, and down at the end.",
             f"out = level(get_opening({name}))",
             f'hold = side_orientation(opposite(out), "horizontal", math.radians({tilt}))',
             f"target = [target[0], target[1], floor + hanging + {gap}]",
-            f"start = along(target, out, extent({name}, out) / 2 + {clearance})",
+            f"above = along(target, [0.0, 0.0, 1.0], {over})",
+            f"start = along(above, out, extent({name}, out) / 2 + {clearance})",
+        )
+    elif space is not None and around.goal_owner is not None and recipe.approach == "top":
+        owner = sheet.constant("OWNER", around.goal_owner.label)
+        sheet.add(
+            "# It can be reached from above only as far as it sticks out of what it belongs to.",
+            f"forth = level(between(get_position({owner}), target))",
+            f"front = dot(target, forth) + extent({name}, forth) / 2",
+            f"back = max(front - extent({name}, forth), dot(get_position({owner}), forth) + extent({owner}, forth) / 2)",
+            "target = along(target, forth, (front + back) / 2 - dot(target, forth))",
+            f"target[2] = floor + hanging + {gap}",
+            "hold = top_orientation(yaw_for(level(cross(forth, [0.0, 0.0, 1.0]))))",
+            "out = [0.0, 0.0, 1.0]",
+            f"start = along(target, out, {clearance})",
         )
     else:
         sheet.add(
@@ -424,9 +448,13 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
     if any(recipe.offset):
         shift = ", ".join(f"{v:g}" for v in recipe.offset)
         sheet.add(f"target = [t + shift for t, shift in zip(target, ({shift}))]  # as asked for")
-        sheet.add("start = [s + shift for s, shift in zip(start, (%s))]" % shift)
+        sheet.add(f"start = [s + shift for s, shift in zip(start, ({shift}))]")
+        if sideways:
+            sheet.add(f"above = [a + shift for a, shift in zip(above, ({shift}))]")
     if recipe.deeper:
         sheet.add(f"target = along(target, opposite(out), {sheet.constant('DEEPER', recipe.deeper)})")
+        if sideways:
+            sheet.add("above = along(above, opposite(out), DEEPER)")
     if recipe.hand_turn:
         turn = sheet.constant("HAND_TURN", recipe.hand_turn, "degrees, about the way the hand points")
         sheet.add(f"hold = turn_orientation(hold, opposite(out), math.radians({turn}))")
@@ -443,11 +471,12 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
         elif step == "close-hand":
             sheet.add("close_gripper()")
         elif step == "approach":
-            sheet.add(f"move_to(start, hold, then=[[target, hold]]{speed})", f"follow_path([[target, hold]]{speed})")
+            last = "[[above, hold], [target, hold]]" if sideways else "[[target, hold]]"
+            sheet.add(f"move_to(start, hold, then={last}{speed})", f"follow_path({last}{speed})")
         elif step == "path" and recipe.shape == "arc":
             angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
             sheet.add(
-                f"path = arc(target, hold, along(target, [0.0, 1.0, 0.0], 0.2), [0.0, 0.0, 1.0], math.radians({angle}))",
+                f"path = arc(target, hold, along(target, [0.0, 1.0, 0.0], 0.2), [0.0, 0.0, 1.0], math.radians({angle}), 1.0)",
                 f"follow_path(path{speed})",
             )
             at = "path[-1][0]"
@@ -459,7 +488,8 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
             turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
             sheet.add(f"rotate_gripper(math.radians({turn}))")
         elif step == "back-off":
-            sheet.add("follow_path([start])" if at == "target" else f"follow_path([along({at}, out, {clearance})])")
+            back = "[above, start]" if sideways else "[start]"
+            sheet.add(f"follow_path({back})" if at == "target" else f"follow_path([along({at}, out, {clearance})])")
         elif step == "look":
             sheet.add("look()")
 

@@ -78,6 +78,7 @@ class Surroundings:
     inside: Node | None  # the visible space the thing is in
     goal: Node | None
     goal_space: Node | None
+    goal_owner: Node | None  # furniture that the goal slides out of or hangs on
 
     @classmethod
     def of(cls, scene: SceneGraph, thing: str, place: str | None) -> Surroundings:
@@ -97,7 +98,10 @@ class Surroundings:
             holder = find(scene, container) if container else None
             inside = space_of(scene, holder) if holder is not None else None
         goal = find(scene, place) if place and place.lower() not in _EVERYWHERE else None
-        return cls(scene, node, door, handle, owner, inside, goal, space_of(scene, goal) if goal else None)
+        space = space_of(scene, goal) if goal else None
+        holder = next((n for n in scene.nodes if space is not None and n.id == space.part_of), None)
+        goal_owner = next((n for n in scene.nodes if holder is not None and n.id == holder.part_of), None)
+        return cls(scene, node, door, handle, owner, inside, goal, space, goal_owner)
 
     def part(self, word: str) -> Node | None:
         """The thing's visible part that is called by this word, other than its main handle."""
