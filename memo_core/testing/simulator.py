@@ -359,6 +359,22 @@ def gripper_keeps_its_speed(make: Make) -> None:
 
 
 @rule
+def a_grip_is_let_go_at_once(make: Make) -> None:
+    """Told to open, a gripper that holds something begins to open at once, and goes to just the width it is told."""
+    simulator = _built(make)
+    with simulator:
+        simulator.command_gripper(0.0, 60.0)
+        _run(simulator, 1.5)
+        simulator.command_gripper(CUBE + 0.02, 60.0)
+        _run(simulator, 0.1)
+        width = simulator.gripper_width()
+        assert width > CUBE + 0.002, f"0.1 s after the command the opening is {width:.4f} m, the cube {CUBE} m"
+        _run(simulator, 1.0)
+        width = simulator.gripper_width()
+        assert abs(width - CUBE - 0.02) < 0.002, f"told {CUBE + 0.02} m, the opening is {width:.4f} m"
+
+
+@rule
 def a_held_object_is_lifted(make: Make) -> None:
     """What the fingers press is carried along and stays in the hand."""
     simulator = _built(make)

@@ -100,6 +100,10 @@ def wrong_simulators(right: type) -> dict[str, type]:
             for _ in range(40):
                 self.tick()
 
+    class OpensFully(base):
+        def command_gripper(self, width, force):
+            super().command_gripper(0.08 if width > 0.0 else width, force)
+
     class LetsGo(base):
         def command_joints(self, targets):
             super().command_gripper(0.08, 10.0)
@@ -156,6 +160,7 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "unknown_names_are_key_errors": InventsBodies,
         "gripper_holds_with_force": AlwaysFullForce,
         "gripper_keeps_its_speed": SlamsShut,
+        "a_grip_is_let_go_at_once": OpensFully,
         "a_held_object_is_lifted": LetsGo,
         "continuing_after_restore_is_exact": ForgetsTheGripper,
         "foreign_checkpoints_are_refused": TakesAnyCheckpoint,

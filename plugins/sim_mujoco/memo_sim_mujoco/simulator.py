@@ -216,7 +216,13 @@ class MujocoSimulator(Simulator):
         gripper = self._world.robot.gripper
         if not (math.isfinite(width) and math.isfinite(force)) or force <= 0:
             raise InvalidArgument("gripper", f"width {width} m with {force} N", "a finite width and a force above 0")
-        self._goal = min(max(width, 0.0), gripper.stroke)
+        self._goal = goal = min(max(width, 0.0), gripper.stroke)
+        # Blocked by an object, the set point has run ahead of the fingers: turning back starts from where they are.
+        now = self.gripper_width()
+        if self._ramp < now and self._ramp < goal:
+            self._ramp = min(now, goal)
+        elif self._ramp > now and self._ramp > goal:
+            self._ramp = max(now, goal)
         self._set_force(min(force, gripper.max_force))
 
     def tick(self) -> None:
