@@ -51,6 +51,9 @@ FINDINGS = {
     "async def f():\n    pass": "line 1: async functions are not available",
     "f'{(yield)}'": "generators",
     "type X = int": "line 1:",
+    "class A:\n    def __bool__(self):\n        return False": "line 2: __bool__ would have no effect",
+    "raise ValueError('a', 'b')": "line 1: an exception takes one argument",
+    "print(().__class__)": "line 1: the attribute '__class__' is not available",
 }
 
 

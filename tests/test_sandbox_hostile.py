@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from memo_core.sandbox import Execution, Limits, Sandbox, Workspace
 from memo_core.skills.contract import BUILTIN_SKILLS
@@ -67,3 +69,23 @@ def test_a_plain_exec_would_fail_these_tests():
         assert EXPECTED[name].get("commands", []) == []
         exec((FOLDER / f"{name}.py").read_text(), dict(names))
     assert reached == ["move_to", "go_home"]
+
+
+ORDINARY = sorted((FOLDER.parent / "ordinary").glob("*.py"))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_whatever_the_text_is_the_sandbox_answers_in_one_line(sandbox, data):
+    """Arbitrary text, and ordinary programs with pieces cut out and put elsewhere."""
+    if data.draw(st.booleans()):
+        code = data.draw(st.text(max_size=200))
+    else:
+        code = data.draw(st.sampled_from(ORDINARY)).read_text()
+        for _ in range(data.draw(st.integers(1, 4))):
+            a, b, to = sorted(data.draw(st.lists(st.integers(0, len(code)), min_size=3, max_size=3)))
+            code = code[:a] + code[b:to] + code[a:b] + code[to:]
+    execution, _ = run(sandbox, code)
+    assert execution.ended in ("done", "error", "limit")
+    assert "\n" not in execution.error
+    assert all(finding.line >= 1 for finding in execution.findings)

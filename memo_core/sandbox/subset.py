@@ -42,6 +42,10 @@ _UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
 }
 
 
+# the interpreter accepts these methods but never calls them
+_IGNORED_METHODS = frozenset(("__len__", "__bool__", "__lt__", "__le__", "__gt__", "__ge__", "__format__", "__new__",
+    "__getattr__", "__getattribute__", "__setattr__", "__delattr__", "__delitem__", "__reversed__", "__del__",
+    "__class_getitem__", "__init_subclass__", "__iadd__", "__isub__", "__imul__", "__itruediv__", "__ipow__"))  # fmt: skip
 _MOST_FINDINGS = 30  # looking for close matches of thousands of hostile names would take minutes
 _MOST_CANDIDATES = 500
 
@@ -92,7 +96,11 @@ def _class(node: ast.ClassDef) -> Iterator[Finding]:
     elif bases != ["object"] and (node.bases or node.keywords):
         yield Finding(node.lineno, "classes cannot inherit", "use a dataclass, a namedtuple or plain functions")
     for item in node.body:
-        if isinstance(item, (ast.FunctionDef, ast.AsyncFunctionDef)) and item.decorator_list:
+        if not isinstance(item, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            continue
+        if item.name in _IGNORED_METHODS:
+            yield Finding(item.lineno, f"{item.name} would have no effect here", "write a method with a plain name")
+        if item.decorator_list:
             shown = ast.unparse(item.decorator_list[0])
             yield Finding(item.lineno, f"methods cannot be decorated (@{shown})", "write a plain method or a function")
 
