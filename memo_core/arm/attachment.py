@@ -11,6 +11,7 @@ from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 
 _REACH = 0.02  # m around a node's box within which the tool centre still counts as in it: perception errs
+_BAR = 0.04  # m, thickness of what counts as a bar
 _SAME_PANEL = 0.08  # m between a handle and the panel it is taken to be fixed to
 
 
@@ -84,6 +85,29 @@ def grasped(scene: SceneGraph, before: Attachment, tool: Pose, gripper: GripperD
     return attrs.evolve(before, carried=tuple(poses), carried_poses=poses)
 
 
+def bars(scene: SceneGraph) -> list[Node]:
+    """Parts that are long and thin: what a hand can hold across and turn about."""
+    found = []
+    for node in scene.nodes:
+        _, middle, long = sorted(node.size)
+        if node.kind == "part" and middle <= _BAR and long >= 2.5 * middle:
+            found.append(node)
+    return found
+
+
+def movable(scene: SceneGraph) -> dict[str, frozenset[str]]:
+    """For every node that gives way when pushed, the ids of all that moves with it."""
+    by_id = {node.id: node for node in scene.nodes}
+    found: dict[str, frozenset[str]] = {}
+    for node in scene.nodes:
+        owner = by_id.get(node.part_of) if node.part_of else None
+        if node.kind == "object":
+            found[node.id] = frozenset({node.id, *(one.id for one in scene.nodes if one.part_of == node.id)})
+        elif node.kind == "part":
+            found[node.id] = frozenset(one.id for one in _moving_with(scene, node, owner))
+    return found
+
+
 def _between_fingers(scene: SceneGraph, before: Attachment, tool: Pose) -> Node | None:
     found: list[tuple[float, float, str, Node]] = []
     for node in scene.nodes:
@@ -99,11 +123,12 @@ def _between_fingers(scene: SceneGraph, before: Attachment, tool: Pose) -> Node 
 
 
 def _moving_with(scene: SceneGraph, node: Node, owner: Node | None) -> list[Node]:
-    """The parts that are rigidly one with a grasped part, as far as a scene graph tells: the panel it sits on."""
+    """The parts that are rigidly one with a part, as far as a scene graph tells: a handle and the panel it sits on."""
     if owner is not None and owner.kind == "part":
         return [one for one in scene.nodes if one.id == owner.id or (one.part_of == owner.id and one.kind == "part")]
+    own = [one for one in scene.nodes if one.kind == "part" and one.part_of == node.id]
     siblings = [one for one in scene.nodes if one.kind == "part" and one.part_of == node.part_of]
-    return [one for one in siblings if one.id == node.id or _gap(one, node) < _SAME_PANEL]
+    return [*own, *(one for one in siblings if one.id == node.id or _gap(one, node) < _SAME_PANEL)]
 
 
 def _gap(a: Node, b: Node) -> float:

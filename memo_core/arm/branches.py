@@ -202,7 +202,7 @@ class BranchSearch:
             cost = cost + 0.15 * np.abs(layer.joints - self._near[:, None]).max(axis=0)
         return cost
 
-    def _edge(self, a: _Layer, b: _Layer) -> Array:
+    def _edge(self, a: _Layer, b: _Layer) -> np.ndarray:
         total = np.zeros((len(a.tilt), len(b.tilt)), dtype=np.float32)
         largest = np.zeros_like(total)
         for first, second in zip(a.joints.astype(np.float32), b.joints.astype(np.float32), strict=True):

@@ -57,10 +57,11 @@ class Hit:
     robot: str
     other: str
     own: bool  # the robot touches itself
+    node: str = ""  # id of the scene node that would be touched
 
     def __str__(self) -> str:
         return (
-            f"the arm touches itself ({self.robot} and {self.other})"
+            f"the robot touches itself: {self.robot} and {self.other}"
             if self.own
             else f"{self.robot} touches the {self.other}"
         )
@@ -266,6 +267,7 @@ class Checker:
             roles.append("held")
             robot = range(number + 1)
         self._carried: list[tuple[int, Array]] = []
+        self._nodes: dict[int, str] = {}
         pairs: list[tuple[int, int]] = list(shape.self_pairs)
         kinds: list[tuple[str, bool, bool]] = [("self", False, False)] * len(pairs)
         if held is not None:
@@ -278,6 +280,7 @@ class Checker:
                 pin.GeometryObject(f"obstacle{count}", 0, pin.SE3(obstacle.pose.matrix), coal.Box(*obstacle.size))
             )
             names.append(obstacle.label)
+            self._nodes[number] = obstacle.node
             moving = obstacle.node in carried
             if moving:
                 self._carried.append((number, obstacle.pose.matrix))
@@ -356,8 +359,11 @@ class Checker:
         _, number = min(found)
         first, second = self._pairs[number]
         own = not self._kinds[number][1]
-        return Hit(self._named(first), self._named(second) if own else self._names[second], own)
+        return Hit(
+            self._named(first), self._named(second) if own else self._names[second], own, self._nodes.get(second, "")
+        )
 
     def _named(self, number: int) -> str:
         role = self._roles[number] if number < len(self._roles) else ""
-        return {"finger": "a finger", "hand": "the hand"}.get(role, self._names[number])
+        named = {"finger": "a finger", "hand": "the hand", "held": self._names[number]}
+        return named.get(role, f"the arm ({self._names[number]})")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import cattrs
 import numpy as np
 
-from memo_core.arm.attachment import Attachment, grasped
+from memo_core.arm.attachment import Attachment, bars, grasped, movable
 from memo_core.arm.collision import obstacles_of
 from memo_core.arm.motion import MotionPlanner, Plan, World
 from memo_core.arm.trajectory import stopping
@@ -199,7 +199,14 @@ class ArmControl(Control):
             self._attachment = self._attachment.lost()
         attached = self._attachment
         obstacles = obstacles_of(self.scene(), attached.moved, attached.absent)
-        return World(obstacles, self._link.gripper_width(), attached.held, frozenset(attached.carried))
+        return World(
+            obstacles,
+            self._link.gripper_width(),
+            attached.held,
+            frozenset(attached.carried),
+            tuple(bars(self.scene())),
+            movable(self.scene()),
+        )
 
     def _start(self, skill: str) -> Array:
         """The joints (n,) a motion starts from: the last targets, brought back first to where the arm was pushed to."""
@@ -247,9 +254,9 @@ class ArmControl(Control):
         try:
             for tick in range(_SETTLE_TICKS):
                 link.send(target)
-                if tick % 4 == 3 and np.abs(link.joint_positions() - target).max() < _SETTLED:
-                    if np.abs(link.joint_velocities()).max() < 0.03:
-                        return
+                near = tick % 4 == 3 and np.abs(link.joint_positions() - target).max() < _SETTLED
+                if near and np.abs(link.joint_velocities()).max() < 0.03:
+                    return
         except Stopped:
             raise Stopped(skill) from None
 

@@ -10,16 +10,19 @@ import numpy as np
 from memo_core.arm.branches import Blocked, BranchSearch, Motion, tilt_choices
 from memo_core.arm.collision import Checker, Held, Hit, Obstacle, RobotShape
 from memo_core.arm.kinematics import Kinematics
-from memo_core.arm.path import CartesianPath, tilt_between
+from memo_core.arm.path import CartesianPath, lagging, turned_about_x, turns_between
 from memo_core.arm.planner import densified, plan_free
 from memo_core.arm.reasons import Reasons
 from memo_core.arm.trajectory import Speed, Trajectory, time_path
 from memo_core.errors import MotionError
 from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.graph import Node
 from memo_core.scene.pose import Array, Pose
 
 _STARTS = 4  # configurations of a goal that are tried before a motion is given up
 _RETREATS = (0.04, 0.09, 0.15)  # m back along the approach, to get free of what the fingers are around
+_LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
+_MEETS = 0.025  # m from a thing's box at which the fingertips meet it
 _CHECK_EVERY = 4  # ticks between collision checks of the finished trajectory
 
 
@@ -31,6 +34,8 @@ class World:
     width: float
     held: Held | None = None
     carried: frozenset[str] = frozenset()
+    bars: tuple[Node, ...] = ()  # parts that the hand could take hold of and turn about
+    movable: dict[str, frozenset[str]] = attrs.field(factory=dict)  # node id -> ids of what moves when it is pushed
 
 
 @attrs.frozen(eq=False)
@@ -65,13 +70,12 @@ class MotionPlanner:
         table: float,
     ) -> Plan:
         """Free motion from joints (n,) to a pose from which ``then`` can be followed. Raises ``MotionError``."""
-        path = CartesianPath([goal, *then])
         self._reasons.check_workspace(skill, [goal, *then], table)
         checker = self._checker(world, start)
-        failure: Blocked | None = None
-        goals: list[Array] = []
-        for tilts in tilt_choices(slack, None):
+        failure: tuple[Blocked, CartesianPath] | None = None
+        for path, tilts in self._options([goal, *then], _grasp([goal, *then], world), slack, None):
             search = BranchSearch(self.kinematics, path, checker, None, 0.0, "free", start)
+            goals: list[Array] = []
             blocked = search.prepare(tilts)
             while blocked is None and len(goals) < _STARTS:
                 found = search.best()
@@ -88,11 +92,24 @@ class MotionPlanner:
                 if joints is not None:
                     return self._free_plan(checker, joints, speed, world)
                 blocked = Blocked(0.0, "collision", self._obstructing(checker, start, goals[0]))
-                goals = []
             assert blocked is not None
-            failure = blocked if failure is None or failure.s <= blocked.s else failure
+            failure = _further(failure, (blocked, path))
         assert failure is not None
-        raise self._reasons.error(skill, failure, path, 0.0, start, slack)
+        raise self._reasons.error(skill, failure[0], failure[1], 0.0, start, slack)
+
+    def _options(
+        self, poses: Sequence[Pose], grasp: int | None, slack: float, tilt: float | None
+    ) -> Iterable[tuple[CartesianPath, Array]]:
+        """Paths and tilts to try in turn, from exactly what was asked to ever freer."""
+        path = CartesianPath(poses)
+        choices = tilt_choices(slack, tilt)
+        yield from ((path, tilts) for tilts in choices)
+        if grasp is None or slack < 1e-3:
+            return
+        for share in _LAGS:
+            behind = lagging(poses, grasp, share, slack)
+            if max(a.distance(b)[1] for a, b in zip(behind, poses, strict=True)) > 0.1:
+                yield CartesianPath(behind), choices[-1]
 
     def home(self, skill: str, start: Array, speed: float, world: World) -> Plan:
         """Free motion to the home posture. Raises ``MotionError``."""
@@ -183,32 +200,57 @@ class MotionPlanner:
         here = self.kinematics.pose(start)
         tilt = 0.0
         if oriented and slack > 1e-3:
-            tilt, rest = tilt_between(poses[0], here)
-            if rest < 0.05 and abs(tilt) <= slack + 0.02:
-                here = Pose(here.position, poses[0].orientation)
-            else:
-                tilt = 0.0
-        path = CartesianPath([here, *poses, *then])
-        end = CartesianPath([here, *poses]).length
+            a, b, c = turns_between(poses[0], here)
+            if abs(c) < 0.1 and abs(b) <= slack + 0.02 and abs(a) < 1.0:
+                tilt = b
+                here = Pose(here.position, turned_about_x(poses[0], a).orientation)
+        whole = [here, *poses, *then]
+        grasp = 0 if world.carried else _grasp(whole, world)
         checker = self._checker(world, start)
-        motion: Motion | None = None
-        failure: Blocked | None = None
-        for tilts in tilt_choices(slack, tilt):
-            search = BranchSearch(self.kinematics, path, checker, start, tilt, "contact", start, bool(world.carried))
-            blocked = search.prepare(tilts)
-            found = blocked or search.best()
-            if isinstance(found, Motion):
-                motion = found
-                break
-            failure = found if failure is None or failure.s <= found.s else failure
-        if motion is None:
-            assert failure is not None
-            raise self._reasons.error(skill, failure, path, end, start, slack)
+        pushed: frozenset[str] = frozenset()
+        failure: tuple[Blocked, CartesianPath] | None = None
+        for path, tilts in self._options(whole, grasp, slack, tilt):
+            for _ in range(3):
+                search = BranchSearch(
+                    self.kinematics, path, checker, start, tilt, "contact", start, bool(world.carried)
+                )
+                found = search.prepare(tilts) or search.best()
+                if isinstance(found, Motion):
+                    return self._follow_plan(found, path, len(poses), speed)
+                more = self._pushed(found, path, world) - pushed
+                if not more:
+                    break
+                # What the fingers meet first gives way: it moves ahead of the hand and is no obstacle to it.
+                pushed |= more
+                obstacles = [one for one in world.obstacles if one.node not in pushed]
+                checker = self._checker(attrs.evolve(world, obstacles=obstacles), start)
+            assert isinstance(found, Blocked)
+            failure = _further(failure, (found, path))
+        assert failure is not None
+        end = CartesianPath([here, *poses]).length
+        raise self._reasons.error(skill, failure[0], failure[1], end, start, slack)
+
+    def _follow_plan(self, motion: Motion, path: CartesianPath, count: int, speed: float) -> Plan:
+        """``count``: how many of the path's poses after the start are to be run."""
+        end = path.parameter(count)
         kept = motion.s <= end + 1e-9
         limits = Speed(0.6 * speed, 0.3 * speed, 1.2 * speed)
         trajectory = time_path(self.kinematics, motion.joints[:, kept], limits, self.period)
         carried = path.pose(end).matrix @ np.linalg.inv(path.pose(0.0).matrix)
         return Plan(trajectory, self.kinematics.pose(motion.joints[:, kept][:, -1]), carried)
+
+    def _pushed(self, blocked: Blocked, path: CartesianPath, world: World) -> frozenset[str]:
+        """What moves ahead of the hand if the collision is one with a movable thing that the fingertips meet first."""
+        if blocked.hit is None or blocked.hit.own or blocked.hit.node not in world.movable:
+            return frozenset()
+        group = world.movable[blocked.hit.node]
+        _, points = path.at(path.grid(0.02)[path.grid(0.02) <= blocked.s + 0.03])
+        for obstacle in world.obstacles:
+            if obstacle.node in group:
+                outside = np.abs(obstacle.pose.inverse().apply(points.T)) - np.asarray(obstacle.size) / 2
+                if np.linalg.norm(np.maximum(outside, 0.0), axis=1).min() < _MEETS:
+                    return group
+        return frozenset()
 
     def joint_line(self, start: Array, goal: Array) -> Trajectory:
         """Slowly along the straight joint line, minding nothing: for following where the arm already is."""
@@ -220,3 +262,21 @@ class MotionPlanner:
         checker = self._shape.checker(world.obstacles, world.width, world.held, world.carried)
         checker.leave(start)
         return checker
+
+
+def _grasp(poses: Sequence[Pose], world: World) -> int | None:
+    """The first of the poses at which the fingers would close on a bar across it."""
+    for number, pose in enumerate(poses):
+        for bar in world.bars:
+            local = np.abs(bar.pose.inverse().apply(np.asarray(pose.position))) - np.asarray(bar.size) / 2
+            along = bar.pose.rotation[:, int(np.argmax(bar.size))]
+            if np.all(local < _MEETS) and abs(along @ pose.rotation[:, 0]) > 0.8:
+                return number
+    return None
+
+
+def _further(
+    first: tuple[Blocked, CartesianPath] | None, second: tuple[Blocked, CartesianPath]
+) -> tuple[Blocked, CartesianPath]:
+    """The failure that came further along its path: the most telling one."""
+    return second if first is None or second[0].s > first[0].s + 1e-6 else first

@@ -18,9 +18,11 @@ class CartesianPath:
 
     def __init__(self, poses: Sequence[Pose]) -> None:
         kept = [poses[0]]
+        self._places = [0]
         for pose in poses[1:]:
             if _extent(kept[-1], pose) > 1e-7:
                 kept.append(pose)
+            self._places.append(len(kept) - 1)
         self.poses = tuple(kept)
         self._positions = np.array([pose.position for pose in kept])
         quaternions = np.array([pose.orientation for pose in kept])
@@ -33,6 +35,10 @@ class CartesianPath:
     @property
     def length(self) -> float:
         return float(self.knots[-1])
+
+    def parameter(self, number: int) -> float:
+        """s at the pose with this number in the list the path was made from."""
+        return float(self.knots[self._places[number]])
 
     def grid(self, step: float, most: int = 10_000) -> Array:
         """Parameters from 0 to the end, evenly spaced by at most ``step``, at most ``most`` of them."""
@@ -69,13 +75,29 @@ def tilted(rotation: Array, tilt: Array | float) -> Array:
     )
 
 
-def tilt_between(nominal: Pose, actual: Pose) -> tuple[float, float]:
-    """(rad about the nominal tool's y axis, rad of rotation left over) from one orientation to another."""
+def turns_between(nominal: Pose, actual: Pose) -> tuple[float, float, float]:
+    """Angles (a, b, c) about the x, then the turned y, then the turned z axis of the tool (rad) that turn ``nominal``
+    into ``actual``: b is a tilt about the closing direction, a what a bar does between the fingers."""
     relative = nominal.rotation.T @ actual.rotation
-    tilt = float(np.arctan2(relative[0, 2] - relative[2, 0], relative[0, 0] + relative[2, 2]))
-    c, s = np.cos(tilt), np.sin(tilt)
-    rest = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T @ relative
-    return tilt, float(np.arccos(np.clip((np.trace(rest) - 1) / 2, -1.0, 1.0)))
+    b = float(np.arcsin(np.clip(relative[0, 2], -1.0, 1.0)))
+    a = float(np.arctan2(-relative[1, 2], relative[2, 2]))
+    c = float(np.arctan2(-relative[0, 1], relative[0, 0]))
+    return a, b, c
+
+
+def turned_about_x(pose: Pose, angle: float) -> Pose:
+    """The pose turned about its own x axis (rad)."""
+    return pose * Pose(orientation=(float(np.cos(angle / 2)), float(np.sin(angle / 2)), 0.0, 0.0))
+
+
+def lagging(poses: Sequence[Pose], grasp: int, share: float, most: float) -> list[Pose]:
+    """Poses after the grasp with the hand left behind by a share of its turning about its own x axis, ``most`` rad at
+    most: a round bar turns between the fingers, so the hand need not turn as far as the door does."""
+    result = list(poses[: grasp + 1])
+    for pose in poses[grasp + 1 :]:
+        angle = turns_between(poses[grasp], pose)[0]
+        result.append(turned_about_x(pose, -float(np.clip(share * angle, -most, most))))
+    return result
 
 
 def _extent(a: Pose, b: Pose) -> float:

@@ -144,9 +144,7 @@ def _shortened(free: Free, path: Array, rng: np.random.Generator, rounds: int = 
     for _ in range(rounds):
         if len(points) <= 2:
             break
-        lengths = np.concatenate(
-            [[0.0], np.cumsum([np.abs(b - a).max() for a, b in itertools.pairwise(points)])]
-        )
+        lengths = np.concatenate([[0.0], np.cumsum([np.abs(b - a).max() for a, b in itertools.pairwise(points)])])
         low, high = np.sort(rng.uniform(0.0, lengths[-1], 2))
         i, j = (
             int(np.searchsorted(lengths, low, side="right")) - 1,

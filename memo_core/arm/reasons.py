@@ -74,7 +74,7 @@ class Reasons:
         options = [(angle * sign, axis) for angle in _ANGLES for sign in (1, -1) for axis, _ in axes]
         seeds = np.concatenate([start[:, None], kinematics.home[:, None], kinematics.samples(60)], axis=1)
         turned = [
-            Pose(pose.position, multiply_quaternions(quaternion_from_axis_angle(axis, a), pose.orientation))
+            Pose(pose.position, multiply_quaternions(quaternion_from_axis_angle(axis.tolist(), a), pose.orientation))
             for a, axis in options
         ]
         rotation = np.stack([one.rotation for one in turned], axis=2).repeat(seeds.shape[1], axis=2)
