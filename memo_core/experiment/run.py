@@ -269,7 +269,7 @@ def _work(
 
 def _judge(world: World) -> Outcome:
     """The success check, when everything has come to rest. A stop does not keep it from being asked."""
-    for _ in range(round(1.0 / world.simulator.control_period)):
+    for _ in range(round(world.task.settle / world.simulator.control_period)):
         world.simulator.tick()
     return world.check()
 

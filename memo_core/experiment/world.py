@@ -270,13 +270,13 @@ def verify_task(
         started = time.monotonic()
         with make_world(seed) as world, make_sandbox() as sandbox:
             start = world.checkpoint()
-            world.settle(2.0)
+            world.settle(world.task.settle)
             null = world.check()
             world.restore(start)
             if not world.task.reference_solution:
                 yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
                 continue
-            execution = run_code(world, world.task.reference_solution, sandbox, 1.0)
+            execution = run_code(world, world.task.reference_solution, sandbox, world.task.settle)
             yield Verified(
                 world.task.name, seed, world.check(), null, execution.error, time.monotonic() - started, world.time()
             )
