@@ -18,7 +18,9 @@ from memo_core.testing.fake_control import FakeControl
 
 FOLDER = Path(__file__).parent / "programs" / "hostile"
 EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "expected.toml").read_text())
-LIMITS = Limits(seconds_between_calls=0.8, seconds_in_all=3.0, memory=64 << 20, output=10_000, calls=300)
+LIMITS = Limits(
+    seconds_between_calls=0.8, seconds_in_all=3.0, robot_seconds=60, memory=64 << 20, output=10_000, calls=300
+)
 WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
 SLOWEST = LIMITS.seconds_in_all + 0.5 + 2.0  # s: the parent's grace before it kills, and a loaded machine
 GOOD = "p = get_position('red cube')\nmove_to([p[0], p[1], p[2] + 0.1])\nprint('fine')"
@@ -32,7 +34,7 @@ def sandbox():
 
 def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Execution, FakeControl]:
     control = FakeControl(stop_after=stop_after)
-    return sandbox.run(code, control, stopped=control.stopped, workspace=WORKSPACE), control
+    return sandbox.run(code, control, stopped=control.stopped, workspace=WORKSPACE, clock=lambda: control.time), control
 
 
 @pytest.mark.parametrize("name", EXPECTED)

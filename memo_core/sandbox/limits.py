@@ -1,4 +1,4 @@
-"""What one run of generated code may use. A motion's duration never counts: only the code's own computing does."""
+"""What one run of generated code may use. Limits on computing do not count the time that a skill takes."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ class Limits:
 
     seconds_between_calls: float = _field(5.0, 0.05, 600, "s of computing between two skill calls")
     seconds_in_all: float = _field(20.0, 0.05, 3600, "s of computing in all")
+    robot_seconds: float = _field(900.0, 1, 86_400, "s on the robot's clock, motion included")
     memory: int = _field(256 << 20, 16 << 20, 16 << 30, "bytes the code may hold")
     output: int = _field(64 << 10, 1, 100 << 20, "characters printed")
     code: int = _field(100_000, 1, 10_000_000, "characters of source")

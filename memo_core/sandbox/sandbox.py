@@ -112,8 +112,8 @@ class Sandbox:
 
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
         milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
-        piece of output; ``clock`` (s) is what ``time.time()`` shows the code. What a skill raises goes to the code;
-        anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
+        piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code. What a skill
+        raises goes to the code; anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
         """
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
@@ -186,6 +186,7 @@ class _Run:
         self._on_call = on_call
         self._on_print = on_print
         self._clock = clock
+        self._started = clock() if clock is not None else 0.0
         self._waited = 0.0
         self._clock_readings = 0
         self._printed: list[str] = []
@@ -266,6 +267,9 @@ class _Run:
         skill = self._skills.get(name)
         if skill is None:
             return {"exc_type": "NameError", "message": f"name {name[:100]!r} is not defined"}
+        took = self._clock() - self._started if self._clock is not None else self._waited
+        if took > self._limits.robot_seconds:
+            raise _LimitReached("time limit", f"the robot was busy for more than {self._limits.robot_seconds:g} s")
         if len(self._calls) >= self._limits.calls:
             raise _LimitReached("call limit", f"more than {self._limits.calls} skill calls")
         arguments: dict[str, Any] = {}

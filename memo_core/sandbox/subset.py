@@ -45,7 +45,7 @@ _UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
 # the interpreter accepts these methods but never calls them
 _IGNORED_METHODS = frozenset(("__len__", "__bool__", "__lt__", "__le__", "__gt__", "__ge__", "__format__", "__new__",
     "__getattr__", "__getattribute__", "__setattr__", "__delattr__", "__delitem__", "__reversed__", "__del__",
-    "__class_getitem__", "__init_subclass__", "__iadd__", "__isub__", "__imul__", "__itruediv__", "__ipow__"))  # fmt: skip
+    "__class_getitem__", "__init_subclass__", "__iadd__", "__isub__", "__imul__", "__itruediv__"))  # fmt: skip
 _MOST_FINDINGS = 30  # looking for close matches of thousands of hostile names would take minutes
 _MOST_CANDIDATES = 500
 
