@@ -106,8 +106,8 @@ def _offset(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     direction = _BASE.get("towards" if edit.value == "out" else edit.value)
     if direction is None:
         direction = _BASE["down" if edit.said.endswith(("below", "under")) else "up"]
-    moved = tuple(o + metres * d for o, d in zip(recipe.offset, direction, strict=True))
-    return attrs.evolve(recipe, offset=moved)
+    (x, y, z), (dx, dy, dz) = recipe.offset, direction
+    return attrs.evolve(recipe, offset=(x + metres * dx, y + metres * dy, z + metres * dz))
 
 
 def _hold_at(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:

@@ -1,4 +1,4 @@
-"""Phase 3: a person's words as short notes. What is understood is said again plainly; the rest is kept as it was said."""
+"""Phase 3: a person's words as short notes. What is understood is said again plainly, the rest kept as it was."""
 
 from __future__ import annotations
 

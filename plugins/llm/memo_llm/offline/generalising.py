@@ -137,7 +137,7 @@ class _Function:
         )
         lines = [f'"""{how[0]}', *how[1:], ""]
         lines.append(
-            "Parameters: names of things as in the scene, amounts in metres and degrees. Positions are read when it runs;"
+            "Parameters: names as in the scene, amounts in metres and degrees. Positions are read when it runs;"
         )
         lines.append(
             'look() first when things may have moved. The hand must be empty unless something is to be put down."""'

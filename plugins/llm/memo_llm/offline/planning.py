@@ -54,7 +54,8 @@ def plan(prompt: Prompt) -> Plan:
 def read_task(task: str, scene: SceneGraph) -> tuple[list[Wish], tuple[str, ...]]:
     """The clauses of a task, and those that are not understood."""
     text = " ".join(re.sub(r"[^\w\s,;.'-]", " ", task.lower()).split()).strip(" .")
-    wishes, unread = [], []
+    wishes: list[Wish] = []
+    unread: list[str] = []
     for clause in re.split(r"[,;.]|\band then\b|\bthen\b|\band\b(?= (?:\w+ )?(?:the|it|them|all)\b)", text):
         clause = re.sub(
             r"^(?:please|now|first|and|next|could you|can you|you should|i want you to) ", "", clause.strip()
@@ -229,7 +230,7 @@ def _tower(blocks: list[Node], on: dict[str, str | None]) -> list[str]:
     return best
 
 
-# -- pieces -------------------------------------------------------------------------------------------------------------
+# -- pieces -----------------------------------------------------------------------------------------------------------
 
 
 def _fetch(thing: Node, scene: SceneGraph) -> str:

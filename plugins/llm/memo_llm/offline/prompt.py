@@ -201,10 +201,10 @@ def _node(cells: dict[str, str]) -> Node:
         id=name,
         label=name,
         pose=Pose(position, orientation),
-        size=size,  # type: ignore[arg-type]
+        size=size,
         part_of=cells.get("part of") or None,
         kind=cells.get("kind") or "object",
-        opening=opening if len(opening) == 3 else None,  # type: ignore[arg-type]
+        opening=opening if len(opening) == 3 else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""A subtask as a list of steps with their parameters: what habits give, templates shape and corrections edit, before any
+"""A subtask as steps with their parameters: what habits give, templates shape and corrections edit, before any
 code is written."""
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ Vector = tuple[float, float, float]
 
 @attrs.frozen
 class Recipe:
-    """How one subtask is done. Lengths in metres, angles in degrees; directions are words that code resolves at run time:
-    ``out`` and ``in`` are relative to the thing, ``up``, ``left``, ``towards`` (the robot) ... to the robot's base."""
+    """How one subtask is done. Lengths in metres, angles in degrees. Directions are words whose meaning the code works
+    out when it runs: ``out`` and ``in`` belong to the thing; ``up``, ``left``, ``towards`` (the robot) to the base."""
 
     kind: str  # open, close, pick, place, push, pull, turn
     thing: str

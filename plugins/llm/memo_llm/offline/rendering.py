@@ -77,7 +77,7 @@ def _looking_for(recipe: Recipe, sheet: _Sheet) -> str:
     return sheet.code(1)
 
 
-# -- things that are gripped, pulled, pushed, turned -------------------------------------------------------------------
+# -- things that are gripped, pulled, pushed, turned ------------------------------------------------------------------
 
 
 def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) -> None:
@@ -232,7 +232,7 @@ def _point_of_box(name: str, where: str, sheet: _Sheet) -> None:
         )
 
 
-# -- the path and the steps ---------------------------------------------------------------------------------------------
+# -- the path and the steps -------------------------------------------------------------------------------------------
 
 
 def _way(recipe: Recipe, has_out: bool) -> str:
@@ -359,8 +359,8 @@ def _steps(recipe: Recipe, sheet: _Sheet) -> None:
 def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -> None:
     if leads_on and recipe.shape == "arc":
         sheet.add(
-            "# The arm must arrive in a posture from which it can go the whole way. Where the hand cannot turn with the door,",
-            "# the bar may turn between the fingers; where that does not help either, a shorter way may do.",
+            "# The arm must arrive in a posture from which it can go the whole way. Where the hand cannot turn with",
+            "# the door, the bar may turn between the fingers; where that does not help either, a shorter way may do.",
             "reached = False",
             "for share, part in ((1, 1), (0.5, 1), (0, 1), (0.5, 0.85), (0, 0.85), (1, 0.85), (0, 0.7)):",
             "    if not reached:",
@@ -383,7 +383,7 @@ def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -
         sheet.add(f"move_to(start, hold, then=[[grasp, hold]]{speed})", f"follow_path([[grasp, hold]]{speed})")
 
 
-# -- putting down ---------------------------------------------------------------------------------------------------------
+# -- putting down -----------------------------------------------------------------------------------------------------
 
 
 def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
@@ -428,7 +428,8 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
             "# It can be reached from above only as far as it sticks out of what it belongs to.",
             f"forth = level(between(get_position({owner}), target))",
             f"front = dot(target, forth) + extent({name}, forth) / 2",
-            f"back = max(front - extent({name}, forth), dot(get_position({owner}), forth) + extent({owner}, forth) / 2)",
+            f"shelter = dot(get_position({owner}), forth) + extent({owner}, forth) / 2",
+            f"back = max(front - extent({name}, forth), shelter)",
             "target = along(target, forth, (front + back) / 2 - dot(target, forth))",
             f"target[2] = floor + hanging + {gap}",
             "hold = top_orientation(yaw_for(level(cross(forth, [0.0, 0.0, 1.0]))))",
@@ -476,7 +477,8 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
         elif step == "path" and recipe.shape == "arc":
             angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
             sheet.add(
-                f"path = arc(target, hold, along(target, [0.0, 1.0, 0.0], 0.2), [0.0, 0.0, 1.0], math.radians({angle}), 1.0)",
+                "pivot = along(target, [0.0, 1.0, 0.0], 0.2)",
+                f"path = arc(target, hold, pivot, [0.0, 0.0, 1.0], math.radians({angle}), 1.0)",
                 f"follow_path(path{speed})",
             )
             at = "path[-1][0]"
@@ -494,7 +496,7 @@ def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
             sheet.add("look()")
 
 
-# -- words ------------------------------------------------------------------------------------------------------------------
+# -- words ------------------------------------------------------------------------------------------------------------
 
 
 def _in_words(recipe: Recipe) -> str:

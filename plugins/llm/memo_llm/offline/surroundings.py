@@ -87,7 +87,7 @@ class Surroundings:
         if node is not None:
             movers = doors(scene, node)
             closed = [n for n in movers if states(scene).get(n.id) == "closed"]
-            door = (closed or movers or [None])[0]
+            door = next(iter(closed or movers), None)
             handle = _handle(scene, door or node) or (_handle(scene, node) if door is not None else None)
             if handle is None and last_word(node.label) in GRIPS:
                 handle, node = node, next((n for n in scene.nodes if n.id == node.part_of), node)

@@ -1,9 +1,9 @@
 """Reading the structure out of a template: which path its hand takes, in which sense, how far.
 
 The template is not pasted and not trusted: its function is imagined on the scene of the prompt, in the sandbox that
-robot code runs in, with a hand that has no robot behind it. What the hand would do between gripping and letting go is
-compared with the door's geometry, and that structure (arc or line, sense, angle, distance) is taken over. So it does not
-matter how the code is written, and a template whose arc is reversed spoils what is written after it.
+robot code runs in, with a hand that has no robot behind it. What the hand would do between gripping and letting go
+is compared with the door's geometry, and that structure (arc or line, sense, angle, distance) is taken over. So it
+does not matter how the code is written, and a template whose arc is reversed spoils what is written after it.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class ImaginedHand(Control):
 
     def _go(self, position: list[float], orientation: list[float] | None, free: bool) -> None:
         turned = self._pose.orientation if orientation is None else tuple(orientation)
-        self._pose = Pose(tuple(position), turned)  # type: ignore[arg-type]
+        self._pose = Pose(tuple(position), turned)
         self.events.append(Event("go", self._pose, free=free))
 
 
@@ -264,7 +264,7 @@ def _arc(recipe: Recipe, points: Array, turned: float, around: Surroundings) -> 
         tangent = np.cross(axis, start)
         if tangent @ (points[1] - points[0]) < 0:
             tangent = -tangent
-        # A hinge is away from the handle: a first motion into the thing, or about the wrong edge, is the other way round.
+        # A first motion into the thing is the other way round.
         sense = 1 if tangent @ out > 0 else -1
     pivot = "far"
     if out is not None and around.handle is not None and (around.door or around.thing) is not None:
@@ -292,4 +292,5 @@ def _circle(points: Array) -> tuple[Array, Array]:
 
 
 def _angle_between(a: Array, b: Array) -> float:
-    return float(math.acos(max(-1.0, min(1.0, a @ b / (np.linalg.norm(a) * np.linalg.norm(b))))))
+    cosine = float(a @ b) / float(np.linalg.norm(a) * np.linalg.norm(b))
+    return math.acos(max(-1.0, min(1.0, cosine)))

@@ -1,4 +1,4 @@
-"""The closed vocabulary: words, phrases and what each phrase means. The data is ``vocabulary.yaml`` or a file like it."""
+"""The closed vocabulary: words, phrases and what each means. The data is ``vocabulary.yaml`` or a file like it."""
 
 from __future__ import annotations
 
