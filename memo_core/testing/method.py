@@ -1,0 +1,133 @@
+"""Conformance suite for methods: ``RULES[name](make)``, where ``make`` returns a new method.
+
+The session is a fake stage, a language model that fails every call, and nobody who watches: what a method owes in every
+case. Whether it does tasks well is asked by evaluations.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from memo_core.errors import MemoError
+from memo_core.interfaces.llm import Answer, Request
+from memo_core.policy.method import Method
+from memo_core.policy.session import RunResult, Session
+from memo_core.policy.settings import RunSettings
+from memo_core.policy.stopping import StopSwitch
+from memo_core.sandbox import Sandbox
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import skill_library
+from memo_core.testing.fake_llm import ScriptedModel
+from memo_core.testing.fake_stage import FakeStage
+
+Make = Callable[[], Method]
+RULES: dict[str, Callable[[Make], None]] = {}
+ENOUGH_S = 10.0
+
+
+def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
+    """Register a check; its docstring is the promise."""
+    RULES[check.__name__] = check
+    return check
+
+
+def check_method(make: Make) -> None:
+    """Run all rules. Raises ``AssertionError`` naming the first that is broken."""
+    for name, check in RULES.items():
+        try:
+            check(make)
+        except AssertionError as error:
+            raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
+
+
+class _NoJournal:
+    def model_call(self, request: Request, answer: Answer | None, problem: str, abandoned: bool) -> str:
+        return ""
+
+    def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:
+        return ""
+
+    def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
+
+    def attempt_begins(self, number: int, attempt: int) -> None: ...
+
+    def attempt_ends(self, number: int, attempt: int) -> None: ...
+
+
+def _session(stage: FakeStage, ending: bool = False) -> Session:
+    library = skill_library(BUILTIN_SKILLS)
+    return Session(
+        run="conformance",
+        stage=stage,
+        llm=ScriptedModel({}),
+        skills=library,
+        sandbox=Sandbox(library),
+        settings=RunSettings(attempts=1, subtasks=2, video="off"),
+        stop=StopSwitch(),
+        journal=_NoJournal(),
+        emit=lambda event: None,
+        ending=lambda: ending,
+    )
+
+
+def _run(make: Make, session: Session) -> tuple[Any, BaseException | None]:
+    """The result or the error of a run in a worker thread, as a run has it; fails when it takes too long."""
+    ended: list[tuple[Any, BaseException | None]] = []
+
+    def work() -> None:
+        try:
+            ended.append((make().run(session), None))
+        except BaseException as error:
+            ended.append((None, error))
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(ENOUGH_S)
+    session.sandbox.close()
+    assert ended, f"it still ran after {ENOUGH_S:g} s"
+    return ended[0]
+
+
+@rule
+def has_a_name(make: Make) -> None:
+    """``name`` says which method this is, in reports and records."""
+    assert isinstance(make().name, str) and make().name.strip()
+
+
+@rule
+def ends_with_a_result_or_a_clear_error(make: Make) -> None:
+    """When the language model fails, nobody watches and there is no book, it ends with a ``RunResult`` or a
+    ``MemoError``, and nothing else."""
+    result, error = _run(make, _session(FakeStage()))
+    if error is not None:
+        assert isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"
+    else:
+        assert isinstance(result, RunResult), f"returned {type(result).__name__}"
+        assert result.reason.strip(), "no reason"
+
+
+@rule
+def a_latched_stop_moves_nothing(make: Make) -> None:
+    """With the stop latched and the run to end, it ends soon, with ``Stopped`` or a result, and commands nothing."""
+    stage = FakeStage()
+    session = _session(stage, ending=True)
+    stage.link.stop()
+    session.stop.press()
+    started = time.monotonic()
+    result, error = _run(make, session)
+    assert error is None or isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"
+    assert time.monotonic() - started < ENOUGH_S
+    assert not stage.control.commands, f"commanded {stage.control.commands} after the stop"
+    assert result is None or not result.finished, "it says that the task is done"
+
+
+@rule
+def keeps_nothing_between_runs(make: Make) -> None:
+    """One method may do several runs, one after the other."""
+    method = make()
+    for _ in range(2):
+        _, error = _run(lambda: method, _session(FakeStage()))
+        assert error is None or isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"

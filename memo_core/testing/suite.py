@@ -1,0 +1,122 @@
+"""Conformance suite for task suites: ``RULES[name](make)``, where ``make`` returns the tasks.
+
+Nothing is simulated here; whether a reference solution solves its task is asked by ``memo tasks verify``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.scene.description import SceneDescription
+from memo_core.testing.perception import StillWorld
+
+Make = Callable[[], Sequence[Task]]
+RULES: dict[str, Callable[[Make], None]] = {}
+SEEDS = (0, 1, 2)
+
+
+def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
+    """Register a check; its docstring is the promise."""
+    RULES[check.__name__] = check
+    return check
+
+
+def check_suite(make: Make) -> None:
+    """Run all rules. Raises ``AssertionError`` naming the first that is broken."""
+    for name, check in RULES.items():
+        try:
+            check(make)
+        except AssertionError as error:
+            raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
+
+
+def _scene(task: Task, seed: int) -> SceneDescription:
+    return task.scene(np.random.default_rng(seed))
+
+
+@rule
+def tasks_have_names_and_instructions(make: Make) -> None:
+    """Each is a ``Task`` with a unique name in lower case and hyphens, an instruction, and a time limit."""
+    tasks = tuple(make())
+    assert tasks, "there is none"
+    for task in tasks:
+        assert isinstance(task, Task), f"{task!r} is no Task"
+        assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", task.name), f"name {task.name!r}"
+        assert task.instruction.strip(), f"{task.name}: no instruction"
+        assert task.split in ("training", "held-out"), f"{task.name}: split {task.split!r}"
+        assert 0 < task.time_limit < 3600, f"{task.name}: time limit {task.time_limit} s"
+    names = [task.name for task in tasks]
+    assert len(set(names)) == len(names), "two tasks share a name"
+
+
+@rule
+def a_scene_depends_on_its_seed_only(make: Make) -> None:
+    """One seed always gives the same scene, also from another instance; other seeds give other scenes."""
+    for first, second in zip(make(), make(), strict=True):
+        for seed in SEEDS:
+            assert repr(_scene(first, seed)) == repr(_scene(second, seed)), f"{first.name}: seed {seed} gave two scenes"
+        assert len({repr(_scene(first, seed)) for seed in SEEDS}) > 1, f"{first.name}: all seeds give one scene"
+
+
+@rule
+def a_scene_does_not_draw_from_elsewhere(make: Make) -> None:
+    """Randomness comes from the given generator, not from numpy's or Python's global one."""
+    import random
+
+    for task in make():
+        random.seed(1)
+        np.random.seed(1)
+        one = repr(_scene(task, 0))
+        random.seed(2)
+        np.random.seed(2)
+        assert repr(_scene(task, 0)) == one, f"{task.name} draws from a global generator"
+
+
+@rule
+def nothing_is_done_at_the_start(make: Make) -> None:
+    """The success check says no at the start, with a reason, whatever the seed."""
+    for task in make():
+        for seed in SEEDS:
+            world = StillWorld(_scene(task, seed))
+            monitors = {monitor.name: monitor for monitor in task.monitors()}
+            for monitor in monitors.values():
+                monitor.reset(world)
+            outcome = task.check(world, monitors)
+            assert isinstance(outcome, Outcome), f"{task.name}: check returned {type(outcome).__name__}"
+            assert not outcome.success, f"{task.name}: seed {seed} is done before anybody moved"
+            assert outcome.reason.strip(), f"{task.name}: no reason"
+
+
+@rule
+def monitors_are_new_and_remember(make: Make) -> None:
+    """``monitors`` gives new ones each time, with unique names; what they remember is JSON that ``recall`` takes."""
+    for task in make():
+        one, other = task.monitors(), task.monitors()
+        assert not {id(m) for m in one} & {id(m) for m in other}, f"{task.name}: one monitor serves two worlds"
+        names = [monitor.name for monitor in one]
+        assert len(set(names)) == len(names), f"{task.name}: two monitors share a name"
+        world = StillWorld(_scene(task, 0))
+        for monitor, fresh in zip(one, other, strict=True):
+            monitor.reset(world)
+            fresh.reset(world)
+            monitor.update(world)
+            memory = json.loads(json.dumps(monitor.memory()))
+            fresh.recall(memory)
+            kept = json.loads(json.dumps(fresh.memory()))
+            assert kept == memory, f"{task.name}: {monitor.name} recalls something else"
+
+
+@rule
+def reference_solutions_are_code(make: Make) -> None:
+    """A hand-written solution exists and is Python."""
+    for task in make():
+        assert task.reference_solution.strip(), f"{task.name} has none"
+        try:
+            compile(task.reference_solution, task.name, "exec")
+        except SyntaxError as error:
+            raise AssertionError(f"{task.name}: {error}") from None
