@@ -113,7 +113,8 @@ class Sandbox:
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
         milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
         piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code. What a skill
-        raises goes to the code; anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is raised here.
+        raises goes to the code; anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is
+        raised here.
         """
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")

@@ -8,7 +8,7 @@ from importlib import resources
 
 def source(name: str) -> str:
     """The text of a prelude: ``base`` (always), ``arrays`` and ``array_functions`` (numpy)."""
-    return resources.files(__package__).joinpath(f"{name}.py").read_text(encoding="utf-8")
+    return resources.files(__package__).joinpath(f"{name}.monty").read_text(encoding="utf-8")
 
 
 def array_names() -> dict[str, tuple[str, ...]]:
