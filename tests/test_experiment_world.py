@@ -1,6 +1,8 @@
-"""A world can be put back exactly, whatever watched it; it is the same for the same seed; another's state is refused."""
+"""A world can be put back exactly, whatever watched it; the same seed is the same world; others' states are refused."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import pytest
 
@@ -61,7 +63,7 @@ def test_watching_changes_nothing_and_sees_the_whole_motion(world, sandbox):
     sightings = world.stop_watching()
     assert watched == unwatched
     assert sightings[0].time < sightings[-1].time == world.time()
-    gaps = [b.time - a.time for a, b in zip(sightings, sightings[1:], strict=False)]
+    gaps = [b.time - a.time for a, b in pairwise(sightings)]
     assert max(gaps) <= 0.52 and len(sightings) >= 3
     assert world.stop_watching() == ()
 
