@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import attrs
 import jsonschema
@@ -153,3 +154,18 @@ def test_show_and_schema_work_with_the_installed_plugins(tmp_path, capsys):
     jsonschema.Draft202012Validator.check_schema(schema)
     assert jsonschema.Draft202012Validator(schema).is_valid({"retrieval": {"cut": 0.9}})
     assert not jsonschema.Draft202012Validator(schema).is_valid({"retrieval": {"cutt": 0.9}})
+
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+def test_every_example_is_in_order_and_its_task_exists(file, capsys):
+    from memo_core.config import load_experiment
+    from memo_core.experiment.assembly import task_of
+    from memo_core.experiment.sections import SECTIONS
+
+    assert run("config", "check", str(file)) == 0
+    experiment = load_experiment(Registry(), file, (), SECTIONS)
+    assert experiment.task is not None
+    assert task_of(experiment, experiment.task).name == experiment.task

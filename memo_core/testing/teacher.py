@@ -1,6 +1,6 @@
 """Conformance suite for teachers: ``RULES[name](make)``, where ``make`` returns a new, unopened teacher.
 
-Standard input is empty meanwhile, so a teacher that asks a person finds that nobody is there.
+Standard input is empty meanwhile: a teacher that asks a person finds nobody there. Its questions are not shown.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 from memo_core.interfaces.teacher import Episode, Sighting, Teacher, Verdict
 from memo_core.scene.graph import Observation, SceneGraph
@@ -52,11 +52,12 @@ def _opened(make: Make) -> Iterator[Teacher]:
     before, sys.stdin = sys.stdin, io.StringIO("")
     try:
         teacher = make()
-        teacher.open()
-        try:
-            yield teacher
-        finally:
-            teacher.close()
+        with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):
+            teacher.open()
+            try:
+                yield teacher
+            finally:
+                teacher.close()
     finally:
         sys.stdin = before
 
