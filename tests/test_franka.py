@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from memo_franka.configured import PandaSettings, configured
+from memo_franka.description import panda
+from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.arm.urdf import read_urdf
 from memo_core.errors import InvalidArgument
 from memo_core.scene.description import SceneDescription
-from memo_franka.configured import PandaSettings, configured
-from memo_franka.description import panda
-from memo_sim_mujoco.simulator import MujocoSimulator
 
 # Franka's documentation, Denavit-Hartenberg parameters in Craig's convention: a (m), d (m), alpha (rad).
 PUBLISHED_DH = (
@@ -212,6 +212,35 @@ def test_another_urdf_can_be_configured(tmp_path):
         with own:
             own.build(SceneDescription(bodies=()), ROBOT)
             assert simulator.tool_pose().distance(own.tool_pose()) == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_a_urdf_with_meshes_is_built_with_looks_that_mujoco_can_read(tmp_path):
+    (tmp_path / "arm").mkdir()
+    corners = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    text += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+    (tmp_path / "arm" / "hull.obj").write_text(text)
+    (tmp_path / "arm" / "look.dae").write_text("<COLLADA/>")
+    mesh = '<geometry><mesh filename="package://arm/{}" scale="0.5 0.5 0.5"/></geometry>'
+    link = (
+        f'<link name="panda_link0"><visual>{mesh.format("look.dae")}</visual>'
+        f"<collision>{mesh.format('hull.obj')}</collision></link>"
+    )
+    start, end = ROBOT.urdf.index('<link name="panda_link0">'), ROBOT.urdf.index('<link name="panda_link1">')
+    path = tmp_path / "panda.urdf"
+    path.write_text(ROBOT.urdf[:start] + link + ROBOT.urdf[end:])
+    with MujocoSimulator() as simulator:
+        simulator.build(SceneDescription(bodies=()), configured(PandaSettings(urdf=str(path))))
+        first, count = (
+            simulator.model.body("robot/panda_link0").geomadr[0],
+            simulator.model.body("robot/panda_link0").geomnum[0],
+        )
+        kinds = simulator.model.geom_type[first : first + count]
+        assert list(kinds) == [mujoco.mjtGeom.mjGEOM_MESH] * 2, "one to see, one to touch"
+        assert simulator.model.mesh_vert.max() < 0.051, "scaled by a half"
+    with pytest.raises(InvalidArgument, match=r"mesh 'package://arm/hull\.obj' not found"):
+        configured(PandaSettings(urdf=str(path), mesh_folder=str(tmp_path / "nowhere")))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import mujoco
@@ -10,8 +11,9 @@ from memo_core.arm.urdf import Urdf, UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.robot import GripperDescription, RobotDescription
 from memo_core.scene.description import Geom, Material
-from memo_sim_mujoco.scene import LIMIT_SOLREF, add_shape, surface
+from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, add_shape, surface
 
+_log = logging.getLogger("memo.mujoco")
 PREFIX = "robot/"
 FINGER_TENDON = "robot/fingers"
 FINGER_SERVO = "robot/gripper"
@@ -99,7 +101,7 @@ def _add_link(
         body.fullinertia = _turned(link)
     if joint is not None and joint.kind != "fixed":
         _add_joint(body, joint, robot)
-    for shape in link.visuals or link.collisions:
+    for shape in _seen(link):
         look = _geom(shape, _LINK_COLOUR)
         add_shape(spec, body, look, f"robot link {link.name!r}", contype=0, conaffinity=0, group=2, mass=0.0)
     pad = link.name in robot.gripper.pads
@@ -182,6 +184,15 @@ def _may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
     for first, second in robot.allowed_contacts:
         pairs.add((first, second) if first < second else (second, first))
     return pairs
+
+
+def _seen(link: UrdfLink) -> tuple[UrdfShape, ...]:
+    """What is drawn of a link: its visual shapes, or its collision shapes where there are none MuJoCo can read (most
+    URDFs bring their looks as .dae files)."""
+    unreadable = [shape.mesh for shape in link.visuals if shape.mesh and not shape.mesh.lower().endswith(MESH_FILES)]
+    if unreadable:
+        _log.info("%s looks like its collision shapes: MuJoCo does not read %s", link.name, ", ".join(unreadable))
+    return link.collisions if unreadable or not link.visuals else link.visuals
 
 
 def _geom(shape: UrdfShape, colour: tuple[float, float, float, float]) -> Geom:

@@ -15,6 +15,7 @@ from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material
 from memo_core.scene.pose import Pose
 from memo_sim_mujoco.settings import MujocoSettings
 
+MESH_FILES = (".stl", ".obj", ".msh")
 DENSITY = 500.0  # kg/m3, of bodies that state no mass
 SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 FLOOR_DEPTH = 0.75  # m below the table's top
@@ -125,7 +126,7 @@ def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: 
 
 
 def _add_mesh(spec: mujoco.MjSpec, file: str | None, scale: tuple[float, ...], where: str) -> str:
-    if file is None or Path(file).suffix.lower() not in (".stl", ".obj", ".msh") or not Path(file).is_file():
+    if file is None or Path(file).suffix.lower() not in MESH_FILES or not Path(file).is_file():
         raise InvalidArgument(where, f"mesh {file!r} cannot be read", "an existing .stl or .obj file")
     name = f"{file}*{scale}"
     if all(mesh.name != name for mesh in spec.meshes):
