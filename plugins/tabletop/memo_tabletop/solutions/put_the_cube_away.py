@@ -1,14 +1,36 @@
+import math
+
+
+def along(point, direction, distance):
+    return [p + distance * d for p, d in zip(point, direction)]
+
+
+def outwards():
+    # level, at right angles to the bar, from the drawer's middle towards the bar
+    size, axes = get_size("drawer handle"), get_axes("drawer handle")
+    bar = axes[size.index(max(size))]
+    grip, middle = get_position("drawer handle"), get_position("chest")
+    out = [bar[1], -bar[0], 0.0]
+    if out[0] * (grip[0] - middle[0]) + out[1] * (grip[1] - middle[1]) < 0:
+        out = [-out[0], -out[1], 0.0]
+    length = math.hypot(out[0], out[1])
+    return [v / length for v in out]
+
+
+def square_yaw(axis):
+    yaw = math.atan2(axis[1], axis[0])
+    while yaw > math.pi / 4:
+        yaw -= math.pi / 2
+    while yaw < -math.pi / 4:
+        yaw += math.pi / 2
+    return yaw
+
+
 def pull(distance):
-    grip = get_position("drawer handle")
-    opening = [-1.0, 0.0, 0.0]
-    face = get_position("drawer")
-    hand = side_orientation([face[0] - grip[0], face[1] - grip[1], 0], "vertical")
-    out = [grip[0] - face[0], grip[1] - face[1], 0]
-    length = (out[0] ** 2 + out[1] ** 2) ** 0.5
-    out = [out[0] / length, out[1] / length, 0]
-    before = [grip[i] + 0.10 * out[i] for i in range(3)]
-    end = [grip[i] + distance * out[i] for i in range(3)]
-    away = [grip[i] + (distance + 0.10) * out[i] for i in range(3)]
+    grip, out = get_position("drawer handle"), outwards()
+    hand = side_orientation([-v for v in out], "vertical")
+    before, end = along(grip, out, 0.10), along(grip, out, distance)
+    away = along(end, out, 0.08)
     open_gripper(0.05)
     move_to(before, hand, then=[[grip, hand], [end, hand], [away, hand]])
     follow_path([[grip, hand]], then=[[end, hand], [away, hand]])
@@ -19,16 +41,34 @@ def pull(distance):
     look()
 
 
+def put_in():
+    cube = get_position("cube")
+    open_gripper()
+    move_to([cube[0], cube[1], cube[2] + 0.12], top_orientation(square_yaw(get_axes("cube")[0])))
+    move_straight(cube)
+    close_gripper()
+    move_straight([cube[0], cube[1], cube[2] + 0.20])
+
+    # the middle of what the chest no longer covers of the drawer
+    out, inside, chest = outwards(), get_position("drawer inside"), get_position("chest")
+    reach = [sum((p - q) * d for p, q, d in zip(inside, chest, out)) + get_size("drawer inside")[0] / 2, get_size("chest")[0] / 2]
+    here = sum((p - q) * d for p, q, d in zip(inside, chest, out))
+    target = along(inside, out, sum(reach) / 2 - here)
+    rim = get_bounds("drawer inside")[1][2]
+    hand = top_orientation(square_yaw(out))
+    move_to([target[0], target[1], rim + 0.12], hand)
+    move_straight([target[0], target[1], rim - 0.04], hand)
+    open_gripper()
+    move_straight([target[0], target[1], rim + 0.15], hand)
+    look()
+
+
 def push_shut():
-    grip = get_position("drawer handle")
-    drawer = get_position("drawer")
-    chest = get_position("chest")
-    into = [chest[0] - grip[0], chest[1] - grip[1], 0]
-    length = (into[0] ** 2 + into[1] ** 2) ** 0.5
-    into = [into[0] / length, into[1] / length, 0]
-    hand = side_orientation(into, "vertical")
-    before = [grip[i] - 0.08 * into[i] for i in range(3)]
-    end = [grip[i] + 0.17 * into[i] for i in range(3)]
+    grip, out = get_position("drawer handle"), outwards()
+    travel = sum((p - q) * d for p, q, d in zip(get_position("drawer inside"), get_position("chest"), out))
+    # the fingers close along the bar, so that it cannot slip in between them
+    hand = side_orientation([-v for v in out], "horizontal")
+    before, end = along(grip, out, 0.08), along(grip, out, -travel)
     close_gripper()
     move_to(before, hand)
     follow_path([[end, hand]])
@@ -36,28 +76,6 @@ def push_shut():
     look()
 
 
-pull(0.14)
-cube = get_position("cube")
-axes = get_axes("cube")
-import math
-yaw = math.atan2(axes[0][1], axes[0][0])
-while yaw > math.pi / 4:
-    yaw -= math.pi / 2
-while yaw < -math.pi / 4:
-    yaw += math.pi / 2
-open_gripper()
-move_to([cube[0], cube[1], cube[2] + 0.12], top_orientation(yaw))
-move_straight(cube)
-close_gripper()
-move_straight([cube[0], cube[1], cube[2] + 0.20])
-low, high = get_bounds("drawer inside")
-front = get_position("drawer handle")
-middle = get_position("drawer inside")
-chest_low = get_bounds("chest")[0]
-target = [max(low[0], front[0] + 0.06) + 0.055, middle[1], low[2] + 0.03]
-target[0] = min(target[0], chest_low[0] - 0.05)
-move_to([target[0], target[1], high[2] + 0.12], top_orientation())
-move_straight(target)
-open_gripper()
-move_straight([target[0], target[1], high[2] + 0.15])
+pull(0.16)
+put_in()
 push_shut()
