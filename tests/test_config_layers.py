@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import attrs
@@ -169,3 +170,15 @@ def test_every_example_is_in_order_and_its_task_exists(file, capsys):
     experiment = load_experiment(Registry(), file, (), SECTIONS)
     assert experiment.task is not None
     assert task_of(experiment, experiment.task).name == experiment.task
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/configuration.md"])
+def test_the_experiment_on_a_page_is_in_order(page, tmp_path):
+    text = (Path(__file__).parents[1] / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert blocks
+    (tmp_path / "lab.yaml").write_text("seed: 1\n")
+    for number, block in enumerate(blocks):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(block)
+        assert run("config", "check", str(file)) == 0

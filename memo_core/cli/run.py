@@ -20,6 +20,7 @@ def command(
     seed: Seed = None,
     config: Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="The same as FILE.")] = None,
     overrides: Overrides = None,
+    teacher: Annotated[str | None, typer.Option("--teacher", help="Who watches: short for --set teacher=…")] = None,
     book: Annotated[str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook to use.")] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Where run folders are made.")] = Path("runs"),
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
@@ -33,9 +34,9 @@ def command(
     from memo_core.experiment.console import Narrator
     from memo_core.experiment.run import run_experiment
 
-    if book is not None:
-        overrides = [*(overrides or []), f"skillbook.url={dumps(book)}"]
-    registry, experiment = load(file or config, overrides, task, seed)
+    typed = {"teacher": teacher, "skillbook.url": book}
+    short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
+    registry, experiment = load(file or config, [*(overrides or []), *short], task, seed)
     report = run_experiment(experiment, registry, out, listener=Narrator(), view=view)
     if json:
         print_json(report.summary())
