@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 import pytest
 
 from memo_core.errors import UnknownName
+from memo_core.skillbook import database as database_module
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.database import SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
@@ -80,3 +83,20 @@ def test_listing_by_person_kind_and_key(tmp_path: Path) -> None:
     by_text = {record["text"]: record for record in records if record["record"] == "entry"}
     assert by_text["three"]["action"] == "close" and by_text["three"]["objects"] == ["jar"]
     assert by_text["two"]["objects"] == [] and by_text["one"]["sources"] == [1]
+
+
+def test_forgetting_says_so_when_a_reader_keeps_the_words_in_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database_module, "_ERASE_TIMEOUT_S", 0.2)
+    path = tmp_path / "book.db"
+    with _book(path) as book:
+        book.record_feedback("zebrawords", "ana")
+        reader = sqlite3.connect(path, isolation_level=None)
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM feedback").fetchone()
+        with pytest.raises(SkillbookError, match="somebody else is reading"):
+            book.forget("ana")
+        reader.close()
+        assert book.people() == []
+    assert b"zebra" not in _bytes(path)

@@ -34,13 +34,13 @@ class Actions:
                 normal = _normal(verb)
                 if groups.setdefault(normal, _normal(head)) != _normal(head):
                     problem = f"{normal!r} stands under {groups[normal]!r} and under {head!r}"
-                    raise InvalidArgument("skillbook.synonyms", problem, "one group a verb")
+                    raise InvalidArgument("retrieval.synonyms", problem, "one group a verb")
         opposites = set()
         for pair in pairs:
             verbs = [groups.get(_normal(v), _normal(v)) for v in pair]
             if len(verbs) != 2 or verbs[0] == verbs[1]:
                 problem = f"{list(pair)} is no pair of opposites"
-                raise InvalidArgument("skillbook.opposites", problem, "two verbs of different groups")
+                raise InvalidArgument("retrieval.opposites", problem, "two verbs of different groups")
             opposites.add(frozenset(verbs))
         return cls(groups, frozenset(opposites))
 

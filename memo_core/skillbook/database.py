@@ -47,6 +47,7 @@ class ReadOnlyBook(SkillbookError):
     """A write to a book that was opened read-only."""
 
 
+_ERASE_TIMEOUT_S = 10.0
 _URL_FORMS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 
 
@@ -168,14 +169,22 @@ class Database:
         return path.stat().st_size if path is not None and path.exists() else 0
 
     def erase_traces(self) -> None:
-        """After a deletion: rewrite the file without free pages and empty the log, so that deleted words are gone."""
+        """After a deletion: rewrite the file without free pages and empty the log, so that deleted words are gone.
+
+        Raises ``SkillbookError`` when another process reads the book all the time.
+        """
         if not self.is_sqlite:
             return
+        deadline = time.monotonic() + _ERASE_TIMEOUT_S
         with self._exclusive(), self.engine.connect() as connection:
             raw = connection.connection.dbapi_connection
             assert raw is not None
             raw.execute("VACUUM")
-            raw.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            while raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]:
+                if time.monotonic() > deadline:
+                    problem = "what was deleted is still in its log, because somebody else is reading the book"
+                    raise SkillbookError(self.name, problem, "close the others; the next to close the book empties it")
+                time.sleep(0.05)
 
     # -- opening -------------------------------------------------------------------------------------------------------
     def _writing(self) -> sa.Connection:

@@ -32,17 +32,17 @@ _TIE = 1e-6  # float32 cosines of equal texts differ by rounding
 
 def _positive(instance: object, attribute: attrs.Attribute[float], value: float) -> None:
     if not (isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < float("inf")):
-        raise InvalidArgument(f"skillbook.{attribute.name}", f"{value!r} is not right", "a number above 0")
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number above 0")
 
 
 def _count(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 1000:
-        raise InvalidArgument(f"skillbook.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 1000")
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 1000")
 
 
 def _cosine(instance: object, attribute: attrs.Attribute[float], value: float) -> None:
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not -1 <= value <= 1:
-        raise InvalidArgument(f"skillbook.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
 
 
 @attrs.frozen

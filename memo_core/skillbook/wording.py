@@ -18,7 +18,7 @@ _KEPT = 20_000  # keys' vectors in memory
 
 def _one_place(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
     if value.count("{}") != 1 or value.replace("{}", "").count("{"):
-        raise InvalidArgument(f"skillbook.{attribute.name}", f"{value!r} has no place for a word", "one {}")
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} has no place for a word", "one {}")
 
 
 @attrs.frozen
