@@ -19,6 +19,7 @@ from memo_core.skills.skill import Skill, skill_library
 from memo_core.testing.fake_control import FakeControl
 
 PROGRAMS = sorted((Path(__file__).parent / "programs" / "ordinary").glob("*.py"))
+LANGUAGE = sorted((Path(__file__).parent / "programs" / "language").glob("*.py"))
 WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
 
 REFUSED = {  # outside the published subset: named before anything moves, with the line
@@ -102,6 +103,17 @@ def test_an_ordinary_program_does_what_python_does(path, sandbox, monkeypatch):
     assert control.commands == expected.commands
     assert np.allclose(control.trail, expected.trail, atol=1e-9)
     assert control.held == expected.held
+
+
+@pytest.mark.filterwarnings("ignore::SyntaxWarning")
+@pytest.mark.parametrize("path", LANGUAGE, ids=lambda p: p.stem)
+def test_the_language_means_what_it_means_in_python(path, sandbox, monkeypatch):
+    code = path.read_text()
+    execution, _ = in_sandbox(sandbox, code)
+    assert execution.error == ""
+    printed, _ = in_python(code, monkeypatch)
+    assert spoken(execution.printed)[0] == spoken(printed)[0]
+    assert spoken(execution.printed)[1] == pytest.approx(spoken(printed)[1], abs=1e-9, nan_ok=True)
 
 
 @pytest.mark.parametrize("path", [p for p in PROGRAMS if p.stem in REFUSED], ids=lambda p: p.stem)
