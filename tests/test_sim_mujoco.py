@@ -442,6 +442,23 @@ except BackendUnavailable as error:
 
 
 @drawing
+def test_an_encoder_that_dies_is_one_problem_and_ctrl_c_does_not_reach_it(tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    problems = []
+    with built(cube(0.045)) as simulator, Recording(simulator, "front", tmp_path / "a.mp4", problems.append) as film:
+        run(simulator, 0.3)
+        process = film._encoder._process
+        assert os.getpgid(process.pid) != os.getpgid(0)
+        process.kill()
+        process.wait()
+        run(simulator, 1.0)
+        assert not film.active
+        assert simulator.time == pytest.approx(1.3)
+    assert len(problems) == 1
+    assert os.listdir(tmp_path) == [], "half a video is none"
+
+
+@drawing
 def test_an_unwritable_folder_is_one_problem(tmp_path):
     (tmp_path / "file").write_text("")
     problems = []

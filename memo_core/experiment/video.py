@@ -64,9 +64,11 @@ class Encoder:
             _, errors = process.communicate(timeout=_PATIENCE_S)
         except (subprocess.TimeoutExpired, BrokenPipeError) as error:
             process.kill()
-            process.communicate()
+            process.wait()
+            self._partial.unlink(missing_ok=True)
             raise OSError(f"ffmpeg did not finish {self._partial.name}: {error}") from error
         if process.returncode != 0:
+            self._partial.unlink(missing_ok=True)
             words = errors.decode(errors="replace").strip().splitlines()
             raise OSError(f"ffmpeg could not write {self._path.name}: {words[-1] if words else process.returncode}")
         self._partial.replace(self._path)
