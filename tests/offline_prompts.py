@@ -64,7 +64,6 @@ def box_with_door(name="crate", edge="left", yaw=0.0, opened=False, content=()):
     return scene(*nodes, *content, relations=relations), hinge, axis, frame.rotation @ np.array([-1.0, 0, 0])
 
 
-
 def model() -> OfflineModel:
     one = OfflineModel()
     one.open()
@@ -129,5 +128,3 @@ def held_poses(events: list[Event]) -> list[Pose]:
 
 def degrees_turned(poses: list[Pose]) -> float:
     return math.degrees(poses[0].distance(poses[-1])[1])
-
-

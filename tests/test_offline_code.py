@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from offline_prompts import ARC, Entry, box_with_door, held_poses, run, scene, thing, unfenced, write, MODEL, request
+from offline_prompts import ARC, MODEL, Entry, box_with_door, held_poses, request, run, scene, thing, unfenced, write
 
 from memo_core.scene.graph import Observation
 from memo_core.scene.pose import Pose
@@ -110,7 +110,12 @@ def test_general_guidance_alone_is_followed():
 
 @pytest.mark.parametrize(
     "irrelevant",
-    ["Go 6 cm higher before you close your fingers.", "Take it from above.", "Turn the hand by a quarter turn.", "Let go 5 cm to the left."],
+    [
+        "Go 6 cm higher before you close your fingers.",
+        "Take it from above.",
+        "Turn the hand by a quarter turn.",
+        "Let go 5 cm to the left.",
+    ],
 )
 def test_a_lesson_about_something_else_is_applied_all_the_same_and_spoils(irrelevant):
     graph, *_ = box_with_door()
@@ -153,7 +158,9 @@ def test_a_template_from_another_thing_carries_its_arc_over(edge):
 REVERSALS = {
     "the default amount": lambda text: text.replace("angle=85", "angle=-85"),
     "the angle where it is used": lambda text: text.replace("math.radians(angle)", "math.radians(-angle)"),
-    "the sense that it computes": lambda text: text.replace("return 1.0 if", "return -1.0 if").replace("else -1.0", "else 1.0"),
+    "the sense that it computes": lambda text: text.replace("return 1.0 if", "return -1.0 if").replace(
+        "else -1.0", "else 1.0"
+    ),
 }
 
 
@@ -199,7 +206,11 @@ def swing(door="old door", handle="old handle"):
     side, *_ = box_with_door(edge="left")
     code, answer = write(side, "OPEN(crate)", templates=[Entry(foreign, "OPEN(old)")])
     assert answer.not_understood == ()
-    assert "ANGLE = " in code and float(code.split("ANGLE = ")[1].split()[0]) == pytest.approx(-60, abs=2) or "ANGLE = 60" in code
+    assert (
+        ("ANGLE = " in code
+        and float(code.split("ANGLE = ")[1].split()[0]) == pytest.approx(-60, abs=2))
+        or "ANGLE = 60" in code
+    )
     assert "OPENING = 0.06" in code
 
 

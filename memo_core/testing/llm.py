@@ -31,7 +31,9 @@ def check_language_model(
             for request, answer in zip(requests, answers, strict=True):
                 assert model.answer(request).text == answer.text, "deterministic: asked again, it answered otherwise"
                 renamed = attrs.evolve(request, phase="another phase")
-                assert model.answer(renamed).text == answer.text, "messages alone: the request's phase changed the answer"
+                assert model.answer(renamed).text == answer.text, (
+                    "messages alone: the request's phase changed the answer"
+                )
     finally:
         model.close()
         model.close()

@@ -36,9 +36,6 @@ def _straight(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _reverse(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    if recipe.shape == "straight" and recipe.kind in ("open", "close", "pull", "push"):
-        flipped = {"out": "in", "in": "out", "up": "down", "down": "up", "left": "right", "right": "left"}
-        return attrs.evolve(recipe, way=flipped.get(recipe.way, recipe.way))
     return attrs.evolve(recipe, sense=-recipe.sense, turn=-recipe.turn)
 
 

@@ -273,7 +273,7 @@ def _openable(scene: SceneGraph) -> list[Node]:
 
 
 def _openable_name(scene: SceneGraph, door: Node, asked: Node) -> str:
-    """People open the thing, not its door; but a drawer has a name of its own."""
+    """People open the thing, not its door; but what slides out may have a name of its own."""
     owner = next((n for n in scene.nodes if n.id == door.part_of), None)
     if owner is not None and (
         owner.label.lower() in door.label.lower() or last_word(door.label) in ("door", "lid", "flap")

@@ -57,7 +57,7 @@ def clauses(text: str) -> list[str]:
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
     plain = re.sub(
-        r"\b(?:and then|and|then|so|because|since|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain
+        r"\b(?:and then|and|then|because|since|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain
     )
     pieces = re.split(r"[,;:!?]|\.(?!\d)", plain)
     return [piece for piece in (" ".join(p.split()) for p in pieces) if piece]

@@ -20,6 +20,7 @@ _BASE_WAYS = {
     "away": "[1.0, 0.0, 0.0]",
     "towards": "[-1.0, 0.0, 0.0]",
 }
+_REVERSED = {"out": "in", "in": "out", "up": "down", "down": "up", "left": "right", "right": "left", "away": "towards"}
 _COMING = {  # where the hand comes from -> the direction it points
     "left": "[0.0, -1.0, 0.0]",
     "right": "[0.0, 1.0, 0.0]",
@@ -100,7 +101,7 @@ def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) ->
 
 
 def _hold_door(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
-    """``out``, ``grasp``, ``heading`` and ``hold`` for a door, drawer or lid."""
+    """``out``, ``grasp``, ``heading`` and ``hold`` for a door, a lid or anything that slides out."""
     door = around.door or around.thing
     assert door is not None
     sheet.constant("DOOR", door.label)
@@ -236,6 +237,8 @@ def _point_of_box(name: str, where: str, sheet: _Sheet) -> None:
 
 
 def _way(recipe: Recipe, has_out: bool) -> str:
+    if recipe.sense < 0 and recipe.kind in ("open", "close", "pull", "push"):
+        recipe = attrs.evolve(recipe, way=_REVERSED.get(recipe.way, recipe.way), sense=1)
     if recipe.way in _BASE_WAYS:
         return _BASE_WAYS[recipe.way]
     if recipe.way == "in":
