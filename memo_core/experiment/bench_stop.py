@@ -288,9 +288,7 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
             link=watched.link,
         )
         with TemporaryDirectory() as place, world, sandbox_of(experiment) as sandbox, stop.waking(world.link.stop):
-            settings = RunSettings(
-                video="off", code_limit_s=1e6, time_limit_s=1e9, settle_s=0.0, subtasks=10**6, repeats=10**6
-            )
+            settings = RunSettings(video="off", time_limit_s=1e9, settle_s=0.0, subtasks=10**6, repeats=10**6)
             folder = RunFolder(Path(place) / "run")
             book = book_of(experiment, f"sqlite:///{Path(place) / 'book.db'}", read_only=False)
             with book:

@@ -19,6 +19,7 @@ from memo_core.policy.memories import Memory
 from memo_core.policy.readers import Unreadable, read_code, read_plan
 from memo_core.policy.retrieving import Served, retrieve
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
+from memo_core.policy.stopping import Leaving
 from memo_core.policy.teaching import PLANNING, Teaching
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.workspace import Workspace
@@ -61,6 +62,7 @@ class Loop:
         self._stage = session.stage
         self._settings = session.settings
         self._questions = Questions(session)
+        self._leaving = Leaving(session.stop)
         self._teaching = Teaching(session, memory, self._questions)
         self._done: list[str] = []
         self._results: list[SubtaskResult] = []
@@ -71,6 +73,12 @@ class Loop:
     def run(self) -> RunResult:
         """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
         having asked again) for the plan; ``Stopped`` when a person ends the run."""
+        try:
+            return self._run()
+        finally:
+            self._leaving.wait()  # whoever closes the world must be the last to use it
+
+    def _run(self) -> RunResult:
         while True:
             if len(self._results) >= self._settings.subtasks:
                 return self._ended(
@@ -134,6 +142,7 @@ class Loop:
             except Stopped:
                 interrupted += 1
                 verdict = self._answer_stop(key, attempt, before)
+                self._session.journal.attempt_ends(number, attempt.number)
                 if verdict.kind == "silent" and attempt.approved:
                     return self._result(key, "approved", attempt, interrupted)
                 if verdict.kind == "silent":
@@ -179,7 +188,7 @@ class Loop:
         finally:
             attempt.watched = self._stage.stop_watching()
             self._robot_s += max(0.0, self._stage.time() - started)
-            journal.attempt_ends(number, attempt.number)
+        journal.attempt_ends(number, attempt.number)
         verdict = self._ask(self._episode(key, attempt, before, self._stage.glance()), interrupted=False)
         self._learn(key, attempt, verdict, execution)
         return verdict
@@ -226,19 +235,18 @@ class Loop:
 
     def _execute(self, key: Key, attempt: _Attempt) -> Execution:
         session, started = self._session, self._stage.time()
-        limit = started + self._settings.code_limit_s
-        execution = session.sandbox.run(
-            attempt.code,
-            self._stage.control,
-            stopped=lambda: self._stopped() or self._stage.time() > limit,
-            workspace=self._workspace,
-            on_call=session.emit,
-            clock=self._stage.time,
+        execution = self._leaving.do(
+            "moving",
+            lambda: session.sandbox.run(
+                attempt.code,
+                self._stage.control,
+                stopped=self._stopped,
+                workspace=self._workspace,
+                on_call=session.emit,
+                clock=self._stage.time,
+            ),
         )
-        stopped = execution.ended == "stopped" and self._stopped()
-        if execution.ended == "stopped" and not stopped:
-            error = f"time limit: the code took more than {self._settings.code_limit_s:g} s of the robot's time"
-            execution = attrs.evolve(execution, ended="limit", kind="time limit", error=error)
+        stopped = execution.ended == "stopped"
         took = self._stage.time() - started
         session.emit(CodeEnded(str(key), attempt.number, execution.printed, execution.error, stopped, took))
         if stopped:
@@ -277,6 +285,7 @@ class Loop:
                 continue
             if verdict.kind == "correct":
                 self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
+            self._leaving.wait()
             self._session.release()
             if self._session.ending():  # pressed while the answer came
                 raise Stopped("ending the run")

@@ -43,11 +43,6 @@ class RunSettings:
         validator=attrs.validators.ge(0.0),
         metadata={"help": "seconds to let things come to rest after code ran"},
     )
-    code_limit_s: float = attrs.field(
-        default=180.0,
-        validator=attrs.validators.gt(0.0),
-        metadata={"help": "seconds of the robot's time after which one piece of code is ended"},
-    )
     time_limit_s: float = attrs.field(
         default=600.0,
         validator=attrs.validators.gt(0.0),

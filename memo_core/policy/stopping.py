@@ -84,3 +84,47 @@ def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Calla
     if isinstance(result[0], BaseException):
         raise result[0]
     return result[0]
+
+
+class Leaving:
+    """Work that ends by itself after a stop, but perhaps not at once: a planner deep in its sums. It is waited for a
+    moment, then left to end behind the person's back; ``wait`` before anything may move again."""
+
+    GRACE_S = 0.015
+
+    def __init__(self, stop: StopSwitch) -> None:
+        self._stop = stop
+        self._left: threading.Thread | None = None
+
+    def do(self, where: str, work: Callable[[], T]) -> T:
+        """``work()`` in a thread of its own; its result, or what it raised. After a stop it has a moment to end, then
+        ``Stopped`` is raised and what becomes of it is not heard of."""
+        self.wait()
+        self._stop.check(where)
+        news, ended = threading.Event(), threading.Event()
+        result: list[T | BaseException] = []
+
+        def run() -> None:
+            try:
+                result.append(work())
+            except BaseException as error:
+                result.append(error)
+            ended.set()
+            news.set()
+
+        thread = threading.Thread(target=run, name=f"memo-{where}", daemon=True)
+        with self._stop.waking(news.set):
+            thread.start()
+            news.wait()  # for its end, or for a stop
+        if not ended.wait(self.GRACE_S):
+            self._left = thread
+            raise Stopped(where)
+        if isinstance(result[0], BaseException):
+            raise result[0]
+        return result[0]
+
+    def wait(self) -> None:
+        """Until work that was left has ended."""
+        left, self._left = self._left, None
+        if left is not None:
+            left.join()
