@@ -23,7 +23,7 @@ _STARTS = 4  # configurations of a goal that are tried before a motion is given 
 _RETREATS = (0.04, 0.09, 0.15)  # m back along the approach, to get free of what the fingers are around
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
 _MEETS = 0.025  # m from a thing's box at which the fingertips meet it
-_CHECK_EVERY = 4  # ticks between collision checks of the finished trajectory
+_CHECK_EVERY = 2  # ticks between collision checks of the finished trajectory
 
 
 @attrs.frozen(eq=False)
@@ -84,13 +84,13 @@ class MotionPlanner:
                     break
                 goals.append(found.joints[:, 0])
                 search.exclude(found.joints[:, 0])
-                joints = self._route(checker, start, goals[-1:], straight_only=True)
-                if joints is not None:
-                    return self._free_plan(checker, joints, speed, world)
+                plan = self._route(checker, start, goals[-1:], speed, world, straight_only=True)
+                if plan is not None:
+                    return plan
             if goals:
-                joints = self._route(checker, start, goals)
-                if joints is not None:
-                    return self._free_plan(checker, joints, speed, world)
+                plan = self._route(checker, start, goals, speed, world)
+                if plan is not None:
+                    return plan
                 blocked = Blocked(0.0, "collision", self._obstructing(checker, start, goals[0]))
             assert blocked is not None
             failure = _further(failure, (blocked, path))
@@ -119,30 +119,44 @@ class MotionPlanner:
             raise MotionError(
                 skill, f"the home posture is blocked: {hit}", cause="self-collision" if hit.own else "collision"
             )
-        joints = self._route(checker, start, [home])
-        if joints is None:
+        plan = self._route(checker, start, [home], speed, world)
+        if plan is None:
             hit = self._obstructing(checker, start, home)
             raise MotionError(
                 skill, f"no way home was found{f': on the straight way {hit}' if hit else ''}", cause="collision"
             )
-        return self._free_plan(checker, joints, speed, world)
+        return plan
 
     def _route(
-        self, checker: Checker, start: Array, goals: Sequence[Array], straight_only: bool = False
-    ) -> Array | None:
-        """A free joint path (n, M); where the start is enclosed, a short straight retreat comes first."""
+        self,
+        checker: Checker,
+        start: Array,
+        goals: Sequence[Array],
+        speed: float,
+        world: World,
+        straight_only: bool = False,
+    ) -> Plan | None:
+        """A plan whose every sample is free; where the start is enclosed, a short straight retreat comes first."""
 
         def free(joints: Array) -> bool:
             return not checker.collides(joints, "free")
 
         joints = plan_free(self.kinematics, free, start, goals, nodes=0 if straight_only else 400)
-        if joints is not None or straight_only:
-            return joints
+        if joints is not None and (plan := self._free_plan(checker, joints, speed, world)) is not None:
+            return plan
+        if straight_only:
+            return None
         for retreat in self._retreats(checker, start):
             joints = plan_free(self.kinematics, free, retreat[:, -1], goals, nodes=1500)
             if joints is not None:
-                return np.concatenate([retreat[:, :-1], joints], axis=1)
-        return plan_free(self.kinematics, free, start, goals, nodes=4000, seed=1)
+                joints = np.concatenate([retreat[:, :-1], joints], axis=1)
+                if (plan := self._free_plan(checker, joints, speed, world, retreat.shape[1])) is not None:
+                    return plan
+        for seed in (1, 2):
+            joints = plan_free(self.kinematics, free, start, goals, nodes=3000, seed=seed)
+            if joints is not None and (plan := self._free_plan(checker, joints, speed, world)) is not None:
+                return plan
+        return None
 
     def _retreats(self, checker: Checker, start: Array) -> Iterable[Array]:
         pose = self.kinematics.pose(start)
@@ -165,14 +179,24 @@ class MotionPlanner:
                     if not checker.collides(joints[:, -1], "free"):
                         yield joints
 
-    def _free_plan(self, checker: Checker, joints: Array, speed: float, world: World) -> Plan:
+    def _free_plan(self, checker: Checker, joints: Array, speed: float, world: World, retreat: int = 0) -> Plan | None:
+        """The joint path timed, its first ``retreat`` points being a retreat in contact; None where a sample of it
+        touches something (a corner that was cut, or a graze between two checked configurations)."""
         holding = world.held is not None
         limits = Speed(0.7 * speed, (0.5 if holding else 0.9) * speed, (1.5 if holding else 2.5) * speed)
+        head = np.empty((0, self.kinematics.count))
+        if retreat:
+            head = time_path(self.kinematics, joints[:, :retreat], limits, self.period).targets
+            joints = joints[:, retreat - 1 :]
         dense, corners = densified(joints)
-        trajectory = time_path(self.kinematics, dense, limits, self.period)
-        if corners and any(checker.collides(row, "free") for row in trajectory.targets[::_CHECK_EVERY]):
-            trajectory = time_path(self.kinematics, dense, limits, self.period, stops=corners)
-        return Plan(trajectory, self.kinematics.pose(dense[:, -1]), np.eye(4))
+        for stops in ((), corners):
+            targets = time_path(self.kinematics, dense, limits, self.period, stops=stops).targets
+            if not any(checker.collides(row, "free") for row in targets[::_CHECK_EVERY]):
+                trajectory = Trajectory(np.ascontiguousarray(np.concatenate([head, targets])), self.period)
+                return Plan(trajectory, self.kinematics.pose(dense[:, -1]), np.eye(4))
+            if not corners:
+                break
+        return None
 
     def _obstructing(self, checker: Checker, start: Array, goal: Array) -> Hit | None:
         """What stands in the straight joint line to a goal."""

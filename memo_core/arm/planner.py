@@ -12,7 +12,7 @@ import numpy as np
 from memo_core.arm.kinematics import Kinematics
 from memo_core.scene.pose import Array
 
-_RESOLUTION = 0.05  # rad of the joint that moves most, between collision checks
+_RESOLUTION = 0.035  # rad of the joint that moves most, between collision checks
 _STEP = 0.5  # rad a tree grows by at most
 
 Free = Callable[[Array], bool]  # whether a configuration (n,) touches nothing

@@ -18,6 +18,7 @@ from memo_core.scene.pose import Array
 
 _SHARE = 0.95  # of every limit is used
 _CORNER = 0.002  # m (or rad of a joint / 2) by which averaging may cut a corner
+_REST = 3  # ticks
 _SMOOTH = 0.06  # s, least width of the averages: motions that start softly shake less
 
 
@@ -68,7 +69,8 @@ def _time_piece(kinematics: Kinematics, joints: Array, speed: Speed, period: flo
         raw = np.array([np.interp(ticks, clock, row) for row in joints])
         targets = _averaged(kinematics, raw, period)
         if targets is not None:
-            return targets.T
+            # At rest for some ticks, so that what follows starts with a clean record of differences.
+            return np.concatenate([targets.T, np.repeat(targets.T[-1:], _REST, axis=0)])
         stretch *= 1.3
     raise AssertionError("a slow enough path keeps every limit")
 

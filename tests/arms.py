@@ -1,0 +1,90 @@
+"""Arms and scenes for the tests of memo_core.arm: a six-joint arm of its own, and scenes made of boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from memo_core.arm.control import ArmControl
+from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
+from memo_core.scene.graph import Node, Observation, SceneGraph
+from memo_core.scene.pose import Pose
+from memo_core.testing.ideal_link import IdealLink
+
+# Offsets (m) and axes of a plain six-joint arm: shoulder, elbow, and three wrist axes that do not meet in one point.
+_CHAIN = (
+    ((0.0, 0.0, 0.15), "0 0 1"),
+    ((0.0, 0.12, 0.0), "0 1 0"),
+    ((0.0, -0.10, 0.40), "0 1 0"),
+    ((0.0, 0.0, 0.36), "0 1 0"),
+    ((0.0, 0.09, 0.0), "0 0 1"),
+    ((0.0, 0.0, 0.09), "0 1 0"),
+)
+
+
+def six_joint_arm() -> RobotDescription:
+    """Reaches about 0.9 m; its limits are those of a slow industrial arm."""
+    parts = ['<robot name="six">', '<link name="base"/>']
+    before = "base"
+    for number, ((x, y, z), axis) in enumerate(_CHAIN, start=1):
+        length = 0.30 if number in (2, 3) else 0.06
+        parts.append(
+            f'<link name="link{number}"><inertial><mass value="1"/><origin xyz="0 0 0"/>'
+            '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+            f'<collision><origin xyz="0 0 {length / 2}"/><geometry><cylinder radius="0.04" length="{length}"/></geometry>'
+            "</collision></link>"
+        )
+        parts.append(
+            f'<joint name="joint{number}" type="revolute"><parent link="{before}"/><child link="link{number}"/>'
+            f'<origin xyz="{x} {y} {z}" rpy="0 0 0"/><axis xyz="{axis}"/>'
+            '<limit lower="-3" upper="3" velocity="1.5" effort="100"/></joint>'
+        )
+        before = f"link{number}"
+    parts.append('<link name="tool"/>')
+    parts.append(
+        '<joint name="tool_joint" type="fixed"><parent link="link6"/><child link="tool"/>'
+        '<origin xyz="0 0.08 0" rpy="-1.5707963 0 0"/></joint></robot>'
+    )
+    joints = tuple(
+        JointDescription(f"joint{i}", -3.0, 3.0, 1.5, 4.0, 60.0, 100.0, 2000.0, 200.0) for i in range(1, len(_CHAIN) + 1)
+    )
+    home = (0.0, -0.6, 1.6, 0.5, 1.57, 0.0)
+    return RobotDescription(
+        "six", "".join(parts), joints, GripperDescription(finger_joints=()), "tool", home=home, reach=0.85
+    )
+
+
+def box(name: str, position, size, kind: str = "fixture", **more) -> Node:
+    return Node(name, name, Pose(tuple(position)), tuple(size), kind=kind, **more)
+
+
+class FixedPerception(Perception):
+    """Sees the nodes it was given, whatever happens."""
+
+    def __init__(self, *nodes: Node, table: float = 0.0) -> None:
+        self.nodes = nodes
+        self.table = table
+
+    def start(self, context: PerceptionContext) -> None: ...
+
+    def look(self) -> SceneGraph:
+        return SceneGraph(tuple(self.nodes), (), Observation(Pose(), 0.08, False), self.table)
+
+
+def control_of(description: RobotDescription, *nodes: Node, start=None) -> tuple[ArmControl, IdealLink, FixedPerception]:
+    """An arm without dynamics in a scene of boxes."""
+    link = IdealLink(description, start)
+    perception = FixedPerception(*nodes)
+    return ArmControl(description, link, perception), link, perception
+
+
+def limits_used(description: RobotDescription, sent, period: float, start=None) -> tuple[float, float, float]:
+    """The largest share of any joint's velocity, acceleration and jerk limit in a record of targets, at rest before at
+    ``start`` (default: home) and after."""
+    start = description.home if start is None else start
+    targets = np.array([start] * 4 + list(sent) + [sent[-1]] * 4)
+    shares = []
+    for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
+        limit = np.array([getattr(joint, name) for joint in description.joints])
+        shares.append(float((np.abs(np.diff(targets, order, axis=0)) / period**order / limit).max()))
+    return shares[0], shares[1], shares[2]
