@@ -151,6 +151,16 @@ def test_ties_go_to_the_text_most_like_the_subtask() -> None:
         assert texts(book.retrieve("OPEN(jar)"))[0] == "open jar"
 
 
+def test_synonyms_share_one_ranking() -> None:
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
+        for key in ("PICK(red cube)", "GRAB(red cube)", "TAKE(red cube)"):
+            teach(book, key, f"invoices {key}", f"pick the red cube {key}")
+        found = book.retrieve("PICK(red cube)").corrections
+    assert all("pick the red cube" in s.text for s in found[:3]) and len(found) == 6
+    similar = [s.text_similarity for s in found]
+    assert similar == sorted(similar, reverse=True)
+
+
 def test_then_to_confirmed_uses_then_to_the_newest() -> None:
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings(corrections=2)) as book:
         ids = [teach(book, "OPEN(jar)", "Turn it.", who=f"p{n}")[0] for n in range(4)]

@@ -18,6 +18,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import rows
@@ -70,6 +71,11 @@ def bench_retrieval(
 
     Returns the fields of ``RetrievalBench``. Raises ``BackendUnavailable`` when a backend cannot be opened.
     """
+    most = len(_THINGS) * len(_VERBS) + 1
+    if not 2 <= keys <= most:
+        raise InvalidArgument("keys", f"{keys} is not right", f"2 to {most}")
+    if entries < 3 * keys:
+        raise InvalidArgument("entries", f"{entries} is not right for {keys} keys", f"{3 * keys} or more")
     settings = settings or RetrievalSettings()
     embedder, store, flat, wide = make_embedder(), make_store(), make_store(), make_store()
     with tempfile.TemporaryDirectory(prefix="memo-bench-") as folder:

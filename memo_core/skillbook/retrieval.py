@@ -5,7 +5,6 @@ r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2),    λ1,
 
 from __future__ import annotations
 
-import operator
 import threading
 from collections import Counter
 
@@ -299,6 +298,7 @@ class Retriever:
         similar = self._matrix("general", -1, state) @ meant
         last = len(similar) - min(self._settings.general, len(similar))
         chosen = np.flatnonzero(similar >= np.partition(similar, last)[last] - _TIE)
+        chosen = chosen[np.argsort(-similar[chosen], kind="stable")]
         return {int(state.general.ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in chosen}
 
     def _matrix(self, kind: str, row: int, state: _Generation) -> np.ndarray:
@@ -335,9 +335,6 @@ class Retriever:
         return tuple(cut)
 
 
-_FIRST_OF = operator.itemgetter(0)
-
-
 def _cut(hits: Hits, place: int, state: _Generation, entries: int, rule: str) -> Cut:
     terms = (float(hits.scores[place]), float(hits.action_cosines[place]), float(hits.objects_cosines[place]))
     return Cut(state.labels[hits.rows[place]], *terms, entries, rule)
@@ -346,28 +343,33 @@ def _cut(hits: Hits, place: int, state: _Generation, entries: int, rule: str) ->
 def _first(limit: int, hits: Hits, ids: np.ndarray, places: np.ndarray, similar: np.ndarray) -> Found:
     """The first ``limit`` by r, then similarity, and what ties with the last of them."""
     scores = hits.scores[places]
-    chosen = np.lexsort((-similar, -scores))
+    chosen = np.lexsort((-similar, -np.round(scores, 6)))  # keys of one synonym group differ by rounding only
     if len(chosen) > limit:
         last = chosen[limit - 1]
         level = scores > scores[last] - _TIE
-        chosen = np.flatnonzero((scores > scores[last] + _TIE) | (level & (similar > similar[last] - _TIE)))
-    return {
-        int(ids[i]): (
-            float(scores[i]),
-            float(hits.action_cosines[places[i]]),
-            float(hits.objects_cosines[places[i]]),
-            float(similar[i]),
-        )
-        for i in chosen
-    }
+        keep = (scores > scores[last] + _TIE) | (level & (similar > similar[last] - _TIE))
+        chosen = chosen[keep[chosen]]
+    at = places[chosen]
+    terms = (scores[chosen], hits.action_cosines[at], hits.objects_cosines[at], similar[chosen])
+    return dict(zip(ids[chosen].tolist(), zip(*(column.tolist() for column in terms), strict=True), strict=True))
 
 
 def _order(found: Found, rows: dict[int, Entry], count: int) -> tuple[Served, ...]:
-    """By r, then similarity of the text, confirmed uses, recency."""
-    places = []
+    """By r, then similarity of the text, confirmed uses, recency. ``found`` is in order of the first two."""
+    ranked: list[tuple[Entry, Terms]] = []
+    tied: list[tuple[Entry, Terms]] = []
     for i, terms in found.items():
-        entry = rows[i]
-        tied = (-round(terms[0], 6), -round(terms[3], 6), -entry.confirmed_uses, -entry.created, -i)
-        places.append((tied, entry, terms))
-    places.sort(key=_FIRST_OF)
-    return tuple(Served(entry, n, *terms) for n, (_, entry, terms) in enumerate(places[:count], start=1))
+        if tied and not _ties(tied[0][1], terms):
+            ranked += sorted(tied, key=_by_use) if len(tied) > 1 else tied
+            tied = []
+        tied.append((rows[i], terms))
+    ranked += sorted(tied, key=_by_use)
+    return tuple(Served(entry, n, *terms) for n, (entry, terms) in enumerate(ranked[:count], start=1))
+
+
+def _ties(one: Terms, other: Terms) -> bool:
+    return abs(one[0] - other[0]) < _TIE and abs(one[3] - other[3]) < _TIE
+
+
+def _by_use(item: tuple[Entry, Terms]) -> tuple[float, ...]:
+    return (-item[0].confirmed_uses, -item[0].created, -item[0].id)
