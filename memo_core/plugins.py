@@ -148,12 +148,20 @@ class Registry:
 
     def default(self, kind: str) -> Backend:
         """What an experiment gets that does not say: the only backend of its kind, or the only one declared
-        ``default``. Raises ``NoDefaultBackend``."""
-        candidates = self.backends(kind)
-        chosen = candidates if len(candidates) == 1 else tuple(b for b in candidates if b.default)
-        if len(chosen) != 1:
-            raise NoDefaultBackend(kind, tuple(b.name for b in chosen or candidates))
-        return chosen[0]
+        ``default``. Raises ``NoDefaultBackend`` or ``AmbiguousBackend``."""
+        candidates, contested = self.backends(kind), self._contested(kind)
+        only = len(candidates) == 1 and not contested
+        chosen = candidates if only else tuple(backend for backend in candidates if backend.default)
+        if len(chosen) == 1 and not any(backend.default for _, backend in contested):
+            return chosen[0]
+        if contested:
+            # What two declare may have been the default: taking another in its place would be a guess.
+            name = contested[0][1].name
+            raise AmbiguousBackend(kind, name, _distributions(self._declared[(kind, name)]))
+        raise NoDefaultBackend(kind, tuple(b.name for b in chosen or candidates))
+
+    def _contested(self, kind: str) -> list[tuple[Plugin, Backend]]:
+        return [owner for key in self.ambiguous if key[0] == kind for owner in self._declared[key]]
 
     def plugin_of(self, backend: Backend) -> Plugin:
         """The plugin that declares a backend."""

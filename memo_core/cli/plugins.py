@@ -89,5 +89,10 @@ def _as_json(backend: Backend, distribution: str) -> dict[str, Any]:
         "summary": backend.summary,
         "distribution": distribution,
         "default": backend.default,
+        "needs": {
+            "modules": backend.needs.modules,
+            "system": backend.needs.system,
+            "environment": list(backend.needs.keys),
+        },
         "missing": _missing(backend) or None,
     }

@@ -19,7 +19,7 @@ from memo_core.config.layers import Merged, merge
 from memo_core.config.source import Path_
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_match
 from memo_core.interfaces.backend import KINDS, Backend
-from memo_core.plugins import NoDefaultBackend, Registry, missing_needs
+from memo_core.plugins import Registry, missing_needs
 
 SINGLE_KINDS = tuple(kind for kind in KINDS if kind != "skills")
 SCALARS: dict[str, Any] = {"task": str, "seed": int}
@@ -208,21 +208,27 @@ class _Assembly:
     def _backend(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Backend | None:
         where = (*path, "backend")
         name = values.get("backend")
+        if name is None:
+            return self._default(kind, path, optional)
+        if not isinstance(name, str):
+            self._checker.wrong(where, f"must be the name of a backend, not {name!r}")
+            return None
         try:
-            if name is None:
-                return self._registry.default(kind)
-            if not isinstance(name, str):
-                self._checker.wrong(where, f"must be the name of a backend, not {name!r}")
-                return None
             return self._registry.get(kind, name)
-        except NoDefaultBackend as error:
-            self._undecided[kind] = error
-            if not optional:
-                self._checker.wrong(path, f"missing value: {error}")
         except MemoError as error:
             self._checker.wrong(where, str(error))
             self._check_keys_of_nearest(kind, name, values, path)
-        return None
+            return None
+
+    def _default(self, kind: str, path: Path_, optional: bool) -> Backend | None:
+        """A kind that nobody mentioned need not be settled until somebody asks for it."""
+        try:
+            return self._registry.default(kind)
+        except MemoError as error:
+            self._undecided[kind] = error
+            if not optional:
+                self._checker.wrong(path, f"missing value: {error}")
+            return None
 
     def _check_keys_of_nearest(self, kind: str, name: Any, values: dict[str, Any], path: Path_) -> None:
         """The other mistakes in the section of a misspelt backend belong to the same report."""
