@@ -25,6 +25,7 @@ def memo_embedders() -> Iterable[Backend]:
             summary="all-MiniLM-L6-v2, exported once and run by onnxruntime",
             factory=_sentence_transformers,
             config=SentenceTransformersSettings,
+            default=True,
             needs=Needs(
                 modules={
                     "onnxruntime": "onnxruntime",

@@ -16,5 +16,6 @@ def memo_robots() -> list[Backend]:
             summary="Franka Panda, seven joints, with a parallel gripper of 80 mm stroke",
             factory=configured,
             config=PandaSettings,
+            default=True,
         )
     ]

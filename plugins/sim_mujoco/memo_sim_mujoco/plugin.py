@@ -22,6 +22,7 @@ def memo_simulators() -> list[Backend]:
             summary="MuJoCo: fast contact physics, software rendering, exact checkpoints",
             factory=_simulator,
             config=MujocoSettings,
+            default=True,
             needs=Needs(
                 modules={"mujoco": "mujoco"},
                 system={"libegl1": "pictures and videos", "libgl1-mesa-dri": "pictures and videos without a GPU"},

@@ -25,6 +25,7 @@ def memo_vector_stores() -> Iterable[Backend]:
             summary="exact inner products in memory, optionally kept in a file",
             factory=_faiss,
             config=FaissSettings,
+            default=True,
             needs=Needs(modules={"faiss": "faiss-cpu"}),
         ),
     )
