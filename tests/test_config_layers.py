@@ -182,3 +182,12 @@ def test_the_experiment_on_a_page_is_in_order(page, tmp_path):
         file = tmp_path / f"{number}.yaml"
         file.write_text(block)
         assert run("config", "check", str(file)) == 0
+
+
+def test_every_kind_that_an_experiment_needs_has_a_declared_default():
+    """Being the only one installed is not enough: the next plugin of the kind would unsettle every experiment."""
+    from memo_core.config.experiment import SINGLE_KINDS
+
+    registry = Registry()
+    for kind in SINGLE_KINDS:
+        assert [backend.default for backend in registry.backends(kind)].count(True) == 1, kind
