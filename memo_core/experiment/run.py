@@ -119,7 +119,7 @@ def run_experiment(
         skills=library_of(experiment),
         settings=experiment.section("run"),
         book=book,
-        teacher=experiment.create("teacher") if "teacher" in experiment.choices else None,
+        teacher=experiment.create("teacher"),
     )
     folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
     return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view)
