@@ -234,24 +234,27 @@ class Loop:
         return code
 
     def _execute(self, key: Key, attempt: _Attempt) -> Execution:
-        session, started = self._session, self._stage.time()
-        execution = self._leaving.do(
-            "moving",
-            lambda: session.sandbox.run(
-                attempt.code,
-                self._stage.control,
-                stopped=self._stopped,
-                workspace=self._workspace,
-                on_call=session.emit,
-                clock=self._stage.time,
-            ),
-        )
+        started = self._stage.time()
+        try:
+            execution = self._leaving.do("moving", lambda: self._run_code(attempt.code))
+        except Stopped:
+            execution = Execution("stopped", error="stopped", kind="stop")
         stopped = execution.ended == "stopped"
         took = self._stage.time() - started
-        session.emit(CodeEnded(str(key), attempt.number, execution.printed, execution.error, stopped, took))
+        self._session.emit(CodeEnded(str(key), attempt.number, execution.printed, execution.error, stopped, took))
         if stopped:
             raise Stopped("moving")
         return execution
+
+    def _run_code(self, code: str) -> Execution:
+        return self._session.sandbox.run(
+            code,
+            self._stage.control,
+            stopped=self._stopped,
+            workspace=self._workspace,
+            on_call=self._session.emit,
+            clock=self._stage.time,
+        )
 
     def _stopped(self) -> bool:
         return self._session.stop.pressed or self._stage.link.stopped
