@@ -42,10 +42,12 @@ def test_the_fake_embedder(rule: str) -> None:
 
 def test_onnxruntime_and_torch_agree(exported: Callable[[], SentenceTransformersEmbedder]) -> None:
     fast, slow = exported(), SentenceTransformersEmbedder(SentenceTransformersSettings(runtime="torch"))
-    fast.open(), slow.open()
+    fast.open()
+    slow.open()
     assert (fast.runtime, slow.runtime, fast.name) == ("onnxruntime", "torch", slow.name)
     assert float(np.abs(fast.embed(TEXTS) - slow.embed(TEXTS)).max()) < 2e-6
-    fast.close(), slow.close()
+    fast.close()
+    slow.close()
 
 
 def test_after_the_export_torch_is_not_imported(exported: Callable[[], SentenceTransformersEmbedder]) -> None:
