@@ -109,6 +109,23 @@ def test_general_guidance_alone_is_followed():
 
 
 @pytest.mark.parametrize(
+    ("lesson", "followed"),
+    [
+        ("Doors swing: lead the handle along an arc about the hinge edge.", {"OPEN(crate)"}),
+        ("When opening something, go 5 cm higher.", {"OPEN(crate)"}),
+        ("When picking something up, go 5 cm higher.", {"PICK_UP(brick)"}),
+        ("For bricks, go 5 cm higher.", {"PICK_UP(brick)"}),
+        ("Go 5 cm higher.", {"OPEN(crate)", "PICK_UP(brick)"}),
+    ],
+)
+def test_a_statement_that_says_whom_it_is_about_is_followed_there_only(lesson, followed):
+    graph, *_ = box_with_door(content=[thing("brick")])
+    for subtask in ("OPEN(crate)", "PICK_UP(brick)"):
+        plain, told = write(graph, subtask)[0], write(graph, subtask, general=[lesson])[0]
+        assert (uncommented(plain) != uncommented(told)) == (subtask in followed)
+
+
+@pytest.mark.parametrize(
     "irrelevant",
     [
         "Go 6 cm higher before you close your fingers.",

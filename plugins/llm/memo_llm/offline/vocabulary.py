@@ -48,6 +48,7 @@ class Vocabulary:
     numbers: dict[str, float]
     negations: re.Pattern[str]
     complaints: re.Pattern[str]
+    scopes: tuple[re.Pattern[str], ...]
     fillers: frozenset[str]
 
     @classmethod
@@ -62,6 +63,7 @@ class Vocabulary:
             "numbers",
             "negations",
             "complaints",
+            "scopes",
             "fillers",
             "phrases",
         } - set(data)
@@ -93,7 +95,18 @@ class Vocabulary:
         values = {spelling: value for value, spellings in data["values"].items() for spelling in spellings}
         fillers = frozenset(data["fillers"].split())
         denials = (_any_of(data["negations"]), _any_of(data["complaints"]))
-        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, fillers)
+        scopes = tuple(_compile(pattern, "scopes") for pattern in data["scopes"])
+        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, scopes, fillers)
+
+    def scope(self, text: str) -> tuple[str, str]:
+        """What a statement is about: (noun in the singular, beginning of a verb), each "" where it does not say."""
+        for pattern in self.scopes:
+            match = pattern.search(text.lower().strip())
+            if match:
+                found = match.groupdict()
+                noun = found.get("noun") or ""
+                return noun.removesuffix("s") if len(noun) > 3 else noun, found.get("verb") or ""
+        return "", ""
 
     def amount(self, text: str) -> Amount | None:
         """The first amount of length in a text."""

@@ -10,6 +10,7 @@ from memo_llm.offline.prompt import Prompt, unreadable
 from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.rendering import render
+from memo_llm.offline.surroundings import descendants, find
 from memo_llm.offline.templates import adopt
 from memo_llm.offline.vocabulary import Vocabulary
 
@@ -38,6 +39,8 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
     followed: list[str] = []
     # Lists come best first: the best is applied last, and corrections after general statements.
     for entry in [*reversed(prompt.entries("general")), *reversed(corrections)]:
+        if not _concerns(entry.text, recipe, scene, vocabulary):
+            continue
         reading = read_sentence(entry.text, vocabulary, known)
         before = recipe
         for edit in reading.edits:
@@ -49,6 +52,20 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
     remarks = [f"As told: {text}" for text in reversed(followed)]
     remarks += [f"Not understood: {words}" for words in not_understood]
     return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
+
+
+def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabulary) -> bool:
+    """Whether a statement that says whom it is about is about this subtask's thing, or its kind of action."""
+    noun, verb = vocabulary.scope(text)
+    if verb and not recipe.kind.startswith(verb[:4]):
+        return False
+    if not noun:
+        return True
+    thing = find(scene, recipe.thing)
+    family = [] if thing is None else [thing, *descendants(scene, thing)]
+    owner = next((n for n in scene.nodes if thing is not None and n.id == thing.part_of), None)
+    labels = [recipe.thing, *(node.label for node in family), *([owner.label] if owner is not None else [])]
+    return any(noun == word.removesuffix("s") for label in labels for word in label.lower().split())
 
 
 def _adopted(recipe: Recipe, prompt: Prompt, scene: SceneGraph, missed: list[str]) -> Recipe:
