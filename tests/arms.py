@@ -46,7 +46,8 @@ def six_joint_arm() -> RobotDescription:
         '<origin xyz="0 0.08 0" rpy="-1.5707963 0 0"/></joint></robot>'
     )
     joints = tuple(
-        JointDescription(f"joint{i}", -3.0, 3.0, 1.5, 4.0, 60.0, 100.0, 2000.0, 200.0) for i in range(1, len(_CHAIN) + 1)
+        JointDescription(f"joint{i}", -3.0, 3.0, 1.5, 4.0, 60.0, 100.0, 2000.0, 200.0)
+        for i in range(1, len(_CHAIN) + 1)
     )
     home = (0.0, -0.6, 1.6, 0.5, 1.57, 0.0)
     return RobotDescription(
@@ -71,7 +72,9 @@ class FixedPerception(Perception):
         return SceneGraph(tuple(self.nodes), (), Observation(Pose(), 0.08, False), self.table)
 
 
-def control_of(description: RobotDescription, *nodes: Node, start=None) -> tuple[ArmControl, IdealLink, FixedPerception]:
+def control_of(
+    description: RobotDescription, *nodes: Node, start=None
+) -> tuple[ArmControl, IdealLink, FixedPerception]:
     """An arm without dynamics in a scene of boxes."""
     link = IdealLink(description, start)
     perception = FixedPerception(*nodes)

@@ -27,9 +27,7 @@ def graph(*nodes: Node) -> SceneGraph:
 
 
 def inside_of(obstacles, point) -> bool:
-    return any(
-        np.all(np.abs(one.pose.inverse().apply(point)) <= np.asarray(one.size) / 2 + 1e-9) for one in obstacles
-    )
+    return any(np.all(np.abs(one.pose.inverse().apply(point)) <= np.asarray(one.size) / 2 + 1e-9) for one in obstacles)
 
 
 def at(position, orientation=DOWN) -> np.ndarray:

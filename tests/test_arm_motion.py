@@ -167,8 +167,15 @@ def test_a_path_that_no_single_posture_follows_says_where_it_ends():
     control, link, _ = control_of(panda())
     control.move_to([0.45, 0.0, 0.4], TOP, None, 0.0, 1.0)
     turns = [
-        ([0.45, 0.0, 0.4], list(quaternion_from_rotation(Pose(orientation=tuple(TOP)).rotation @ Pose(
-            orientation=quaternion_from_axis_angle((0, 0, 1), a)).rotation)))
+        (
+            [0.45, 0.0, 0.4],
+            list(
+                quaternion_from_rotation(
+                    Pose(orientation=tuple(TOP)).rotation
+                    @ Pose(orientation=quaternion_from_axis_angle((0, 0, 1), a)).rotation
+                )
+            ),
+        )
         for a in np.linspace(0.3, 7.0, 30)
     ]
     before = len(link.sent)

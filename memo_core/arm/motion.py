@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, product
 
 import attrs
 import numpy as np
 
 from memo_core.arm.branches import Blocked, BranchSearch, Motion, tilt_choices
-from memo_core.arm.collision import Checker, Held, Hit, Obstacle, RobotShape
+from memo_core.arm.collision import Checker, Held, Hit, Mode, Obstacle, RobotShape
 from memo_core.arm.kinematics import Kinematics
 from memo_core.arm.path import CartesianPath, lagging, turned_about_x, turns_between
 from memo_core.arm.planner import densified, plan_free
@@ -20,10 +21,9 @@ from memo_core.scene.graph import Node
 from memo_core.scene.pose import Array, Pose
 
 _STARTS = 4  # configurations of a goal that are tried before a motion is given up
-_RETREATS = (0.04, 0.09, 0.15)  # m back along the approach, to get free of what the fingers are around
+_RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to get free of what the fingers are around
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
 _MEETS = 0.025  # m from a thing's box at which the fingertips meet it
-_CHECK_EVERY = 2  # ticks between collision checks of the finished trajectory
 
 
 @attrs.frozen(eq=False)
@@ -141,59 +141,76 @@ class MotionPlanner:
         def free(joints: Array) -> bool:
             return not checker.collides(joints, "free")
 
-        joints = plan_free(self.kinematics, free, start, goals, nodes=0 if straight_only else 400)
+        joints = plan_free(self.kinematics, free, start, goals, nodes=0 if straight_only else 300)
         if joints is not None and (plan := self._free_plan(checker, joints, speed, world)) is not None:
             return plan
         if straight_only:
             return None
-        for retreat in self._retreats(checker, start):
-            joints = plan_free(self.kinematics, free, retreat[:, -1], goals, nodes=1500)
-            if joints is not None:
-                joints = np.concatenate([retreat[:, :-1], joints], axis=1)
-                if (plan := self._free_plan(checker, joints, speed, world, retreat.shape[1])) is not None:
+        # Where fingers are around something, only a straight line leads out of there or in: no sampling finds it.
+        outs = [None, *islice(self._retreats(checker, start, "contact"), 2)]
+        ins = [None, *(line for goal in goals[:2] for line in islice(self._retreats(checker, goal, "free"), 2))]
+        for nodes, seed in ((300, 0), (2000, 1)):
+            for out, into in product(outs, ins):
+                begin = start if out is None else out[:, -1]
+                ends = goals if into is None else [into[:, -1]]
+                joints = plan_free(self.kinematics, free, begin, ends, nodes=nodes, seed=seed)
+                if joints is None:
+                    continue
+                plan = self._free_plan(checker, joints, speed, world, out, None if into is None else into[:, ::-1])
+                if plan is not None:
                     return plan
-        for seed in (1, 2):
-            joints = plan_free(self.kinematics, free, start, goals, nodes=3000, seed=seed)
-            if joints is not None and (plan := self._free_plan(checker, joints, speed, world)) is not None:
-                return plan
         return None
 
-    def _retreats(self, checker: Checker, start: Array) -> Iterable[Array]:
+    def _retreats(self, checker: Checker, start: Array, mode: Mode) -> Iterator[Array]:
+        """Short straight ways (n, M) back along the approach, or up, to where the arm is free."""
         pose = self.kinematics.pose(start)
-        for direction in (-pose.rotation[:, 2], np.array([0.0, 0.0, 1.0])):
-            for distance in _RETREATS:
+        for distance in _RETREATS:
+            for direction in (-pose.rotation[:, 2], np.array([0.0, 0.0, 1.0])):
                 back = Pose(tuple(np.asarray(pose.position) + distance * direction), pose.orientation)
-                path = CartesianPath([pose, back])
-                s = path.grid(0.01)
-                rotation, position = path.at(s)
-                joints = np.empty((self.kinematics.count, len(s)))
-                joints[:, 0] = start
-                for i in range(1, len(s)):
-                    found = self.kinematics.solve(
-                        joints[:, i - 1 : i], rotation[:, :, i : i + 1], position[:, i : i + 1], 8, 0.002
-                    )
-                    if not found.solved[0] or checker.collides(found.joints[:, 0], "contact"):
-                        break
-                    joints[:, i] = found.joints[:, 0]
-                else:
-                    if not checker.collides(joints[:, -1], "free"):
-                        yield joints
+                joints = self._line(CartesianPath([pose, back]), start)
+                if joints is None or checker.collides(joints[:, -1], "free"):
+                    continue
+                if not any(checker.collides(one, mode) for one in joints.T[1:]):
+                    yield joints
 
-    def _free_plan(self, checker: Checker, joints: Array, speed: float, world: World, retreat: int = 0) -> Plan | None:
-        """The joint path timed, its first ``retreat`` points being a retreat in contact; None where a sample of it
+    def _line(self, path: CartesianPath, start: Array) -> Array | None:
+        """Joints (n, M) along a short path from a configuration (n,), or None where they do not go on."""
+        s = path.grid(0.01)
+        rotation, position = path.at(s)
+        joints = np.empty((self.kinematics.count, len(s)))
+        joints[:, 0] = start
+        for i in range(1, len(s)):
+            at = slice(i, i + 1)
+            found = self.kinematics.solve(joints[:, i - 1 : i], rotation[:, :, at], position[:, at], 8, 0.002)
+            if not found.solved[0]:
+                return None
+            joints[:, i] = found.joints[:, 0]
+        return joints
+
+    def _free_plan(
+        self,
+        checker: Checker,
+        joints: Array,
+        speed: float,
+        world: World,
+        out: Array | None = None,
+        into: Array | None = None,
+    ) -> Plan | None:
+        """The joint path timed, with a straight way out before it and into the goal after it; None where a sample of it
         touches something (a corner that was cut, or a graze between two checked configurations)."""
         holding = world.held is not None
         limits = Speed(0.7 * speed, (0.5 if holding else 0.9) * speed, (1.5 if holding else 2.5) * speed)
-        head = np.empty((0, self.kinematics.count))
-        if retreat:
-            head = time_path(self.kinematics, joints[:, :retreat], limits, self.period).targets
-            joints = joints[:, retreat - 1 :]
         dense, corners = densified(joints)
         for stops in ((), corners):
             targets = time_path(self.kinematics, dense, limits, self.period, stops=stops).targets
-            if not any(checker.collides(row, "free") for row in targets[::_CHECK_EVERY]):
-                trajectory = Trajectory(np.ascontiguousarray(np.concatenate([head, targets])), self.period)
-                return Plan(trajectory, self.kinematics.pose(dense[:, -1]), np.eye(4))
+            if not any(checker.collides(row, "free") for row in targets):
+                pieces = [targets]
+                if out is not None:
+                    pieces.insert(0, time_path(self.kinematics, out, limits, self.period).targets)
+                if into is not None:
+                    pieces.append(time_path(self.kinematics, into, limits, self.period).targets)
+                trajectory = Trajectory(np.ascontiguousarray(np.concatenate(pieces)), self.period)
+                return Plan(trajectory, self.kinematics.pose(trajectory.targets[-1]), np.eye(4))
             if not corners:
                 break
         return None

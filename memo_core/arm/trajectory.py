@@ -16,7 +16,9 @@ import numpy as np
 from memo_core.arm.kinematics import Kinematics
 from memo_core.scene.pose import Array
 
-_SHARE = 0.95  # of every limit is used
+_SHARE = 0.95  # of the velocity limits is used
+# A servo answers a step in acceleration with some overshoot, which must stay within the limits too.
+_ACCELERATION_SHARE, _JERK_SHARE = 0.6, 0.7
 _CORNER = 0.002  # m (or rad of a joint / 2) by which averaging may cut a corner
 _REST = 3  # ticks
 _SMOOTH = 0.06  # s, least width of the averages: motions that start softly shake less
@@ -113,7 +115,7 @@ def _corner_slowdown(moves: Array, lengths: Array, duration: Array) -> Array:
 
 def _averaged(kinematics: Kinematics, raw: Array, period: float) -> Array | None:
     """(n, T) within all limits; None when only a slower path could be."""
-    acceleration, jerk = kinematics.acceleration * _SHARE, kinematics.jerk * _SHARE
+    acceleration, jerk = kinematics.acceleration * _ACCELERATION_SHARE, kinematics.jerk * _JERK_SHARE
     velocity = np.diff(raw, axis=1) / period
     shortest = max(2, int(np.ceil(_SMOOTH / period)))
     span = np.concatenate([velocity, np.zeros((len(raw), 1))], axis=1)
@@ -126,7 +128,7 @@ def _averaged(kinematics: Kinematics, raw: Array, period: float) -> Array | None
         change = np.abs(np.diff(smooth, 2, axis=1, prepend=smooth[:, :1], append=smooth[:, -1:])) / period**2
         second = max(second, int(np.ceil((2 * change.max(axis=1) / jerk).max() / period)))
         result = _average(smooth, second)
-        if within_limits(kinematics, result, period):
+        if within_limits(kinematics, result, period, (_SHARE, _ACCELERATION_SHARE, _JERK_SHARE)):
             return result[:, 1:]
         if first >= longest and second >= 100:
             return None
@@ -144,11 +146,15 @@ def _average(joints: Array, width: int) -> Array:
     return (total[:, width:] - total[:, :-width]) / width
 
 
-def within_limits(kinematics: Kinematics, joints: Array, period: float, tolerance: float = 1e-6) -> bool:
-    """Whether sampled joints (n, T), at rest before and after, keep velocity, acceleration and jerk limits."""
+def within_limits(
+    kinematics: Kinematics, joints: Array, period: float, shares: tuple[float, float, float] = (1.0, 1.0, 1.0)
+) -> bool:
+    """Whether sampled joints (n, T), at rest before and after, keep these shares of the velocity, acceleration and jerk
+    limits."""
     held = np.concatenate([np.repeat(joints[:, :1], 3, axis=1), joints, np.repeat(joints[:, -1:], 3, axis=1)], axis=1)
-    for order, limit in ((1, kinematics.velocity), (2, kinematics.acceleration), (3, kinematics.jerk)):
-        if np.any(np.abs(np.diff(held, order, axis=1)).max(axis=1) / period**order > limit * (1 + tolerance)):
+    limits = (kinematics.velocity, kinematics.acceleration, kinematics.jerk)
+    for order, (limit, share) in enumerate(zip(limits, shares, strict=True), start=1):
+        if np.any(np.abs(np.diff(held, order, axis=1)).max(axis=1) / period**order > limit * share * (1 + 1e-6)):
             return False
     return True
 

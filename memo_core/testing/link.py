@@ -119,7 +119,9 @@ def the_fingers_follow(make: MakeLink) -> None:
         link.set_gripper(width, gripper.max_force)
         for _ in range(int(2 * gripper.stroke / gripper.speed / link.control_period) + 50):
             link.send(target)
-        assert abs(link.gripper_width() - width) < 0.003, f"commanded {width:.3f} m, reached {link.gripper_width():.3f} m"
+        assert abs(link.gripper_width() - width) < 0.003, (
+            f"commanded {width:.3f} m, reached {link.gripper_width():.3f} m"
+        )
         assert not link.holding(), f"it claims to hold something at {width:.3f} m, with nothing there"
 
 
