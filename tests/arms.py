@@ -31,8 +31,8 @@ def six_joint_arm() -> RobotDescription:
         parts.append(
             f'<link name="link{number}"><inertial><mass value="1"/><origin xyz="0 0 0"/>'
             '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
-            f'<collision><origin xyz="0 0 {length / 2}"/><geometry><cylinder radius="0.04" length="{length}"/></geometry>'
-            "</collision></link>"
+            f'<collision><origin xyz="0 0 {length / 2}"/><geometry>'
+            f'<cylinder radius="0.04" length="{length}"/></geometry></collision></link>'
         )
         parts.append(
             f'<joint name="joint{number}" type="revolute"><parent link="{before}"/><child link="link{number}"/>'

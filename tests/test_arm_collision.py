@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from arms import box
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memo_franka.description import panda
 
-from arms import box
 from memo_core.arm.collision import Held, RobotShape, obstacles_of
 from memo_core.arm.kinematics import Kinematics
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import side_orientation
-from memo_franka.description import panda
 
 PANDA = panda()
 KINEMATICS = Kinematics(PANDA)

@@ -9,8 +9,11 @@ import time
 import attrs
 import numpy as np
 import pytest
-
 from arms import box, control_of, limits_used
+from memo_franka.description import panda
+from memo_perception.ground_truth import GroundTruth
+from memo_sim_mujoco.simulator import MujocoSimulator
+
 from memo_core.arm.control import ArmControl
 from memo_core.arm.sim_link import SimulatorLink
 from memo_core.errors import InvalidArgument, MotionError, Stopped
@@ -19,15 +22,12 @@ from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import BUILTIN_SKILLS, side_orientation, top_orientation
-from memo_franka.description import panda
-from memo_perception.ground_truth import GroundTruth
-from memo_sim_mujoco.simulator import MujocoSimulator
 
 TOP = top_orientation.call(None, ())
 CUBE = box("cube", (0.45, 0.1, 0.025), (0.05, 0.05, 0.05), "object")
 
 
-# -- stopping ------------------------------------------------------------------------------------------------------------
+# -- stopping --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("when", [3, 40, 90])
@@ -94,7 +94,7 @@ def test_a_stop_keeps_the_grip_and_the_next_motion_starts_where_the_arm_is():
     assert max(used) <= 1.001
 
 
-# -- the hand ------------------------------------------------------------------------------------------------------------
+# -- the hand --------------------------------------------------------------------------------------------------------
 
 
 def test_the_gripper_is_waited_for_and_tells_its_width():
@@ -118,7 +118,7 @@ def test_what_this_gripper_cannot_do_is_refused_with_what_it_can(act):
     assert link.sent == []
 
 
-# -- what is held --------------------------------------------------------------------------------------------------------
+# -- what is held ----------------------------------------------------------------------------------------------------
 
 
 def _grasp(control, link):
@@ -177,7 +177,7 @@ def test_a_door_held_by_its_handle_moves_along():
     control.go_home()
 
 
-# -- checkpoints ---------------------------------------------------------------------------------------------------------
+# -- checkpoints -----------------------------------------------------------------------------------------------------
 
 
 def test_a_restored_control_goes_on_as_before():
@@ -208,7 +208,7 @@ def test_a_state_of_something_else_is_refused(state):
         control.restore(state)
 
 
-# -- with physics --------------------------------------------------------------------------------------------------------
+# -- with physics ----------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
+from arms import six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memo_franka.description import panda
 
-from arms import six_joint_arm
 from memo_core.arm.kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.scene.pose import Pose
-from memo_franka.description import panda
 
 ARMS = {"panda": Kinematics(panda()), "six": Kinematics(six_joint_arm())}
 

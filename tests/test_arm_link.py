@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from memo_franka.description import panda
+from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.arm.sim_link import SimulatorLink
 from memo_core.scene.description import SceneDescription
 from memo_core.testing.ideal_link import IdealLink
 from memo_core.testing.link import RULES
 from memo_core.testing.wrong_links import WRONG_LINKS
-from memo_franka.description import panda
-from memo_sim_mujoco.simulator import MujocoSimulator
 
 
 @pytest.fixture

@@ -3,17 +3,18 @@ before anything moves."""
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
-
 from arms import box, control_of, limits_used, six_joint_arm
+from memo_franka.description import panda
+
 from memo_core.errors import MotionError
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle, quaternion_from_rotation
 from memo_core.skills.contract import side_orientation, top_orientation, turn_orientation, turn_point
-from memo_franka.description import panda
 
 TOP = top_orientation.call(None, ())
 FORWARD = side_orientation.call(None, ([1.0, 0.0, 0.0], "horizontal"))
@@ -35,14 +36,14 @@ def largest_jump(sent) -> float:
 def distance_to(path, point) -> float:
     """m from a point to a polyline."""
     best = math.inf
-    for a, b in zip(path, path[1:], strict=False):
+    for a, b in itertools.pairwise(path):
         a, b = np.asarray(a), np.asarray(b)
         part = np.clip((point - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
         best = min(best, float(np.linalg.norm(point - a - part * (b - a))))
     return best
 
 
-# -- arcs ----------------------------------------------------------------------------------------------------------------
+# -- arcs ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -84,7 +85,7 @@ def test_a_level_bar_may_turn_between_the_fingers():
             other.move_to([0.51, 0.12, 0.456], LEVEL, [(grip, LEVEL), *path], slack, 1.0)
 
 
-# -- tilt ----------------------------------------------------------------------------------------------------------------
+# -- tilt ------------------------------------------------------------------------------------------------------------
 
 
 def test_the_hand_is_tilted_only_where_it_must_and_only_about_its_closing_axis():
@@ -103,7 +104,7 @@ def test_the_hand_is_tilted_only_where_it_must_and_only_about_its_closing_axis()
     assert control.tool_pose().distance(Pose((0.45, 0.1, 0.25), tuple(TOP)))[1] < 0.01, "tilted without need"
 
 
-# -- around things -------------------------------------------------------------------------------------------------------
+# -- around things ---------------------------------------------------------------------------------------------------
 
 
 def test_a_wall_is_gone_around():
@@ -130,7 +131,7 @@ def test_the_same_motion_is_planned_again_the_same():
     assert np.array_equal(*records)
 
 
-# -- refusals --------------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------------------------
 
 
 def _refused(control, link, cause, *texts, act):
@@ -199,7 +200,7 @@ def test_not_arriving_says_by_how_much():
     assert np.abs(link.joint_positions() - np.array(panda().home)).max() < 1e-6
 
 
-# -- another arm -----------------------------------------------------------------------------------------------------------
+# -- another arm -----------------------------------------------------------------------------------------------------
 
 
 def test_a_six_joint_arm_works_through_the_same_code():

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from arms import limits_used, six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memo_franka.description import panda
 
-from arms import limits_used, six_joint_arm
 from memo_core.arm.kinematics import Kinematics
 from memo_core.arm.planner import densified
 from memo_core.arm.trajectory import Speed, stopping, time_path
-from memo_franka.description import panda
 
 ARMS = {"panda": Kinematics(panda()), "six": Kinematics(six_joint_arm())}
 PERIOD = 0.01

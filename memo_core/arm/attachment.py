@@ -17,8 +17,8 @@ _SAME_PANEL = 0.08  # m between a handle and the panel it is taken to be fixed t
 
 @attrs.frozen
 class Attachment:
-    """``held``: an object fixed to the tool; ``carried``: ids of a fixture's parts that follow the hand; ``absent``: ids
-    whose boxes are part of what is held; ``moved``: poses known better than at the last look."""
+    """``held``: an object fixed to the tool; ``carried``: ids of a fixture's parts that follow the hand; ``absent``:
+    ids whose boxes are part of what is held; ``moved``: poses known better than at the last look."""
 
     held: Held | None = None
     carried: tuple[str, ...] = ()

@@ -1,8 +1,8 @@
 """Which arm configuration to follow a Cartesian path in: continuous branches by dynamic programming.
 
-At layers along the path many inverse-kinematics solutions are kept: found from spread seeds at a few layers and led from
-there along the whole path, with the hand tilted about its closing axis by several angles where that is allowed. The best
-chain through all layers is searched, approach, path and what follows together, since a branch that starts well may end
+At layers along the path many inverse-kinematics solutions are kept: found from spread seeds at a few layers and led
+from there along the whole path, with the hand tilted about its closing axis by several angles where that is allowed.
+The best chain through all layers is searched, approach, path and what follows together, since a branch that starts well may end
 at a joint limit. Collisions are checked only where the best chain passes.
 """
 
@@ -40,8 +40,8 @@ class Motion:
 
 @attrs.frozen(eq=False)
 class Blocked:
-    """Why there is no way: at parameter ``s``. ``hit`` where a collision is the reason, ``limits`` where only the joint
-    limits are, neither where the pose is out of reach; ``continuous`` False where solutions exist but do not connect."""
+    """Why there is no way beyond parameter ``s``: a ``cause`` of ``MotionError``, and what would be touched, if that
+    is the reason."""
 
     s: float
     cause: str  # "unreachable", "joint-limit", "collision", "self-collision", "no-branch"

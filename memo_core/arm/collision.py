@@ -1,8 +1,8 @@
 """Collisions of the arm with itself, with the scene as it was last seen, and of what the hand holds (coal, Pinocchio).
 
-The scene graph's boxes are all that is known of the world. A fixture with a visible inside is its box minus that inside,
-open towards its opening; a closed one is solid. What is perceived is a little wrong, so surfaces that are meant to touch
-may overlap by stated allowances, and a start that already touches something may always be left.
+The scene graph's boxes are all that is known of the world. A fixture with a visible inside is its box minus that
+inside, open towards its opening; a closed one is solid. What is perceived is a little wrong, so surfaces that are meant
+to touch may overlap by stated allowances, and a start that already touches something may always be left.
 """
 
 from __future__ import annotations

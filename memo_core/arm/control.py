@@ -47,7 +47,7 @@ class ArmControl(Control):
         self._scene: SceneGraph | None = None
         self._attachment = Attachment()
 
-    # -- perception ------------------------------------------------------------------------------------------------------
+    # -- perception --------------------------------------------------------------------------------------------------
     def scene(self) -> SceneGraph:
         return self.look() if self._scene is None else self._scene
 
@@ -57,7 +57,7 @@ class ArmControl(Control):
         self._attachment = self._attachment.seen_again(self._scene, self.tool_pose(), self._link.holding())
         return self._scene
 
-    # -- the hand --------------------------------------------------------------------------------------------------------
+    # -- the hand ----------------------------------------------------------------------------------------------------
     def tool_pose(self) -> Pose:
         return self._kinematics.pose(self._link.joint_positions())
 
@@ -95,7 +95,7 @@ class ArmControl(Control):
         return reached
 
     def _move_fingers(self, width: float, force: float, doing: str) -> float:
-        """Command the fingers and wait until they are still; the time that may take is bounded by the gripper's speed."""
+        """Command the fingers and wait until they are still; the gripper's speed bounds how long that may take."""
         link = self._link
         link.check_stop(doing)
         target = link.joint_targets()
@@ -117,7 +117,7 @@ class ArmControl(Control):
             raise Stopped(doing) from None
         return widths[-1]
 
-    # -- motion ----------------------------------------------------------------------------------------------------------
+    # -- motion ------------------------------------------------------------------------------------------------------
     def move_to(
         self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
     ) -> None:
@@ -161,7 +161,7 @@ class ArmControl(Control):
         except Stopped:
             raise Stopped("waiting") from None
 
-    # -- checkpoints -----------------------------------------------------------------------------------------------------
+    # -- checkpoints -------------------------------------------------------------------------------------------------
     def state(self) -> bytes:
         """What ``restore`` takes back: the scene as last seen (without images) and what is held. JSON in UTF-8."""
         scene = None
@@ -193,7 +193,7 @@ class ArmControl(Control):
         except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
             raise InvalidArgument("control state", f"is not one of an arm ({error})", "bytes of state()") from None
 
-    # -- running ---------------------------------------------------------------------------------------------------------
+    # -- running -----------------------------------------------------------------------------------------------------
     def _world(self) -> World:
         if not self._attachment.empty and not self._link.holding():
             self._attachment = self._attachment.lost()
@@ -226,8 +226,8 @@ class ArmControl(Control):
         distance, angle = self.tool_pose().distance(plan.goal)
         if distance > tolerance[0] or angle > tolerance[1]:
             problem = (
-                f"did not arrive: the hand is {100 * distance:.1f} cm and {math.degrees(angle):.0f} degrees away from its goal, "
-                f"held back by something it touches or carries"
+                f"did not arrive: the hand is {100 * distance:.1f} cm and {math.degrees(angle):.0f} degrees away from "
+                f"its goal, held back by something it touches or carries"
             )
             raise MotionError(skill, problem, cause="not-arrived", position_error_m=distance, rotation_error_rad=angle)
 

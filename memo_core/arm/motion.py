@@ -57,7 +57,7 @@ class MotionPlanner:
         self._shape = RobotShape(description, self.kinematics)
         self._reasons = Reasons(description, self.kinematics)
 
-    # -- free motion -----------------------------------------------------------------------------------------------------
+    # -- free motion -------------------------------------------------------------------------------------------------
     def move(
         self,
         skill: str,
@@ -222,7 +222,7 @@ class MotionPlanner:
                 return hit
         return None
 
-    # -- following ---------------------------------------------------------------------------------------------------------
+    # -- following ---------------------------------------------------------------------------------------------------
     def follow(
         self,
         skill: str,

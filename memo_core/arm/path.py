@@ -46,7 +46,7 @@ class CartesianPath:
         return np.linspace(0.0, self.length, count)
 
     def at(self, s: Array, tilt: Array | float = 0.0) -> tuple[Array, Array]:
-        """Rotations (3, 3, N) and positions (3, N) at parameters (N,), tilted about the tool's y axis by ``tilt`` (rad)."""
+        """Rotations (3, 3, N) and positions (3, N) at parameters (N,), tilted about the tool's y axis (rad)."""
         s = np.asarray(s, dtype=float)
         if len(self.poses) == 1:
             position = np.repeat(self._positions[0][:, None], len(s), axis=1)

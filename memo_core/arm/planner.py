@@ -37,8 +37,8 @@ def plan_free(
     nodes: int = 4000,
 ) -> Array | None:
     """A joint path (n, M) from ``start`` to the first of ``goals`` that can be reached, or None. Goals stand in the
-    order of preference and must be free themselves. ``nodes`` bounds the search (0: straight lines only); ``seconds`` is
-    the last resort on a slow machine."""
+    order of preference and must be free themselves. ``nodes`` bounds the search (0: straight lines only); ``seconds``
+    is the last resort on a slow machine."""
     for goal in goals:
         if straight_is_free(free, start, goal):
             return np.column_stack([start, goal])

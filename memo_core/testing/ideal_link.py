@@ -1,4 +1,4 @@
-"""A link to an arm without dynamics: it is where it was sent, one period later. For tests of what stands above a link."""
+"""A link to an arm without dynamics, which is where it was sent. For tests of what stands above a link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Deliberately wrong links, one for each rule of ``memo_core.testing.link``: the suite must reject every one of them."""
+"""Deliberately wrong links, one for each rule of ``memo_core.testing.link``: the suite must reject each of them."""
 
 from __future__ import annotations
 
