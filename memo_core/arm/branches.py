@@ -2,8 +2,8 @@
 
 At layers along the path many inverse-kinematics solutions are kept: found from spread seeds at a few layers and led
 from there along the whole path, with the hand tilted about its closing axis by several angles where that is allowed.
-The best chain through all layers is searched, approach, path and what follows together, since a branch that starts well may end
-at a joint limit. Collisions are checked only where the best chain passes.
+The best chain through all layers is searched, approach, path and what follows together, since a branch that starts well
+may end at a joint limit. Collisions are checked only where the best chain passes.
 """
 
 from __future__ import annotations

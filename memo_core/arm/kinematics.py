@@ -133,7 +133,7 @@ class Kinematics:
         position = np.zeros((3, size))
         cosine, sine = np.cos(joints), np.sin(joints)
         for i, (turn, offset) in enumerate(self._fixed):
-            position = position + np.tensordot(rotation, offset, axes=(1, 0))
+            position = position + np.matmul(offset, rotation)
             rotation = np.matmul(turn.T, rotation)
             axes[i] = rotation[:, 2]
             origins[i] = position
@@ -146,7 +146,7 @@ class Kinematics:
             else:
                 position = position + rotation[:, 2] * joints[i]
         turn, offset = self._tool
-        position = position + np.tensordot(rotation, offset, axes=(1, 0))
+        position = position + np.matmul(offset, rotation)
         return np.matmul(turn.T, rotation), position, axes, origins
 
     def _jacobian(self, position: Array, axes: Array, origins: Array) -> Array:

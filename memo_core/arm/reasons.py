@@ -32,8 +32,8 @@ class Reasons:
             distance = float(np.linalg.norm(np.asarray(pose.position) - self._kinematics.shoulder))
             if distance > self._reach:
                 problem = (
-                    f"{_point(pose.position)}{which} is {distance:.2f} m from the arm's shoulder, outside its workspace "
-                    f"of {self._reach:.2f} m"
+                    f"{_point(pose.position)}{which} is {distance:.2f} m from the arm's shoulder, outside its "
+                    f"workspace of {self._reach:.2f} m"
                 )
                 raise MotionError(skill, problem, cause="workspace")
             if pose.position[2] < table - _BELOW:
