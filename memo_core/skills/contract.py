@@ -106,7 +106,7 @@ def get_gripper_width(control: Control) -> float:
 
 @skill("query")
 def is_holding(control: Control) -> bool:
-    """Whether something is held between the fingers."""
+    """Whether something is held between the fingers, be it loose or a part of furniture."""
     return control.holding()
 
 
@@ -186,8 +186,8 @@ def move_to(
 ) -> None:
     """Move the point between the fingertips to a position, the hand turned to orientation (None: as it is now), around
     everything seen at the last look. then: the path you mean to follow next, so that the arm arrives in a posture from
-    which it can. slack (rad): how far the hand may be tilted about its closing direction where the arm cannot
-    reach otherwise; 0 for exactly this orientation."""
+    which it can; raises MotionError before anything moves when it could not. slack (rad): how far the hand may be
+    tilted about its closing direction where the arm cannot reach otherwise; 0 for exactly this orientation."""
     control.move_to(position, orientation, then, slack, speed)
 
 
@@ -196,7 +196,7 @@ def move_straight(
     control: Control, position: Position, orientation: Orientation | None = None, slack: Slack = 0.7, speed: Speed = 0.5
 ) -> None:
     """Move in a straight line to a position. The fingers may touch things on the way: for approaching, lifting, pushing
-    and pulling."""
+    and pulling. slack as in move_to. Raises MotionError when it did not arrive, saying by how much."""
     control.follow_path([(position, orientation)], None, slack, speed)
 
 
