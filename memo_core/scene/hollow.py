@@ -14,7 +14,9 @@ from memo_core.scene.pose import Pose
 Side = Literal["front", "top"]
 
 
-def shell(size: Vector, wall: float, open_side: Side = "front", colour: Colour = (0.9, 0.9, 0.9, 1.0)) -> tuple[Geom, ...]:
+def shell(
+    size: Vector, wall: float, open_side: Side = "front", colour: Colour = (0.9, 0.9, 0.9, 1.0)
+) -> tuple[Geom, ...]:
     """Five walls of thickness ``wall`` around a box of outer ``size`` that is open at the front or at the top."""
     depth, width, height = size
     inner_width = width - 2 * wall

@@ -23,6 +23,8 @@ STEEL: Colour = (0.62, 0.64, 0.67, 1.0)
 DARK: Colour = (0.20, 0.21, 0.24, 1.0)
 WOOD: Colour = (0.62, 0.45, 0.29, 1.0)
 
+GLASS: Colour = (0.06, 0.08, 0.11, 1.0)
+
 Edge = Literal["left", "right", "bottom"]
 
 
@@ -47,10 +49,18 @@ class DoorHinge:
     friction: float = 1.0  # Nm, dry
     damping: float = 1.0  # Nm s/rad
     mass: float = 1.0  # kg of the door
+    window: bool = False
 
 
 def cabinet(
-    name: str, place: Vector, yaw: float, size: Vector, hinge: DoorHinge, handle: Handle, colour: Colour, door_colour: Colour
+    name: str,
+    place: Vector,
+    yaw: float,
+    size: Vector,
+    hinge: DoorHinge,
+    handle: Handle,
+    colour: Colour,
+    door_colour: Colour,
 ) -> Body:
     """A hollow box with a door in front. ``size`` is (depth, width, height); the hinge joint is called ``NAME/hinge``."""
     centre, extents, opening = inside(size, WALL)
@@ -87,12 +97,24 @@ def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str,
     return Body(
         name=f"{name}/door",
         label=f"{name} door",
-        geoms=(Geom("box", extents, panel, colour), *rod),
+        geoms=(
+            Geom("box", extents, panel, colour),
+            *rod,
+            *(_window(extents, panel, handle, along) if hinge.window else ()),
+        ),
         pose=pose,
         joint=Hinge(joint, axis, range=(0.0, hinge.opens_to), friction=hinge.friction, damping=hinge.damping),
         mass=hinge.mass,
         parts=(Part(f"{name}/handle", f"{name} handle", Pose(centre), box),),
     )
+
+
+def _window(panel: Vector, pose: Pose, handle: Handle, along: str) -> tuple[Geom, ...]:
+    """A dark pane on the door's outer face; only looks."""
+    room = 2 * handle.inset + 0.06
+    width, height = (panel[1] - room, panel[2] - 0.10) if along == "z" else (panel[1] - 0.10, panel[2] - room)
+    x, y, z = pose.position
+    return (Geom("box", (0.002, width, height), Pose((x - panel[0] / 2, y, z)), GLASS, collides=False),)
 
 
 def chest(name: str, place: Vector, yaw: float, size: Vector, plinth: float, handle: Handle, opens_to: float) -> Body:
@@ -105,17 +127,20 @@ def chest(name: str, place: Vector, yaw: float, size: Vector, plinth: float, han
     front = Geom("box", (PANEL, width, height), Pose((-PANEL / 2, 0.0, height / 2 - WALL - gap)), WOOD)
     grip = (-PANEL - handle.distance, 0.0, (height / 2 if handle.height is None else handle.height) - WALL - gap)
     thick = 2 * handle.radius
+    rod = bar(grip, handle.length, "y", handle.distance, handle.radius, material=Material(friction=handle.friction))
     joint = f"{name}/slide"
     base = Geom("box", (depth, width, plinth), Pose((depth / 2, 0.0, -plinth / 2)), DARK)
     drawer = Body(
         name=f"{name}/drawer",
         label="drawer",
-        geoms=(*shell(tray, WALL, "top", colour=(0.85, 0.75, 0.6, 1.0)), front, *bar(grip, handle.length, "y", handle.distance)),
+        geoms=(*shell(tray, WALL, "top", colour=(0.85, 0.75, 0.6, 1.0)), front, *rod),
         pose=Pose((0.0, 0.0, WALL + gap)),
         joint=Slide(joint, (-1.0, 0.0, 0.0), range=(0.0, opens_to), friction=1.5, damping=8.0),
         mass=0.8,
         parts=(Part(f"{name}/handle", "drawer handle", Pose(grip), (thick, handle.length, thick)),),
-        cavities=(Cavity(f"{name}/inside", "drawer inside", Pose(centre), extents, opening, joint, closed_within=0.03),),
+        cavities=(
+            Cavity(f"{name}/inside", "drawer inside", Pose(centre), extents, opening, joint, closed_within=0.03),
+        ),
     )
     return Body(
         name=name,

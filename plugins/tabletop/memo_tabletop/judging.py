@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
+from memo_core.interfaces.task import Outcome
 from memo_core.scene.description import Body, Cavity, Geom
-from memo_core.scene.pose import Pose
 
 AT_REST_M_S = 0.01
 AT_REST_RAD_S = 0.1
@@ -26,7 +27,9 @@ def released(world: WorldState, body: str) -> bool:
     return not any(c.first.startswith("robot/") or c.second.startswith("robot/") for c in world.contacts(body))
 
 
-def wholly_in(world: WorldState, holder: Body, cavity: Cavity, thing: str, geom: Geom, tolerance: float = 0.004) -> bool:
+def wholly_in(
+    world: WorldState, holder: Body, cavity: Cavity, thing: str, geom: Geom, tolerance: float = 0.004
+) -> bool:
     """Whether every corner of a box-shaped thing lies in the cavity."""
     frame = (world.body_pose(holder.name) * cavity.pose).inverse() * world.body_pose(thing)
     signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
@@ -40,6 +43,33 @@ def passage(angle: float, clear: float, panel: float) -> float:
     return clear - panel * max(0.0, math.cos(angle)) if angle < math.pi / 2 else clear
 
 
-def tilt(pose: Pose) -> float:
-    """Angle (rad) between a body's z axis and the vertical."""
-    return math.acos(max(-1.0, min(1.0, float(pose.rotation[2, 2]))))
+def held(world: WorldState, thing: str) -> bool:
+    """Whether robot links press on it from two sides and it touches nothing else."""
+    contacts = world.contacts(thing)
+    robot = {name for c in contacts for name in (c.first, c.second) if name.startswith("robot/")}
+    others = {name for c in contacts for name in (c.first, c.second)} - robot - {thing}
+    return len(robot) >= 2 and not others
+
+
+def read_subtask(subtask: str) -> tuple[str, tuple[str, ...]]:
+    """("PICK_UP", ("food",)) of ``Pick up(the food)``; no objects where there are no brackets."""
+    match = re.fullmatch(r"\s*([^()]+?)\s*(?:\(([^()]*)\))?\s*", subtask)
+    if match is None:
+        return subtask.strip().upper(), ()
+    action = re.sub(r"[\s-]+", "_", match.group(1).upper())
+    names = (name.strip().lower().removeprefix("the ") for name in (match.group(2) or "").split(","))
+    return action, tuple(name for name in names if name)
+
+
+def picked(world: WorldState, things: tuple[str, ...], names: tuple[str, ...]) -> Outcome | None:
+    """For PICK_UP of one of the things there are; None for anything else."""
+    if not names or names[0] not in things:
+        return None
+    if held(world, names[0]):
+        return Outcome(True, f"the {names[0]} is held clear of everything")
+    return Outcome(False, f"the {names[0]} is not held clear of everything")
+
+
+PICKING = ("PICK_UP", "PICK", "GRASP", "TAKE", "GRAB", "LIFT", "TAKE_OUT")
+PLACING = ("PLACE", "PUT", "PUT_IN", "PUT_DOWN", "INSERT", "STACK")
+CLOSING = ("CLOSE", "SHUT")

@@ -1,1 +1,1 @@
-"""Reference solutions: robot code written by hand, used by tests and `memo tasks verify` only."""
+"""Robot code written by hand; see ``memo_tabletop.reference``. Not modules of this package."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import resources
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
+from memo_tabletop.reference import solution
 from memo_tabletop.things import BLUE, GREEN, RED, block, cameras
 
 SIDE = 0.045  # m
@@ -57,7 +58,7 @@ def _piled(world: WorldState) -> bool:
 def _chained(world: WorldState) -> bool:
     """Whether each cube from the second up rests on the one below and the robot touches none."""
     order = sorted((name for name, _ in CUBES), key=lambda name: world.body_pose(name).position[2])
-    for lower, upper in zip(order, order[1:], strict=False):
+    for lower, upper in pairwise(order):
         touching = {name for c in world.contacts(upper) for name in (c.first, c.second)}
         if any(name.startswith("robot/") for name in touching) or lower not in touching:
             return False
@@ -99,6 +100,19 @@ class StackTheCubes(Task):
             return Outcome(False, f"the tower has stood for only {stood:.1f} s", measures)
         return Outcome(True, f"the tower has stood for {stood:.1f} s", measures)
 
+    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        action, names = judging.read_subtask(subtask)
+        cubes = tuple(name for name, _ in CUBES)
+        if action in judging.PICKING:
+            return judging.picked(world, cubes, names)
+        if action in judging.PLACING and len(names) == 2 and set(names) <= set(cubes):
+            upper, lower = names
+            rests = any(lower in (c.first, c.second) for c in world.contacts(upper))
+            above = world.body_pose(upper).position[2] - world.body_pose(lower).position[2] > 0.8 * SIDE
+            done = rests and above and judging.released(world, upper) and judging.at_rest(world, upper)
+            return Outcome(done, f"the {upper} {'rests' if done else 'does not rest'} on the {lower}")
+        return None
+
     @property
     def reference_solution(self) -> str:
-        return resources.files("memo_tabletop.solutions").joinpath("stack_the_cubes.py").read_text(encoding="utf-8")
+        return solution("stack_the_cubes")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.furniture import Handle, chest
+from memo_tabletop.reference import solution
 from memo_tabletop.things import RED, block, cameras
 
 SIZE = (0.28, 0.30, 0.16)  # depth, width, height
@@ -28,6 +28,9 @@ class PutTheCubeAway(Task):
     instruction = "put the cube away in the drawer"
     kind = "LH"
 
+    def __init__(self, handle_height: float = 0.08, handle_length: float = 0.12, bar_friction: float = 0.8) -> None:
+        self.handle = Handle(length=handle_length, distance=0.055, height=handle_height, friction=bar_friction)
+
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         x, y = np.array([0.45, -0.30]) + rng.uniform(-0.02, 0.02, 2)
         cube = block("cube", "cube", (x, y, 0.001), rng.uniform(-0.5, 0.5), (0.045, 0.045, 0.045), 0.08, RED)
@@ -38,14 +41,12 @@ class PutTheCubeAway(Task):
     def _chest(self, rng: np.random.Generator) -> Body:
         x, y = np.array([0.66, 0.10]) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
-        return chest("chest", (x, y, 0.0), yaw, SIZE, PLINTH, Handle(length=0.12, distance=0.055, height=0.08), opens_to=0.18)
+        return chest("chest", (x, y, 0.0), yaw, SIZE, PLINTH, self.handle, opens_to=0.18)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        drawer = self._chest(np.random.default_rng(0)).bodies[0]
-        cube = block("cube", "cube", (0, 0, 0), 0.0, (0.045, 0.045, 0.045), 0.08, RED)
         out = world.joint_position("chest/slide")
         measures = {"drawer_m": out}
-        if not judging.wholly_in(world, drawer, drawer.cavities[0], "cube", cube.geoms[0]):
+        if not self._inside(world):
             return Outcome(False, "the cube is not in the drawer", measures)
         if out > SHUT_M:
             return Outcome(False, f"the drawer stands {out * 1000:.0f} mm open", measures)
@@ -54,13 +55,25 @@ class PutTheCubeAway(Task):
         return Outcome(True, "the cube lies in the shut drawer", measures)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        action, names = judging.read_subtask(subtask)
         out = world.joint_position("chest/slide")
-        if subtask.upper().startswith("OPEN"):
-            return Outcome(out >= REACHED_INTO_M, f"the drawer stands {out * 1000:.0f} mm open", {"drawer_m": out})
-        if subtask.upper().startswith("CLOSE"):
-            return Outcome(out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open", {"drawer_m": out})
+        measures = {"drawer_m": out}
+        if action == "OPEN":
+            return Outcome(out >= REACHED_INTO_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
+        if action in judging.CLOSING:
+            return Outcome(out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
+        if action in judging.PICKING:
+            return judging.picked(world, ("cube",), names)
+        if action in judging.PLACING and names and names[0] == "cube":
+            done = self._inside(world) and judging.at_rest(world, "cube") and judging.released(world, "cube")
+            return Outcome(done, f"the cube {'lies' if done else 'does not lie'} in the drawer", measures)
         return None
+
+    def _inside(self, world: WorldState) -> bool:
+        drawer = self._chest(np.random.default_rng(0)).bodies[0]
+        cube = block("cube", "cube", (0, 0, 0), 0.0, (0.045, 0.045, 0.045), 0.08, RED)
+        return judging.wholly_in(world, drawer, drawer.cavities[0], "cube", cube.geoms[0])
 
     @property
     def reference_solution(self) -> str:
-        return resources.files("memo_tabletop.solutions").joinpath("put_the_cube_away.py").read_text(encoding="utf-8")
+        return solution("put_the_cube_away")

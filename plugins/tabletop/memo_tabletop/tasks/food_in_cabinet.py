@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,12 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_core.skillbook.keys import Key
 from memo_tabletop import judging
 from memo_tabletop.furniture import WALL, DoorHinge
+from memo_tabletop.reference import solution
 from memo_tabletop.things import cameras, food
+
+SHUT_RAD = math.radians(3)
 
 
 class FoodInCabinet(Task):
@@ -53,12 +54,18 @@ class FoodInCabinet(Task):
         return Outcome(True, f"the food lies inside the open {self.cabinet_name}", measures)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        key = Key.parse(subtask)
-        if key.action == "OPEN":
-            angle = world.joint_position(f"{self.cabinet_name}/hinge")
-            passage = self._passage(angle, self._described())
-            done = passage >= self._needed_passage()
-            return Outcome(done, f"the door stands at {math.degrees(angle):.0f} degrees", {"door_rad": angle})
+        action, names = judging.read_subtask(subtask)
+        angle = world.joint_position(f"{self.cabinet_name}/hinge")
+        door = f"the door stands at {math.degrees(angle):.0f} degrees"
+        if action == "OPEN":
+            wide = self._passage(angle, self._described()) >= self._needed_passage()
+            return Outcome(wide, door, {"door_rad": angle})
+        if action in judging.CLOSING:
+            return Outcome(angle < SHUT_RAD, door, {"door_rad": angle})
+        if action in judging.PICKING:
+            return judging.picked(world, ("food",), names)
+        if action in judging.PLACING and names and names[0] == "food":
+            return self.check(world, {})
         return None
 
     def _described(self) -> Body:
@@ -74,6 +81,6 @@ class FoodInCabinet(Task):
 
     @property
     def reference_solution(self) -> str:
-        return resources.files("memo_tabletop.solutions").joinpath("food_in_cabinet.py").read_text(encoding="utf-8").replace(
-            "CABINET", self.cabinet_name
-        )
+        name = self.cabinet_name
+        calls = f'open_door("{name}", math.radians(88))\nput_inside("food", "{name}")\n'
+        return solution("open_door", "put_inside", calls=calls)

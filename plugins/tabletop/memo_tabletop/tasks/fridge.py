@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import resources
 from typing import Any
 
 import attrs
@@ -15,6 +14,7 @@ from memo_core.scene.description import Geom, SceneDescription
 from memo_core.scene.pose import Pose
 from memo_tabletop import judging
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
+from memo_tabletop.reference import solution
 from memo_tabletop.things import BLUE, block, cameras
 
 SIZE = (0.30, 0.36, 0.50)  # depth, width, height
@@ -30,9 +30,16 @@ class OpenTheFridge(Task):
     instruction = "open the fridge"
     kind = "TR"
 
-    def __init__(self, mirrored: bool = False, handle_height: float = 0.30, hinge_friction: float = 1.0) -> None:
+    def __init__(
+        self,
+        mirrored: bool = False,
+        handle_height: float = 0.30,
+        hinge_friction: float = 1.0,
+        bar_friction: float = 0.8,
+    ) -> None:
+        """``mirrored`` hangs the door on the other edge, ``handle_height`` in m, ``hinge_friction`` in Nm."""
         self.hinge = DoorHinge("right" if mirrored else "left", math.radians(115), friction=hinge_friction)
-        self.handle = Handle(length=0.20, distance=0.045, inset=0.03, height=handle_height)
+        self.handle = Handle(length=0.20, distance=0.045, inset=0.03, height=handle_height, friction=bar_friction)
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         x, y = np.array([0.72, 0.05]) + rng.uniform(-0.02, 0.02, 2)
@@ -54,11 +61,13 @@ class OpenTheFridge(Task):
             return Outcome(False, f"the fridge door lets only {max(width, 0):.2f} m through", measures)
         if not judging.released(world, "fridge/door"):
             return Outcome(False, "the robot still touches the door", measures)
+        if abs(world.joint_velocity("fridge/hinge")) > judging.AT_REST_RAD_S:
+            return Outcome(False, "the door is still moving", measures)
         return Outcome(True, f"the fridge stands open, {width:.2f} m wide", measures)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if subtask.upper().startswith("OPEN") else None
+        return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None
 
     @property
     def reference_solution(self) -> str:
-        return resources.files("memo_tabletop.solutions").joinpath("open_the_fridge.py").read_text(encoding="utf-8")
+        return solution("open_door", calls='open_door("fridge", math.radians(88))\n')

@@ -14,16 +14,23 @@ SIZE = (0.30, 0.36, 0.34)  # depth, width, height
 
 
 class PutTheFoodInTheMicrowave(FoodInCabinet):
-    """``mirrored`` hangs the door on the other edge, ``handle_height`` (m) moves the bar, ``hinge_friction`` in Nm."""
+    """The door hangs on its left edge as the robot sees it."""
 
     name = "put-the-food-in-the-microwave"
     instruction = "put the food in the microwave"
     kind = "TR"
     cabinet_name = "microwave"
 
-    def __init__(self, mirrored: bool = False, handle_height: float = 0.20, hinge_friction: float = 1.0) -> None:
-        self.hinge = DoorHinge("right" if mirrored else "left", math.radians(110), friction=hinge_friction)
-        self.handle = Handle(length=0.16, distance=0.045, inset=0.03, height=handle_height)
+    def __init__(
+        self,
+        mirrored: bool = False,
+        handle_height: float = 0.20,
+        hinge_friction: float = 1.0,
+        bar_friction: float = 0.8,
+    ) -> None:
+        """``mirrored`` hangs the door on the other edge, ``handle_height`` in m, ``hinge_friction`` in Nm."""
+        self.hinge = DoorHinge("right" if mirrored else "left", math.radians(110), friction=hinge_friction, window=True)
+        self.handle = Handle(length=0.16, distance=0.045, inset=0.03, height=handle_height, friction=bar_friction)
         side = 1.0 if mirrored else -1.0  # the food lies where the open door does not stand
         self.food_place = (0.45, side * 0.32)
 

@@ -15,7 +15,7 @@ BOTTOM = 0.40  # m above the table; lower than 0.35, and the arm meets the table
 
 
 class PutTheFoodInTheOven(FoodInCabinet):
-    """``hinge_friction`` in Nm: enough that the door stays where it is let go, as an oven's springs do."""
+    """The door stays where it is let go, as an oven's springs see to."""
 
     name = "put-the-food-in-the-oven"
     instruction = "put the food in the oven"
@@ -23,9 +23,10 @@ class PutTheFoodInTheOven(FoodInCabinet):
     split = "held-out"
     cabinet_name = "oven"
 
-    def __init__(self, hinge_friction: float = 1.2, handle_length: float = 0.20) -> None:
-        self.hinge = DoorHinge("bottom", math.radians(95), friction=hinge_friction, mass=0.7)
-        self.handle = Handle(length=handle_length, distance=0.05, inset=0.014)
+    def __init__(self, hinge_friction: float = 1.2, handle_length: float = 0.20, bar_friction: float = 0.8) -> None:
+        """``hinge_friction`` in Nm; less than 0.95 lets the door fall open by itself from some angle on."""
+        self.hinge = DoorHinge("bottom", math.radians(95), friction=hinge_friction, mass=0.7, window=True)
+        self.handle = Handle(length=handle_length, distance=0.05, inset=0.014, friction=bar_friction)
 
     def cabinet(self, rng: np.random.Generator) -> tuple[Body, ...]:
         x, y = np.array([0.68, 0.12]) + rng.uniform(-0.02, 0.02, 2)

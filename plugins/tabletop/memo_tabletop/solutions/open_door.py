@@ -45,7 +45,7 @@ def open_door(name, angle):
     end = arc[-1]
     away = turn_point(add(grip, out, 0.12), pivot, bar, turn * angle)
 
-    open_gripper(0.05)
+    open_gripper(0.05)  # fully open fingers would meet the door behind the bar
     move_to(before, hand, then=[[grip, hand]] + arc + [[away, end[1]]])
     follow_path([[grip, hand]], then=arc + [[away, end[1]]])
     close_gripper()
@@ -53,6 +53,3 @@ def open_door(name, angle):
     open_gripper(0.06)
     move_straight(away)
     look()
-
-
-open_door("fridge", math.radians(85))
