@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -161,10 +163,9 @@ def _run(trials: list[Trial], jobs: int, began: Callable[[Trial], None]) -> Iter
             began(trial)
             yield run_trial(trial)
         return
-    import multiprocessing
-
     # A fresh interpreter each: rendering contexts and solver threads do not survive a fork.
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent) as pool:
         waiting = {pool.submit(run_trial, trial): trial for trial in trials}
         try:
             for done in as_completed(waiting):
@@ -172,7 +173,13 @@ def _run(trials: list[Trial], jobs: int, began: Callable[[Trial], None]) -> Iter
                 yield done.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
             raise
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _report(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
