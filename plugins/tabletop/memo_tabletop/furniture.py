@@ -62,7 +62,7 @@ def cabinet(
     colour: Colour,
     door_colour: Colour,
 ) -> Body:
-    """A hollow box with a door in front. ``size`` is (depth, width, height); the hinge joint is called ``NAME/hinge``."""
+    """A hollow box with a door in front. ``size`` is (depth, width, height); its hinge joint is ``NAME/hinge``."""
     centre, extents, opening = inside(size, WALL)
     joint = f"{name}/hinge"
     return Body(

@@ -24,9 +24,10 @@ def food(place: Vector, yaw: float) -> Body:
 
 
 def cameras(target: Vector) -> tuple[Camera, ...]:
-    """``front`` looks at the robot's work from its right, ``overview`` from high on its left."""
+    """``front`` looks over the robot's right side into what stands before it, ``overview`` over its left, higher."""
     x, y, z = target
+    middle = (x - 0.2, y - 0.02, z - 0.03)
     return (
-        Camera("front", look_at((x - 0.35, y - 1.35, z + 0.75), (x - 0.1, y, z)), 0.75),
-        Camera("overview", look_at((x + 0.1, y + 1.3, z + 1.0), (x - 0.15, y, z)), 0.75),
+        Camera("front", look_at((x - 0.95, y - 1.05, z + 0.62), middle), 0.75),
+        Camera("overview", look_at((x - 0.75, y + 1.15, z + 0.95), middle), 0.8),
     )
