@@ -77,7 +77,9 @@ def request(phase: str, graph: SceneGraph, **context) -> Request:
     return Request(phase, messages(phase, ROBOT, graph, **context))
 
 
-def code_request(graph, subtask, corrections=(), general=(), templates=(), task="do it", done=()) -> Request:
+def code_request(
+    graph, subtask, corrections=(), general=(), templates=(), task="do it", done=(), attempts=()
+) -> Request:
     return request(
         "code",
         graph,
@@ -89,7 +91,7 @@ def code_request(graph, subtask, corrections=(), general=(), templates=(), task=
         corrections=[one if isinstance(one, Entry) else Entry(one) for one in corrections],
         general=[one if isinstance(one, Entry) else Entry(one) for one in general],
         templates=[one if isinstance(one, Entry) else Entry(one) for one in templates],
-        attempts=[],
+        attempts=list(attempts),
     )
 
 

@@ -22,7 +22,7 @@ def notes(words, graph=DOOR, subtask="OPEN(crate)"):
     return read_notes(answer.text), answer.not_understood
 
 
-# -- phase 3 -----------------------------------------------------------------------------------------------------------
+# -- phase 3 ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,8 @@ def test_coordinates_do_not_get_into_notes():
 
 @pytest.mark.parametrize(
     "words",
-    ["pull it along an arc", "3 cm higher", "come from above", "open the gripper first", "do it twice", "swing it the other way",
+    ["pull it along an arc", "3 cm higher", "come from above", "open the gripper first", "do it twice",
+     "swing it the other way",
      "grip it by the rim", "let go of it", "tilt the hand by 20 degrees", "go further", "open your fingers wider"],
 )  # fmt: skip
 def test_what_is_noted_means_the_same_when_it_is_read_again(words):
@@ -90,7 +91,7 @@ def test_what_is_noted_means_the_same_when_it_is_read_again(words):
     assert program(first) == program(again)
 
 
-# -- phase 4 -----------------------------------------------------------------------------------------------------------
+# -- phase 4 ----------------------------------------------------------------------------------------------------------
 
 
 def template(code, graph=DOOR, subtask="OPEN(crate)"):
@@ -130,7 +131,23 @@ def test_code_that_does_not_parse_is_refused():
         template("def f(:\n")
 
 
-# -- every phase --------------------------------------------------------------------------------------------------------
+def test_code_that_ended_in_an_error_is_not_written_again():
+    @attrs.frozen
+    class Tried:
+        code: str = "x()"
+        printed: str = ""
+        ended: str = "MotionError: cannot be reached"
+
+    graph = scene(thing("brick"), thing("tile", (0.5, 0.2, 0.01), (0.1, 0.1, 0.02)))
+    texts = []
+    for failed in range(3):
+        asked = code_request(graph, "PLACE(brick, tile)", attempts=[Tried()] * failed)
+        code = unfenced(MODEL.answer(asked).text)
+        texts.append(ast.dump(ast.parse(code)))
+    assert len(set(texts)) == 3
+
+
+# -- every phase ------------------------------------------------------------------------------------------------------
 
 
 def all_phases():
@@ -205,7 +222,7 @@ def test_the_suite_rejects_a_backend_that_remembers():
             self.seen = [*getattr(self, "seen", []), answer.text]
             return attrs.evolve(answer, text=answer.text + self.seen[0])
 
-    with pytest.raises(AssertionError, match="stateless|deterministic|on_text"):
+    with pytest.raises(AssertionError, match=r"stateless|deterministic|on_text"):
         check_language_model(lambda: Remembering(""), [user("one"), user("two")], deterministic=True)
 
 

@@ -195,9 +195,22 @@ def test_words_may_be_replaced_by_a_config_and_mistakes_in_them_are_named(tmp_pa
         Vocabulary.load(str(tmp_path / "none.yaml"))
 
 
-NAMES = (
-    ["microwave", "oven", "fridge", "refrigerator", "drawer", "cupboard", "cabinet", "cube", "cubes", "food", "apple", "chest", "toaster", "dishwasher"]
-)
+NAMES = [
+    "microwave",
+    "oven",
+    "fridge",
+    "refrigerator",
+    "drawer",
+    "cupboard",
+    "cabinet",
+    "cube",
+    "cubes",
+    "food",
+    "apple",
+    "chest",
+    "toaster",
+    "dishwasher",
+]
 
 
 def test_no_name_of_a_task_or_object_occurs_in_the_backend():

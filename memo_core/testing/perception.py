@@ -125,7 +125,9 @@ def cupboard_scene() -> SceneDescription:
         label="cupboard",
         fixture=True,
         cavities=(
-            Cavity("cupboard/inside", "cupboard inside", Pose((0.0, 0.0, 0.15)), (0.28, 0.28, 0.28), (-1.0, 0.0, 0.0), "cupboard_hinge"),
+            Cavity(
+                "cupboard/inside", "cupboard inside", Pose((0, 0, 0.15)), (0.28,) * 3, (-1.0, 0, 0), "cupboard_hinge"
+            ),
         ),
         bodies=(door,),
     )  # fmt: skip

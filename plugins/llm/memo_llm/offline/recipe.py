@@ -71,8 +71,8 @@ class Habits:
         fields = {field.name for field in attrs.fields(Recipe)}
         kinds = {key: value for key, value in data.items() if key not in ("verbs", "rough")}
         for kind, habit in kinds.items():
-            for key in habit:
-                if key not in fields:
+            for key in [*habit, *(key for other in habit.get("instead", ()) for key in other)]:
+                if key not in fields | {"instead"}:
                     raise InvalidArgument(f"llm.habits: {kind}.{key}", "unknown key", ", ".join(sorted(fields)))
             for step in habit.get("steps", ()):
                 if step not in STEPS:
@@ -83,11 +83,15 @@ class Habits:
                 raise InvalidArgument(f"llm.habits: verbs.{kind}", f"no habit for {verb!r}", ", ".join(kinds))
         return cls(verbs, kinds, {key: float(value) for key, value in data["rough"].items()})
 
-    def recipe(self, action: str, objects: tuple[str, ...]) -> Recipe | None:
-        """The naive way to do ACTION(objects), or None for a verb that is not known."""
+    def recipe(self, action: str, objects: tuple[str, ...], failed: int = 0) -> Recipe | None:
+        """The naive way to do ACTION(objects), or None for a verb that is not known. ``failed``: how many attempts did
+        not end well; the habit's ``instead`` says what is then tried, one after the other."""
         kind = self.verbs.get(action) or self.verbs.get(action.split(" ")[0])
         if kind is None:
             return None
         habit = dict(self.kinds[kind])
+        others = habit.pop("instead", ())
+        if failed and others:
+            habit |= others[(failed - 1) % len(others)]
         habit["steps"] = tuple(habit.get("steps", ()))
         return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)

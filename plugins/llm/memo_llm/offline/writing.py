@@ -26,7 +26,8 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
     scene = prompt.scene()
     action, objects = prompt.subtask
     missed: list[str] = []
-    recipe = habits.recipe(action, objects)
+    failed = prompt.attempts()
+    recipe = habits.recipe(action, objects, failed)
     if recipe is None:
         # Touching what is named is the least that somebody may mean; that the verb is unknown is said.
         missed.append(action)
@@ -49,7 +50,8 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
             followed.append(entry.text)
         missed += reading.not_understood
     not_understood = tuple(dict.fromkeys(missed))
-    remarks = [f"As told: {text}" for text in reversed(followed)]
+    remarks = [f"Tried {failed} times before in vain."] if failed else []
+    remarks += [f"As told: {text}" for text in reversed(followed)]
     remarks += [f"Not understood: {words}" for words in not_understood]
     return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
 
