@@ -8,7 +8,7 @@ import json
 import attrs
 import pytest
 from memo_llm.offline.model import OfflineModel
-from offline_prompts import ARC, MODEL, box_with_door, code_request, request, run, scene, thing, write
+from offline_prompts import ARC, MODEL, box_with_door, code_request, request, run, scene, thing, unfenced, write
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Usage
 from memo_core.policy.readers import read_code, read_notes, read_plan, read_template
