@@ -134,9 +134,11 @@ def test_check_finds_settings_without_help_and_defaults_that_are_not_allowed():
     assert "default_settings_pass_their_own_checks" in broken_rules(robot(WrongByDefault))
 
 
-def test_check_finds_a_plugin_whose_import_is_heavy():
+def test_check_finds_a_plugin_whose_import_is_heavy(tmp_path, monkeypatch):
+    (tmp_path / "heavy_plugin.py").write_text("import scipy.spatial\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     backend = Backend("robot", "x", "for tests", lambda settings: object())
-    registry = installed(backend, "memo_core.arm.kinematics")
+    registry = installed(backend, "heavy_plugin")
     rules = {r.rule: r.outcome for r in check_backend(registry, registry.get("robot", "x"))}
     assert rules["declaring_imports_nothing_heavy"] == "broken"
 

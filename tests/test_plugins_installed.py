@@ -16,7 +16,7 @@ from memo_core.interfaces.backend import Backend
 
 @hookimpl
 def {hook}():
-    return [Backend("{kind}", "{name}", "for tests", lambda settings: settings)]
+    return [Backend("{kind}", "{name}", "for tests", lambda settings: settings, default=True)]
 """
 
 
@@ -87,7 +87,7 @@ def test_selecting_the_twins_names_both(environment):
 
 
 def test_nothing_is_taken_in_the_place_of_what_two_declare(environment):
-    """The only store left that nobody contests is not the default by that."""
+    """Two that both want to be the default do not leave the place to a third."""
     shown = json.loads(memo(environment, "config", "show", "--json").stdout)["values"]
     assert not [value for value in shown if value["path"].startswith("vectorstore")]
     said = memo(environment, "bench", "retrieval", code=2).stderr
