@@ -1,0 +1,148 @@
+"""The tabletop scenes: any simulator can build them, they depend on the seed alone, and they are what they claim."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from memo_tabletop.furniture import STEEL, DoorHinge, Handle, cabinet
+from memo_tabletop.plugin import TabletopSettings, tasks
+from memo_tabletop.tasks.fridge import OpenTheFridge
+from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
+
+from memo_core.scene.description import Free, Geom, SceneDescription
+from memo_core.scene.hollow import bar, inside, shell
+from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_core.testing.suite import check_suite
+
+TASKS = tasks(TabletopSettings())
+NAMES = {
+    "stack-the-cubes": "stack the cubes",
+    "put-the-food-in-the-microwave": "put the food in the microwave",
+    "open-the-fridge": "open the fridge",
+    "put-the-cube-away": "put the cube away in the drawer",
+    "put-the-food-in-the-oven": "put the food in the oven",
+}
+each_task = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
+
+
+def scene_of(task, seed: int) -> SceneDescription:
+    return task.scene(np.random.default_rng(seed))
+
+
+def test_the_suite_keeps_the_rules_for_suites():
+    check_suite(lambda: tasks(TabletopSettings()))
+
+
+def test_the_five_tasks_are_there_and_the_oven_is_held_out():
+    assert {task.name: task.instruction for task in TASKS} == NAMES
+    assert [task.name for task in TASKS if task.split == "held-out"] == ["put-the-food-in-the-oven"]
+
+
+@each_task
+def test_twenty_seeds_give_twenty_scenes_with_unique_names(task):
+    scenes = [scene_of(task, seed) for seed in range(20)]
+    assert len({repr(scene) for scene in scenes}) == 20
+    for scene in scenes:
+        bodies = [body for body, _ in scene.walk()]
+        names = [b.name for b in bodies]
+        names += [b.joint.name for b in bodies if b.joint is not None and not isinstance(b.joint, Free)]
+        names += [part.id for b in bodies for part in (*b.parts, *b.cavities)]
+        assert len(set(names)) == len(names)
+        labels = [b.label for b in bodies if b.label] + [part.label for b in bodies for part in (*b.parts, *b.cavities)]
+        assert len(set(labels)) == len(labels)
+
+
+@each_task
+def test_places_scatter_by_two_centimetres_and_five_degrees(task):
+    fixtures = [scene_of(task, seed).bodies[0] for seed in range(40)]
+    if not fixtures[0].fixture:
+        pytest.skip("no furniture")
+    places = np.array([body.pose.position[:2] for body in fixtures])
+    yaws = np.array([2 * math.atan2(body.pose.orientation[3], body.pose.orientation[0]) for body in fixtures])
+    assert np.all(np.ptp(places, axis=0) <= 0.04) and np.all(np.ptp(places, axis=0) > 0.025)
+    assert np.all(np.abs(yaws) <= math.radians(5)) and np.ptp(yaws) > math.radians(6)
+
+
+@each_task
+@pytest.mark.parametrize("seed", range(20))
+def test_free_things_start_on_their_support_and_clear_of_the_furniture(task, seed):
+    scene = scene_of(task, seed)
+    free = [body for body in scene.bodies if isinstance(body.joint, Free)]
+    for body in free:
+        for other in scene.bodies:
+            if other is not body and other.name not in ("fridge",):  # the milk stands inside the fridge
+                gap = _gap(body, other)
+                assert gap > 0.02, f"{body.name} is {gap:.3f} m from {other.name}"
+
+
+def _gap(thing, other) -> float:
+    """Level distance (m) between a thing's middle plus its half diagonal and the nearest corner-box of another body."""
+    reach = math.hypot(*thing.geoms[0].size[:2]) / 2
+    nearest = math.inf
+    for geom in other.geoms:
+        local = (other.pose * geom.pose).inverse().apply(thing.pose.position)
+        extents = geom.size if len(geom.size) == 3 else (2 * geom.size[0],) * 3
+        outside = np.maximum(np.abs(local) - np.asarray(extents) / 2, 0.0)
+        nearest = min(nearest, float(np.hypot(*outside[:2])))
+    return nearest - reach
+
+
+def test_a_shell_leaves_the_inside_it_names_free():
+    size, wall = (0.3, 0.36, 0.34), 0.012
+    for side in ("front", "top"):
+        centre, extents, opening = inside(size, wall, side)
+        for geom in shell(size, wall, side):
+            apart = np.abs(np.array(geom.pose.position) - centre) - (np.array(geom.size) + extents) / 2
+            assert apart.max() >= -1e-9, f"a wall of the {side} shell reaches into its inside"
+        # the open side has no wall: the inside reaches to the outer face there
+        axis = int(np.argmax(np.abs(opening)))
+        face = centre[axis] + opening[axis] * extents[axis] / 2
+        assert face == pytest.approx(0.0 if side == "front" else size[2])
+
+
+def test_walls_of_a_shell_do_not_overlap():
+    geoms = shell((0.3, 0.36, 0.34), 0.012) + shell((0.3, 0.36, 0.34), 0.012, "top")
+    for group in (geoms[:5], geoms[5:]):
+        for i, one in enumerate(group):
+            for other in group[i + 1 :]:
+                apart = np.abs(np.subtract(one.pose.position, other.pose.position)) - np.add(one.size, other.size) / 2
+                assert apart.max() >= -1e-9
+
+
+@pytest.mark.parametrize("along", ["y", "z"])
+def test_a_bar_is_round_and_its_posts_reach_the_face(along):
+    rod, *posts = bar((-0.05, 0.1, 0.2), 0.14, along, 0.05)
+    assert rod.shape == "cylinder" and rod.size == (0.009, 0.14)
+    assert abs(rod.pose.rotation[1 if along == "y" else 2, 2]) == pytest.approx(1.0)
+    for post in posts:
+        assert post.pose.position[0] + post.size[0] / 2 == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("edge", ["left", "right", "bottom"])
+def test_a_door_swings_outwards_about_its_edge_and_touches_nothing_on_the_way(edge):
+    size = (0.30, 0.36, 0.34)
+    body = cabinet("box", (0.7, 0, 0.4), 0.0, size, DoorHinge(edge, 1.6), Handle(0.14, 0.05), STEEL, STEEL)
+    door = body.bodies[0]
+    panel: Geom = door.geoms[0]
+    signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+    for angle in np.linspace(0.0, 1.6, 9):
+        turn = Pose(orientation=quaternion_from_axis_angle(door.joint.axis, float(angle)))
+        corners = (door.pose * turn * panel.pose).apply(signs * np.asarray(panel.size))
+        assert corners[:, 0].max() < 0.02, "the panel swings into the shell"
+        inside_front = (corners[:, 0] > 0) & (np.abs(corners[:, 1]) < size[1] / 2) & (corners[:, 2] > 0)
+        assert not inside_front.any()
+    assert corners[:, 0].min() < -0.3
+
+
+def test_lesions_change_what_they_name_and_nothing_else():
+    plain, mirrored = PutTheFoodInTheMicrowave(), PutTheFoodInTheMicrowave(mirrored=True)
+    one, other = (scene_of(task, 3).body("microwave/door") for task in (plain, mirrored))
+    assert one.joint.axis[2] == -other.joint.axis[2]
+    assert one.parts[0].pose.position[1] == pytest.approx(-other.parts[0].pose.position[1])
+    low = scene_of(PutTheFoodInTheMicrowave(handle_height=0.15), 3).body("microwave/door")
+    assert low.parts[0].pose.position[2] == pytest.approx(0.15)
+    stiff = scene_of(OpenTheFridge(hinge_friction=2.5, bar_friction=0.4), 3).body("fridge/door")
+    assert stiff.joint.friction == 2.5
+    assert {g.material.friction for g in stiff.geoms[1:4]} == {0.4}
