@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +12,9 @@ from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
 
 app = typer.Typer(help="Measure this machine.")
+
+QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
+Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
 
 
 @app.command()
@@ -83,6 +87,91 @@ def stop(
         return
     rows = measured["phases"]
     print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+
+
+@app.command()
+def demo(
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-19 or 3,5.")] = "0-19",
+    out: Out = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Tell the demo's story on many seeds: fails, is taught, succeeds, carries over. No videos unless asked for."""
+    from memo_core.cli.tasks import read_seeds
+    from memo_core.experiment.demo import CHAPTERS
+    from memo_core.experiment.sweep import demos
+
+    wanted = read_seeds(seeds)
+    registry, experiment = load(config, [QUIET, *(overrides or [])])
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        rows = []
+        for report in demos(experiment, registry, out, wanted):
+            rows.append(report.summary())
+            progress(len(rows) / len(wanted))
+        return {"seeds": len(rows), "told": sum(row["told"] for row in rows), "stories": rows}
+
+    measured = _measured("demo", measure)
+    if json:
+        print_json(measured)
+        return
+    names = [part.name for part in CHAPTERS]
+    outcomes = [(row["seed"], *(row[n] for n in names), row["told"], row["wall_s"]) for row in measured["stories"]]
+    print_table(("seed", *names, "told", "seconds"), outcomes)
+    for row in measured["stories"]:
+        if not row["told"]:
+            print(f"seed {row['seed']}: " + "; ".join(f"{name}: {row['reasons'].get(name)}" for name in names))
+    print(f"{measured['told']} of {measured['seeds']} seeds tell the story")
+
+
+@app.command()
+def lesions(
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0-4",
+    lesion: Annotated[list[str] | None, typer.Option("--lesion", help="Only this one; repeatable.")] = None,
+    task: Annotated[str | None, typer.Option("--task", help="Another task than the demo's second.")] = None,
+    out: Out = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach the demo's lesson, damage the book or change the scene, and see where the benefit goes."""
+    import attrs
+
+    from memo_core.cli.tasks import read_seeds
+    from memo_core.experiment.sweep import CONTROLS, LESIONS, SCENES, Lesson
+
+    wanted = read_seeds(seeds)
+    chosen = list(dict.fromkeys(lesion or (*CONTROLS, *LESIONS, *SCENES)))
+    registry, experiment = load(config, [QUIET, *(overrides or [])])
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        trials: list[dict[str, Any]] = []
+        taught = []
+        for seed in wanted:
+            lesson = Lesson(experiment, registry, out, seed)
+            report = lesson.teach()
+            taught.append({"seed": seed, "success": report.success, "folder": str(lesson.folder)})
+            for name in chosen:
+                trials.append(attrs.asdict(lesson.under(name, task)))
+                progress(len(trials) / (len(wanted) * len(chosen)))
+        return {"taught": taught, "lesions": _by_lesion(trials, chosen), "trials": trials}
+
+    measured = _measured("lesions", measure)
+    if json:
+        print_json(measured)
+        return
+    rows = [(r["lesion"], f"{r['first']}/{r['trials']}", f"{r['success']}/{r['trials']}") for r in measured["lesions"]]
+    print_table(("lesion", "first subtask", "whole task"), rows)
+
+
+def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:
+    found = []
+    for name in names:
+        mine = [trial for trial in trials if trial["lesion"] == name]
+        done = {"first": sum(t["first"] is True for t in mine), "success": sum(t["success"] for t in mine)}
+        found.append({"lesion": name, "trials": len(mine)} | done)
+    return found
 
 
 def _measured(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:
