@@ -132,24 +132,26 @@ def _about(book: Skillbook, entry: Entry) -> Key:
 
 
 def _turned_back(code: str) -> str:
-    """Code in which every ``turn_point`` and ``turn_orientation`` turns the other way. Raises ``InvalidArgument`` for
-    code that turns nothing: then there is no arc to reverse."""
-    tree = ast.parse(code)
-    turned = 0
+    """Code in which every turn by a computed angle goes the other way. Turns by a fixed angle stay: they probe which
+    way is which, and reversing them too would cancel out. Code that turns nothing or does not parse stays as it is."""
+    try:
+        tree = ast.parse(code)
+    except (SyntaxError, ValueError):
+        return code
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _TURNING):
             continue
         place = _TURNING[node.func.id]
         if len(node.args) > place:
-            node.args[place] = ast.UnaryOp(ast.USub(), node.args[place])
-            turned += 1
+            node.args[place] = _negated(node.args[place])
         for keyword in node.keywords:
             if keyword.arg == "angle":
-                keyword.value = ast.UnaryOp(ast.USub(), keyword.value)
-                turned += 1
-    if not turned:
-        return code
+                keyword.value = _negated(keyword.value)
     return ast.unparse(ast.fix_missing_locations(tree)) + "\n"
+
+
+def _negated(angle: ast.expr) -> ast.expr:
+    return angle if isinstance(angle, ast.Constant) else ast.UnaryOp(ast.USub(), angle)
 
 
 # -- scenes -----------------------------------------------------------------------------------------------------------

@@ -1,0 +1,206 @@
+"""The demo's benefit goes where it should: each lesion of the book destroys it, lesions of the scene do not (DESIGN 9).
+
+Physics throughout: one lesson is taught on the taught task, then the transfer task is done with a damaged copy of the
+book, and its success check decides.
+"""
+
+from __future__ import annotations
+
+import ast
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+
+from memo_core.config import load_experiment
+from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, tasks_of, world_of
+from memo_core.experiment.folder import RunFolder, new_run_folder
+from memo_core.experiment.lesions import (
+    LESIONS,
+    Taught,
+    VariedTask,
+    arc_reversed,
+    handle_moved,
+    keys_shuffled,
+    lesioned_copy,
+    mirrored,
+    nonsense,
+    opposite,
+)
+from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
+from memo_core.experiment.run import Cast, RunReport, perform
+from memo_core.experiment.sections import SECTIONS
+from memo_core.experiment.world import generator
+from memo_core.interfaces.task import Task
+from memo_core.plugins import Registry
+from memo_core.scene.description import Hinge
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.keys import Key
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_store import FakeStore
+
+SEED = 1
+ARC = "def f(a, angle=1.0):\n    '''x'''\n    s = turn_point(p, q, z, 0.1)\n    move_straight(turn_point(p, q, z, angle * s))\n"
+LESSON = (
+    Taught("correction", Key("open", ("jar",)), "Pull it in an arc. Do not pull straight."),
+    Taught("general", Key("open", ("jar",)), "Doors swing."),
+    Taught("template", Key("open", ("jar",)), ARC),
+    Taught("correction", Key("place", ("food", "jar")), "Let go at the end."),
+)
+
+
+# -- what lesions do to a lesson --------------------------------------------------------------------------------------
+
+
+def test_no_entry_keeps_its_key_and_nothing_stays_general():
+    for seed in range(10):
+        shuffled = keys_shuffled(LESSON, random.Random(seed))
+        assert [one.text for one in shuffled] == [one.text for one in LESSON]
+        assert all(new.about != old.about for new, old in zip(shuffled, LESSON, strict=True))
+        assert all(one.kind != "general" for one in shuffled)
+    [alone] = keys_shuffled(LESSON[:1], random.Random(0))
+    assert alone.about != LESSON[0].about
+
+
+def test_nonsense_has_the_same_length_and_none_of_the_words():
+    for new, old in zip(nonsense(LESSON, random.Random(0)), LESSON, strict=True):
+        assert len(new.text) == len(old.text) and new.about == old.about
+        assert not set(new.text.lower().split()) & {"pull", "arc", "doors", "swing", "turn_point"}
+
+
+def test_the_opposite_negates_every_sentence_and_has_no_template():
+    told = opposite(LESSON, random.Random(0))
+    assert told[0].text == "Do not pull it in an arc. pull straight."
+    assert all(one.kind != "template" for one in told)
+
+
+def test_a_reversed_arc_goes_the_other_way_but_still_probes_the_right_way():
+    [reversed_] = arc_reversed(LESSON, random.Random(0))
+    assert "turn_point(p, q, z, 0.1)" in reversed_.text and "turn_point(p, q, z, -(angle * s))" in reversed_.text
+    ast.parse(reversed_.text)
+
+
+def test_a_lesioned_copy_needs_an_empty_book_and_a_known_lesion(tmp_path):
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
+        feedback = book.record_feedback("swing it", "ana", subtask="OPEN(jar)")
+        book.add_lessons(feedback, "OPEN(jar)", ["Pull it in an arc."], ["Doors swing."])
+        with pytest.raises(UnknownName, match="did you mean"):
+            lesioned_copy(book, book, "keys-shufled")
+        with pytest.raises(InvalidArgument, match="not empty"):
+            lesioned_copy(book, book, "nonsense")
+        with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as copy:
+            lesioned_copy(book, copy, "intact")
+            assert [(e.kind, e.key, e.text) for e in copy.entries()] == [
+                (e.kind, e.key, e.text) for e in book.entries()
+            ]
+
+
+# -- what lesions do to a scene ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return load_experiment(Registry(), None, ["run.video=off", "run.repairs=0"], SECTIONS, None, SEED)
+
+
+def hinges_of(task: Task) -> list[Hinge]:
+    return [body.joint for body, _ in task.scene(generator(SEED, "scene")).walk() if isinstance(body.joint, Hinge)]
+
+
+def test_a_mirrored_scene_is_a_mirror_image_and_twice_is_the_scene(experiment):
+    for task in tasks_of(experiment):
+        scene = task.scene(generator(SEED, "scene"))
+        image = mirrored(scene)
+        for (body, _), (other, _) in zip(scene.walk(), image.walk(), strict=True):
+            x, y, z = body.pose.position
+            assert other.pose.position == (x, -y, z)
+        assert mirrored(image) == scene
+
+
+def test_a_mirrored_door_opens_to_the_mirrored_side(experiment):
+    """Seen through physics: a door pushed to one angle has its handle where the mirror shows it."""
+    demo = experiment.choice("suite").backend.demo
+    task = task_of(experiment, demo.taught)
+    where = {}
+    for name, one in (("plain", task), ("mirrored", VariedTask(task, mirrored, "mirrored"))):
+        with world_of(experiment, one, SEED) as world:
+            handle = next(node for node in world.look().nodes if node.label.split()[-1] == "handle")
+            where[name] = np.asarray(handle.pose.position)
+    assert where["mirrored"] == pytest.approx(where["plain"] * [1, -1, 1], abs=1e-3)
+    plain, image = hinges_of(task)[0], hinges_of(VariedTask(task, mirrored, "mirrored"))[0]
+    assert image.range == plain.range and image.axis == (-plain.axis[0], plain.axis[1], -plain.axis[2])
+
+
+# -- the benefit ------------------------------------------------------------------------------------------------------
+
+
+@attrs.frozen(eq=False)
+class Lesson:
+    """A lesson taught by the simulated participant, and the transfer task done with copies of its book."""
+
+    experiment: object
+    out: Path
+    book: str
+
+    def transfer(self, book: str, change: Callable | None = None) -> RunReport:
+        task = task_of(self.experiment, self.experiment.choice("suite").backend.demo.transfer)
+        return do(self.experiment, self.out, VariedTask(task, change, "varied") if change else task, book, None)
+
+    def lesioned(self, lesion: str) -> str:
+        url = f"sqlite:///{self.out / lesion}.db"
+        with book_of(self.experiment, self.book, read_only=True) as book:
+            with book_of(self.experiment, url, read_only=False) as copy:
+                lesioned_copy(book, copy, lesion, SEED)
+        return url
+
+
+def do(experiment, out: Path, task: Task, book: str, teacher: SimulatedParticipant | None) -> RunReport:
+    cast = Cast(
+        method=experiment.create("method"),
+        llm=experiment.create("llm"),
+        make_world=lambda: world_of(experiment, task, SEED),
+        sandbox=sandbox_of(experiment),
+        skills=library_of(experiment),
+        settings=experiment.section("run"),
+        book=book_of(experiment, book, read_only=teacher is None),
+        teacher=teacher,
+    )
+    return perform(cast, task, SEED, RunFolder(new_run_folder(out, task.name, SEED)), Registry(), {})
+
+
+@pytest.fixture(scope="module")
+def lesson(experiment, tmp_path_factory) -> Lesson:
+    out = tmp_path_factory.mktemp("lesson")
+    taught = task_of(experiment, experiment.choice("suite").backend.demo.taught)
+    url = f"sqlite:///{out / 'book.db'}"
+    teacher = SimulatedParticipant(ParticipantSettings(seed=SEED, misjudges=0.0))
+    report = do(experiment, out, taught, url, teacher)
+    assert report.success, report.outcome or report.problem
+    return Lesson(experiment, out, url)
+
+
+def test_an_undamaged_copy_keeps_the_benefit(lesson):
+    assert lesson.transfer(lesson.lesioned("intact")).success
+
+
+@pytest.mark.parametrize("lesion", ["keys-shuffled", "nonsense", "opposite", "arc-reversed"])
+def test_each_lesion_of_the_book_destroys_the_benefit(lesson, lesion):
+    assert lesion in LESIONS
+    report = lesson.transfer(lesson.lesioned(lesion))
+    assert report.outcome is not None and not report.outcome.success, "a benefit that should be gone is a bug"
+
+
+@pytest.mark.parametrize(
+    "change", [mirrored, handle_moved((0.0, 0.0, -0.03))], ids=["mirrored hinge", "another handle height"]
+)
+def test_another_geometry_keeps_the_benefit(lesson, change):
+    report = lesson.transfer(lesson.book, change)
+    assert report.success, report.outcome or report.problem
+
+
+def test_without_the_book_there_is_nothing_to_carry_over(lesson):
+    assert not lesson.transfer("sqlite://").success
