@@ -8,14 +8,22 @@ import math
 
 import numpy as np
 import pytest
-from arms import box, control_of, limits_used, six_joint_arm
+from arms import FixedPerception, box, control_of, limits_used, six_joint_arm
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from memo_franka.description import panda
 
+from memo_core.arm.branches import Blocked, BranchSearch, tilt_choices
+from memo_core.arm.collision import RobotShape, obstacles_of
+from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.path import CartesianPath
 from memo_core.errors import MotionError
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle, quaternion_from_rotation
 from memo_core.skills.contract import side_orientation, top_orientation, turn_orientation, turn_point
 
+KINEMATICS = Kinematics(panda())
+SHAPE = RobotShape(panda(), KINEMATICS)
 TOP = top_orientation.call(None, ())
 FORWARD = side_orientation.call(None, ([1.0, 0.0, 0.0], "horizontal"))
 LEVEL = side_orientation.call(None, ([1.0, 0.0, 0.0], "vertical"))
@@ -27,10 +35,6 @@ def arc(grip, pivot, axis, angle, hand, count=20):
     return [
         (turn_point.call(None, (grip, pivot, axis, a)), turn_orientation.call(None, (hand, axis, a))) for a in angles
     ]
-
-
-def largest_jump(sent) -> float:
-    return float(np.abs(np.diff(np.array(sent), axis=0)).max())
 
 
 def distance_to(path, point) -> float:
@@ -57,14 +61,60 @@ def test_a_door_is_followed_in_one_posture_from_approach_to_retreat(side):
     start = len(link.sent)
     control.follow_path(path, away, 0.7, 0.5)
     followed = link.sent[start:]
-    assert largest_jump(followed) < 0.03, "a posture changed on the way"
     positions = [control._kinematics.pose(one).position for one in followed[::5]]
     line = [grip, *(p for p, _ in path)]
-    # Targets run ahead by the servo's lag, which the ideal link has none of to compensate.
     assert max(distance_to(line, np.array(p)) for p in positions) < 0.004
     control.follow_path(away, None, 0.7, 0.5)
     used = limits_used(panda(), link.sent, link.control_period)
     assert max(used) <= 1.001, used
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    x=st.floats(0.5, 0.75),
+    z=st.floats(0.15, 0.6),
+    side=st.sampled_from([1, -1]),
+    radius=st.floats(0.25, 0.4),
+    slack=st.sampled_from([0.0, 0.4, 0.7]),
+)
+def test_a_branch_is_continuous_and_on_its_path_wherever_the_door_is(x, z, side, radius, slack):
+    grip, pivot = [x, -radius / 2 * side, z], [x + 0.03, radius / 2 * side, z]
+    path = CartesianPath(
+        [
+            Pose(tuple(p), tuple(q))
+            for p, q in [(grip, FORWARD), *arc(grip, pivot, [0.0, 0.0, 1.0], -1.4 * side, FORWARD)]
+        ]
+    )
+    checker = SHAPE.checker(obstacles_of(FixedPerception().look()), 0.05)
+    search = BranchSearch(KINEMATICS, path, checker, None, 0.0, "contact", KINEMATICS.home)
+    found = search.prepare(tilt_choices(slack, None)[-1]) or search.best()
+    if isinstance(found, Blocked):
+        assert found.cause in ("unreachable", "joint-limit", "collision", "self-collision", "no-branch")
+        return
+    assert np.abs(np.diff(found.joints, axis=1)).max() < 0.26
+    assert np.abs(found.tilt).max() <= slack + 1e-9
+    rotation, position = path.at(found.s, found.tilt)
+    turned, placed = KINEMATICS.forward(found.joints)
+    assert np.abs(placed - position).max() < 1e-3 and np.abs(turned - rotation).max() < 3e-3
+    assert all(KINEMATICS.within_limits(one) for one in found.joints.T)
+    assert not any(checker.collides(one, "contact") for one in found.joints.T[::2])
+
+
+@pytest.mark.parametrize("z", [0.2, 0.45])
+def test_the_posture_is_chosen_for_what_follows(z):
+    grip, pivot = [0.62, -0.17, z], [0.66, 0.17, z]
+    path = arc(grip, pivot, [0.0, 0.0, 1.0], -1.5, FORWARD)
+    control, _, _ = control_of(panda())
+    control.move_to([0.52, -0.17, z], FORWARD, [(grip, FORWARD), *path], 0.3, 1.0)
+    control.follow_path([(grip, FORWARD)], path, 0.3, 0.5)
+    control.follow_path(path, None, 0.3, 0.5)
+    unaware, link, _ = control_of(panda())
+    unaware.move_to([0.52, -0.17, z], FORWARD, None, 0.3, 1.0)
+    unaware.follow_path([(grip, FORWARD)], None, 0.3, 0.5)
+    moved = len(link.sent)
+    with pytest.raises(MotionError, match=r"% along the path.*from another arm posture it can.*then="):
+        unaware.follow_path(path, None, 0.3, 0.5)
+    assert len(link.sent) == moved
 
 
 def test_a_level_bar_may_turn_between_the_fingers():

@@ -269,7 +269,16 @@ class MotionPlanner:
             failure = _further(failure, (found, path))
         assert failure is not None
         end = CartesianPath([here, *poses]).length
-        raise self._reasons.error(skill, failure[0], failure[1], end, start, slack)
+        error = self._reasons.error(skill, failure[0], failure[1], end, start, slack)
+        if failure[0].s > 0 and self._goes_otherwise(failure[1], slack, checker, start):
+            error.problem += "; from another arm posture it can: give this path as then= to the motions before it"
+        raise error
+
+    def _goes_otherwise(self, path: CartesianPath, slack: float, checker: Checker, start: Array) -> bool:
+        """Whether the path could be followed if the arm were in another posture at its start."""
+        search = BranchSearch(self.kinematics, path, checker, None, 0.0, "contact", start)
+        blocked = search.prepare(tilt_choices(slack, None)[-1])
+        return blocked is None and isinstance(search.best(), Motion)
 
     def _follow_plan(self, motion: Motion, path: CartesianPath, count: int, speed: float) -> Plan:
         """``count``: how many of the path's poses after the start are to be run."""
