@@ -66,13 +66,13 @@ def put_in():
 def push_shut():
     grip, out = get_position("drawer handle"), outwards()
     travel = sum((p - q) * d for p, q, d in zip(get_position("drawer inside"), get_position("chest"), out))
-    # the fingers close along the bar, so that it cannot slip in between them
+    # the fingers close along the bar and stay level, so that it slips neither in between nor behind them
     hand = side_orientation([-v for v in out], "horizontal")
     before, end = along(grip, out, 0.08), along(grip, out, -travel)
     close_gripper()
-    move_to(before, hand)
-    follow_path([[end, hand]])
-    move_straight(before, hand)
+    move_to(before, hand, slack=0.2)
+    follow_path([[end, hand]], slack=0.2)
+    move_straight(before, hand, slack=0.2)
     look()
 
 
