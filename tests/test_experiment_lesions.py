@@ -44,7 +44,11 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
 SEED = 1
-ARC = "def f(a, angle=1.0):\n    '''x'''\n    s = turn_point(p, q, z, 0.1)\n    move_straight(turn_point(p, q, z, angle * s))\n"
+ARC = """def f(a, angle=1.0):
+    '''Opens a.'''
+    s = turn_point(p, q, z, 0.1)
+    move_straight(turn_point(p, q, z, angle * s))
+"""
 LESSON = (
     Taught("correction", Key("open", ("jar",)), "Pull it in an arc. Do not pull straight."),
     Taught("general", Key("open", ("jar",)), "Doors swing."),
@@ -74,7 +78,7 @@ def test_nonsense_has_the_same_length_and_none_of_the_words():
 
 def test_the_opposite_negates_every_sentence_and_has_no_template():
     told = opposite(LESSON, random.Random(0))
-    assert told[0].text == "Do not pull it in an arc. pull straight."
+    assert told[0].text == "Do not pull it in an arc. Pull straight."
     assert all(one.kind != "template" for one in told)
 
 
@@ -104,7 +108,7 @@ def test_a_lesioned_copy_needs_an_empty_book_and_a_known_lesion(tmp_path):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return load_experiment(Registry(), None, ["run.video=off", "run.repairs=0"], SECTIONS, None, SEED)
+    return load_experiment(Registry(), None, ["run.video=off", "run.repairs=0", "run.repeats=1"], SECTIONS, None, SEED)
 
 
 def hinges_of(task: Task) -> list[Hinge]:
@@ -152,9 +156,9 @@ class Lesson:
 
     def lesioned(self, lesion: str) -> str:
         url = f"sqlite:///{self.out / lesion}.db"
-        with book_of(self.experiment, self.book, read_only=True) as book:
-            with book_of(self.experiment, url, read_only=False) as copy:
-                lesioned_copy(book, copy, lesion, SEED)
+        source = book_of(self.experiment, self.book, read_only=True)
+        with source as book, book_of(self.experiment, url, read_only=False) as copy:
+            lesioned_copy(book, copy, lesion, SEED)
         return url
 
 

@@ -65,13 +65,15 @@ def nonsense(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
 def opposite(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
     """Somebody taught the opposite: each sentence negated; no templates, since no such code was approved."""
 
-    def negated(text: str) -> str:
-        sentences = re.split(r"(?<=[.!?])\s+", text.strip())
-        return " ".join(
-            f"Do not {s[0].lower()}{s[1:]}" if not s.lower().startswith("do not") else s[7:] for s in sentences
-        )
+    def negated(sentence: str) -> str:
+        told_not_to = sentence.lower().startswith("do not ")
+        rest = sentence[len("do not ") :] if told_not_to else sentence
+        return rest[:1].upper() + rest[1:] if told_not_to else f"Do not {rest[:1].lower()}{rest[1:]}"
 
-    return [attrs.evolve(one, text=negated(one.text)) for one in taught if one.kind != "template"]
+    def opposed(text: str) -> str:
+        return " ".join(negated(sentence) for sentence in re.split(r"(?<=[.!?])\s+", text.strip()))
+
+    return [attrs.evolve(one, text=opposed(one.text)) for one in taught if one.kind != "template"]
 
 
 def arc_reversed(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
