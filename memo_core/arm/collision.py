@@ -18,10 +18,12 @@ from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 
-Mode = Literal["free", "contact"]
+Mode = Literal["clear", "free", "contact"]
 
 # How near a part of the robot may come to a perceived surface (m; negative: how far it may reach into it).
+# "clear" is what a free motion should keep: a door that stands open is dragged along by a finger that grazes its edge.
 _MARGINS: dict[Mode, dict[str, float]] = {
+    "clear": {"arm": 0.015, "hand": 0.008, "finger": 0.008, "held": 0.0},
     "free": {"arm": 0.005, "hand": -0.004, "finger": -0.005, "held": -0.012},
     "contact": {"arm": 0.0, "hand": -0.010, "held": -0.020},
 }
@@ -317,9 +319,16 @@ class Checker:
 
     def leave(self, joints: Array) -> None:
         """Let the arm leave the configuration it is in: what touches there may touch a little deeper, anywhere."""
+        self._relieve(joints, *self._results)
+
+    def near(self, joints: Array) -> None:
+        """Let a clear motion end at this configuration: what it comes near to may be as near anywhere."""
+        self._relieve(joints, "clear")
+
+    def _relieve(self, joints: Array, *modes: Mode) -> None:
         import pinocchio as pin
 
-        for data in self._results.values():
+        for data in (self._results[mode] for mode in modes):
             self._q[self._shape.arm_index] = joints
             self._compute(self._model, self._data, self._geometry, data, self._q, False)
             for number, result in enumerate(data.collisionResults):

@@ -86,7 +86,7 @@ class MotionPlanner:
                     break
                 goals.append(found.joints[:, 0])
                 search.exclude(found.joints[:, 0])
-                plan = self._route(checker, start, goals[-1:], speed, world, straight_only=True)
+                plan = self._clear_route(checker, start, goals[-1:], speed, world, nodes=0)
                 if plan is not None:
                     return plan
             if goals:
@@ -136,18 +136,18 @@ class MotionPlanner:
         goals: Sequence[Array],
         speed: float,
         world: World,
-        straight_only: bool = False,
     ) -> Plan | None:
-        """A plan whose every sample is free; where the start is enclosed, a short straight retreat comes first."""
+        """A plan that keeps clear of everything where there is one, else one whose every sample is free; where the start
+        is enclosed, a short straight retreat comes first."""
+        if (plan := self._clear_route(checker, start, goals, speed, world, nodes=600)) is not None:
+            return plan
 
         def free(joints: Array) -> bool:
             return not checker.collides(joints, "free")
 
-        joints = plan_free(self.kinematics, free, start, goals, nodes=0 if straight_only else 300)
+        joints = plan_free(self.kinematics, free, start, goals, nodes=300)
         if joints is not None and (plan := self._free_plan(checker, joints, speed, world)) is not None:
             return plan
-        if straight_only:
-            return None
         # Where fingers are around something, only a straight line leads out of there or in: no sampling finds it.
         outs = [None, *islice(self._retreats(checker, start, "contact"), 2)]
         ins = [None, *(line for goal in goals[:2] for line in islice(self._retreats(checker, goal, "free"), 2))]
@@ -165,6 +165,15 @@ class MotionPlanner:
                 if plan is not None:
                     return plan
         return None
+
+    def _clear_route(
+        self, checker: Checker, start: Array, goals: Sequence[Array], speed: float, world: World, nodes: int
+    ) -> Plan | None:
+        """A plan that keeps its distance from everything but what the start and the goals are near to."""
+        for goal in goals:
+            checker.near(goal)
+        joints = plan_free(self.kinematics, lambda one: not checker.collides(one, "clear"), start, goals, nodes=nodes)
+        return None if joints is None else self._free_plan(checker, joints, speed, world, mode="clear")
 
     def _retreats(self, checker: Checker, start: Array, mode: Mode) -> Iterator[Array]:
         """Short straight ways (n, M) back along the approach, or up, to where the arm is free."""
@@ -200,6 +209,7 @@ class MotionPlanner:
         world: World,
         out: Array | None = None,
         into: Array | None = None,
+        mode: Mode = "free",
     ) -> Plan | None:
         """The joint path timed, with a straight way out before it and into the goal after it; None where a sample of it
         touches something (a corner that was cut, or a graze between two checked configurations)."""
@@ -208,7 +218,7 @@ class MotionPlanner:
         dense, corners = densified(joints)
         for stops in ((), corners):
             targets = time_path(self.kinematics, dense, limits, self.period, stops=stops).targets
-            if not any(checker.collides(row, "free") for row in targets):
+            if not any(checker.collides(row, mode) for row in targets):
                 pieces = [targets]
                 if out is not None:
                     pieces.insert(0, time_path(self.kinematics, out, limits, self.period).targets)
