@@ -137,8 +137,8 @@ class MotionPlanner:
         speed: float,
         world: World,
     ) -> Plan | None:
-        """A plan that keeps clear of everything where there is one, else one whose every sample is free; where the start
-        is enclosed, a short straight retreat comes first."""
+        """A plan that keeps clear of everything where there is one, else one whose every sample is free; where the
+        start is enclosed, a short straight retreat comes first."""
         if (plan := self._clear_route(checker, start, goals, speed, world, nodes=600)) is not None:
             return plan
 
