@@ -11,8 +11,9 @@ from memo_tabletop.plugin import TabletopSettings, tasks
 from memo_tabletop.tasks.fridge import OpenTheFridge
 from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 
+from memo_core.errors import InvalidArgument
 from memo_core.scene.description import Free, Geom, SceneDescription
-from memo_core.scene.hollow import bar, inside, shell
+from memo_core.scene.hollow import bar, cup, inside, shelf, shell
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.suite import check_suite
 
@@ -109,6 +110,31 @@ def test_walls_of_a_shell_do_not_overlap():
             for other in group[i + 1 :]:
                 apart = np.abs(np.subtract(one.pose.position, other.pose.position)) - np.add(one.size, other.size) / 2
                 assert apart.max() >= -1e-9
+
+
+def test_a_shelf_lies_between_the_walls_at_the_height_it_says():
+    size, wall = (0.3, 0.36, 0.5), 0.012
+    board = shelf(size, wall, 0.22, 0.09)
+    centre, extents, _ = inside(size, wall)
+    low, high = (np.array(board.pose.position) + s * np.array(board.size) / 2 for s in (-1, 1))
+    assert high[2] == pytest.approx(0.22)
+    assert np.all(low >= np.array(centre) - np.array(extents) / 2 - 1e-9)
+    assert np.all(high <= np.array(centre) + np.array(extents) / 2 + 1e-9)
+
+
+@pytest.mark.parametrize("sides", [3, 8, 12])
+def test_a_cup_holds_what_fits_its_apothem_and_has_no_gaps(sides):
+    apothem, wall = 0.03, 0.004
+    floor, *walls = cup(apothem, 0.1, wall, sides)
+    assert len(walls) == sides and floor.pose.position[2] + floor.size[1] / 2 == pytest.approx(wall)
+    for one, other in zip(walls, walls[1:] + walls[:1], strict=True):
+        face = one.pose.inverse().apply([0.0, 0.0, 0.05])
+        assert -face[0] - wall / 2 == pytest.approx(apothem)  # the inner face
+        ends = one.pose.apply([0.0, one.size[1] / 2, 0.0]), other.pose.apply([0.0, -other.size[1] / 2, 0.0])
+        corner = np.abs(other.pose.inverse().apply(ends[0])) - np.array(other.size) / 2
+        assert corner[:2].max() <= wall  # neighbours reach one another
+    with pytest.raises(InvalidArgument):
+        cup(0.03, 0.002)
 
 
 @pytest.mark.parametrize("along", ["y", "z"])

@@ -6,8 +6,10 @@ to the left, z up from the bottom. Extents are given as (depth, width, height) a
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
+from memo_core.errors import InvalidArgument
 from memo_core.scene.description import Colour, Geom, Material, Vector
 from memo_core.scene.pose import Pose
 
@@ -41,6 +43,41 @@ def inside(size: Vector, wall: float, open_side: Side = "front") -> tuple[Vector
         return ((depth - wall) / 2, 0.0, height / 2), extents, (-1.0, 0.0, 0.0)
     extents = (depth - 2 * wall, width - 2 * wall, height - wall)
     return (depth / 2, 0.0, (height + wall) / 2), extents, (0.0, 0.0, 1.0)
+
+
+def shelf(size: Vector, wall: float, top: float, depth: float, colour: Colour = (0.8, 0.84, 0.88, 1.0)) -> Geom:
+    """A board inside a shell of this size that is open at the front: its upper face ``top`` above the shell's bottom,
+    reaching ``depth`` forward from the back wall (m)."""
+    thickness = min(wall, 0.01)
+    x = size[0] - wall - depth / 2
+    return Geom("box", (depth, size[1] - 2 * wall, thickness), Pose((x, 0.0, top - thickness / 2)), colour)
+
+
+def cup(
+    apothem: float,
+    height: float,
+    wall: float = 0.004,
+    sides: int = 12,
+    colour: Colour = (0.8, 0.82, 0.86, 1.0),
+    material: Material = Material(),
+) -> tuple[Geom, ...]:
+    """Open at the top: a floor and ``sides`` upright boxes around a regular polygon of this inner apothem (m).
+
+    Its frame is in the middle of the floor's underside. Raises ``InvalidArgument`` when it has no inside.
+    """
+    if sides < 3 or apothem <= 0 or height <= wall:
+        given = f"apothem {apothem}, height {height}, {sides} sides"
+        raise InvalidArgument(
+            "cup(apothem, height, sides)", given, "a height above the wall's thickness, 3 sides or more"
+        )
+    width = 2 * (apothem + wall) * math.tan(math.pi / sides)  # the outer corners meet
+    geoms = [Geom("cylinder", (apothem + wall, wall), Pose((0.0, 0.0, wall / 2)), colour, material=material)]
+    for i in range(sides):
+        yaw = 2 * math.pi * i / sides
+        middle = apothem + wall / 2
+        at = (middle * math.cos(yaw), middle * math.sin(yaw), (height + wall) / 2)
+        geoms.append(Geom("box", (wall, width, height - wall), Pose.from_yaw(at, yaw), colour, material=material))
+    return tuple(geoms)
 
 
 def bar(

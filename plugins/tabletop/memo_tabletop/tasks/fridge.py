@@ -10,8 +10,8 @@ import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome, Task
-from memo_core.scene.description import Geom, SceneDescription
-from memo_core.scene.pose import Pose
+from memo_core.scene.description import SceneDescription
+from memo_core.scene.hollow import shelf
 from memo_tabletop import judging
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.reference import solution
@@ -45,9 +45,7 @@ class OpenTheFridge(Task):
         x, y = np.array([0.72, 0.05]) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
         fridge = cabinet("fridge", (x, y, 0.0), yaw, SIZE, self.hinge, self.handle, WHITE, STEEL)
-        board = Geom(
-            "box", (SHELF_DEPTH, SIZE[1] - 2 * WALL, 0.01), Pose((SIZE[0] - WALL - SHELF_DEPTH / 2, 0.0, SHELF - 0.005))
-        )
+        board = shelf(SIZE, WALL, SHELF, SHELF_DEPTH)
         fridge = attrs.evolve(fridge, geoms=(*fridge.geoms, board))
         place = fridge.pose.apply((SIZE[0] - WALL - SHELF_DEPTH / 2, 0.0, SHELF + 0.001))
         milk = block("milk", "milk", tuple(place), yaw, (0.05, 0.05, 0.11), 0.25, BLUE)
