@@ -97,7 +97,7 @@ def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) ->
     if recipe.steps[:1] == ("close-hand",):
         sheet.add("grasp = along(grasp, opposite(heading), 0.02)  # closed fingers push from outside")
     _path(recipe, around, sheet)
-    _steps(recipe, sheet)
+    _steps(recipe, around, sheet)
 
 
 def _hold_door(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
@@ -304,9 +304,11 @@ def _pushes_shut(recipe: Recipe, sheet: _Sheet) -> bool:
     return recipe.kind == "close" and recipe.distance <= 0 and recipe.shape == "straight" and "DOOR" in sheet.constants
 
 
-def _steps(recipe: Recipe, sheet: _Sheet) -> None:
+def _steps(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
     clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres between the hand's last stop and the grasp")
-    sheet.add(f"start = along(grasp, opposite(heading), {clearance})", "")
+    from_above = "TILT" in sheet.constants and recipe.kind == "pick" and around.inside is None
+    coming = "[0.0, 0.0, 1.0]" if from_above else "opposite(heading)"
+    sheet.add(f"start = along(grasp, {coming}, {clearance})", "")
     speed = f", speed={recipe.speed:g}" if recipe.speed is not None else ""
     opening = (
         "" if recipe.opening is None else sheet.constant("OPENING", recipe.opening, "metres between the open fingers")
