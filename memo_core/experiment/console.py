@@ -75,7 +75,7 @@ class Narrator:
         else:
             table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
             for column in ("  served", "r", "action", "objects", "key", "text"):
-                table.add_column(column, overflow="fold" if column == "text" else None, no_wrap=column != "text")
+                table.add_column(column, overflow="fold" if column == "text" else "ellipsis", no_wrap=column != "text")
             for one in event.served:
                 text = one.text.splitlines()[0] if one.kind == "template" else one.text
                 numbers = [f"{v:.2f}" for v in (one.score, one.action_cosine, one.objects_cosine)]
