@@ -7,7 +7,7 @@ from typing import Any
 
 
 class FakeEntryPoint:
-    """An entry point as ``importlib.metadata`` gives it, whose module has ``members``, or whose import raises ``error``:
+    """An entry point as ``importlib.metadata`` gives it. Its module has ``members``, or its import raises ``error``:
     ``Registry([FakeEntryPoint("mine", "my-dist", memo_robots=memo_robots)])``."""
 
     def __init__(self, name: str, distribution: str, error: BaseException | None = None, **members: Any) -> None:
