@@ -36,7 +36,7 @@ def test_a_plan_is_found_in_what_models_write_around_it(text):
     assert str(read_plan(text)) == OPEN
 
 
-@pytest.mark.parametrize("text", ["DONE", "DONE()", "done.", "```\nDONE\n```", "- DONE", "All is in place, so I am DONE."])
+@pytest.mark.parametrize("text", ["DONE", "DONE()", "done.", "```\nDONE\n```", "- DONE", "All is well, so I am DONE."])
 def test_done_is_done_in_all_its_spellings(text):
     assert read_plan(text) is None
 
