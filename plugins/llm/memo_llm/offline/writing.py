@@ -50,8 +50,8 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
             followed.append(entry.text)
         missed += reading.not_understood
     not_understood = tuple(dict.fromkeys(missed))
-    remarks = [f"Tried {failed} times before in vain."] if failed else []
-    remarks += [f"As told: {text}" for text in reversed(followed)]
+    # Nothing here counts the attempts: code that is the same again must read the same, for that says "no other idea".
+    remarks = [f"As told: {text}" for text in reversed(followed)]
     remarks += [f"Not understood: {words}" for words in not_understood]
     return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
 
