@@ -23,11 +23,10 @@ from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.skillbook.book import Skillbook
 
-HANDLE_MOVED_M = (-0.02, 0.02)  # towards the hinge side of the body's frame and away, along z
 SCENES = {
     "mirrored": mirrored,
-    "handle-lower": handle_moved((0.0, 0.0, HANDLE_MOVED_M[0])),
-    "handle-higher": handle_moved((0.0, 0.0, HANDLE_MOVED_M[1])),
+    "handle-3cm-lower": handle_moved((0.0, 0.0, -0.03)),
+    "handle-6cm-lower": handle_moved((0.0, 0.0, -0.06)),
 }
 CONTROLS = ("empty-book",)
 
