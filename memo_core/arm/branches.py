@@ -203,6 +203,7 @@ class BranchSearch:
         return cost
 
     def _edge(self, a: _Layer, b: _Layer) -> np.ndarray:
+        self._kinematics.poll()
         total = np.zeros((len(a.tilt), len(b.tilt)), dtype=np.float32)
         largest = np.zeros_like(total)
         for first, second in zip(a.joints.astype(np.float32), b.joints.astype(np.float32), strict=True):

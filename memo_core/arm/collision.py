@@ -350,6 +350,7 @@ class Checker:
 
     def collides(self, joints: Array, mode: Mode) -> bool:
         """For one configuration (n,)."""
+        self._shape.kinematics.poll()
         self._q[self._shape.arm_index] = joints
         return self._compute(self._model, self._data, self._geometry, self._results[mode], self._q, True)
 
@@ -357,6 +358,7 @@ class Checker:
         """The deepest contact there would be, or None."""
         import pinocchio as pin
 
+        self._shape.kinematics.poll()
         data = self._results[mode]
         self._q[self._shape.arm_index] = joints
         if not self._compute(self._model, self._data, self._geometry, data, self._q, False):

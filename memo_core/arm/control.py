@@ -41,7 +41,7 @@ class ArmControl(Control):
         self._description = description
         self._link = link
         self._perception = perception
-        self._planner = MotionPlanner(description, link.control_period)
+        self._planner = MotionPlanner(description, link.control_period, lambda: link.check_stop("planning a motion"))
         self._kinematics = self._planner.kinematics
         self._lag = np.array(link.servo_lag) if len(link.servo_lag) else np.zeros(self._kinematics.count)
         self._scene: SceneGraph | None = None

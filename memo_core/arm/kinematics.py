@@ -7,6 +7,8 @@ every operation runs over contiguous memory. Rotations are (3, 3, N), positions 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import attrs
 import numpy as np
 
@@ -31,10 +33,15 @@ class Solutions:
 
 class Kinematics:
     """Forward and inverse kinematics of the tool frame of a described arm. Raises ``InvalidArgument`` where the
-    description does not fit its URDF."""
+    description does not fit its URDF.
 
-    def __init__(self, description: RobotDescription) -> None:
+    ``poll`` is called every few milliseconds while something is searched for, here and by all planning that works on
+    these kinematics; what it raises (``Stopped``) ends the search.
+    """
+
+    def __init__(self, description: RobotDescription, poll: Callable[[], None] = lambda: None) -> None:
         self.description = description
+        self.poll = poll
         self.lower = np.array([joint.lower for joint in description.joints])
         self.upper = np.array([joint.upper for joint in description.joints])
         self.velocity = np.array([joint.velocity for joint in description.joints])
@@ -182,6 +189,7 @@ class Kinematics:
         turn_error = np.full(size, np.inf)
         active = np.arange(size)
         for iteration in range(iterations + 1):
+            self.poll()
             now = joints[:, active]
             turned, placed, axes, origins = self._chain(now)
             error = np.empty((6, active.size))

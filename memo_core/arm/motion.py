@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice, product
 
 import attrs
@@ -50,12 +51,14 @@ class Plan:
 
 
 class MotionPlanner:
-    """Plans for one robot. Deterministic: the same question has the same answer."""
+    """Plans for one robot. Deterministic: the same question has the same answer. ``poll`` as in ``Kinematics``."""
 
-    def __init__(self, description: RobotDescription, period: float) -> None:
+    def __init__(self, description: RobotDescription, period: float, poll: Callable[[], None] = lambda: None) -> None:
+        for library in ("coal", "ruckig", "scipy.interpolate"):
+            importlib.import_module(library)  # now: in the middle of a motion, or of a stop, it would be too late
         self.description = description
         self.period = period
-        self.kinematics = Kinematics(description)
+        self.kinematics = Kinematics(description, poll)
         self._shape = RobotShape(description, self.kinematics)
         self._reasons = Reasons(description, self.kinematics)
 
