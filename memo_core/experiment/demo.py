@@ -18,7 +18,7 @@ from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event
 from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
-from memo_core.experiment.folder import RunFolder, new_run_folder
+from memo_core.experiment.folder import RunFolder, json_text, new_run_folder, write_whole
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.interfaces.backend import Demo
@@ -142,12 +142,8 @@ def _props(experiment: Experiment, part: Chapter, lesson: str) -> tuple[Skillboo
 def _told(report: DemoReport) -> DemoReport:
     from memo_core.experiment.report import write_demo_report
 
-    folder = RunFolder(report.folder)
-    try:
-        report = attrs.evolve(report, page=write_demo_report(report))
-        folder.write_json("summary.json", report.summary())
-    finally:
-        folder.close()
+    report = attrs.evolve(report, page=write_demo_report(report))
+    write_whole(report.folder / "summary.json", json_text(report.summary()))
     return report
 
 

@@ -53,19 +53,10 @@ class RunFolder:
 
     def write(self, name: str, content: str | bytes) -> Path:
         """A whole file, on disk when this returns; never half of it."""
-        path = self.path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-        data = content.encode() if isinstance(content, str) else content
-        with temporary.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-        return path
+        return write_whole(self.path / name, content)
 
     def write_json(self, name: str, value: Any) -> Path:
-        return self.write(name, json.dumps(plain(value), indent=1, ensure_ascii=False) + "\n")
+        return self.write(name, json_text(value))
 
     def config(self, values: dict[str, Any]) -> None:
         import yaml
@@ -124,6 +115,24 @@ class RunFolder:
 
     def _subtask_folder(self, subtask: str) -> str:
         return f"code/{self._number:02d}-{file_name(subtask)}"
+
+
+def write_whole(path: Path, content: str | bytes) -> Path:
+    """A file that is there whole or not at all, on disk when this returns."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+    data = content.encode() if isinstance(content, str) else content
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+    return path
+
+
+def json_text(value: Any) -> str:
+    """A value as an indented JSON document."""
+    return json.dumps(plain(value), indent=1, ensure_ascii=False) + "\n"
 
 
 def new_run_folder(out: Path, task: str, seed: int) -> Path:
