@@ -67,17 +67,17 @@ class Lesson:
             raise InvalidArgument("suite.backend", f"{suite.name!r} offers no demo", "a suite that declares one")
         self.demo = suite.demo
         self.seed = seed
-        self._experiment = attrs.evolve(experiment, seed=seed)
+        self.experiment = attrs.evolve(experiment, seed=seed)
         self._registry = registry
         self.folder = new_run_folder(out, "lesions", seed)
-        self._url = self._book_url("taught")
+        self.url = self._book_url("taught")
         self._llm = experiment.create("llm")
 
     def teach(self) -> RunReport:
         """The demo's first task with a simulated participant who never misjudges; fills the book."""
-        task = task_of(self._experiment, self.demo.taught)
+        task = task_of(self.experiment, self.demo.taught)
         participant = SimulatedParticipant(ParticipantSettings(seed=self.seed, misjudges=0.0))
-        book = book_of(self._experiment, self._url, read_only=False)
+        book = book_of(self.experiment, self.url, read_only=False)
         return self._perform(task, book, participant, "taught")[0]
 
     def under(self, lesion: str, task: str | None = None) -> Lesioned:
@@ -86,7 +86,7 @@ class Lesson:
             raise UnknownName("lesion", lesion, (*CONTROLS, *LESIONS, *SCENES))
         started = time.monotonic()
         name = task or self.demo.transfer
-        chosen = task_of(self._experiment, name)
+        chosen = task_of(self.experiment, name)
         if lesion in SCENES:
             chosen = VariedTask(chosen, SCENES[lesion], lesion)
         report, first = self._perform(chosen, self._book(lesion), None, f"{name}-{lesion}")
@@ -103,17 +103,17 @@ class Lesson:
 
     def _book(self, lesion: str) -> Skillbook:
         if lesion in CONTROLS:
-            return book_of(self._experiment, EMPTY, read_only=True)
+            return book_of(self.experiment, EMPTY, read_only=True)
         if lesion not in LESIONS:
-            return book_of(self._experiment, self._url, read_only=True)
+            return book_of(self.experiment, self.url, read_only=True)
         url = self._book_url(lesion)
         if not (self.folder / f"{lesion}.db").exists():
             with (
-                book_of(self._experiment, self._url, read_only=True) as taught,
-                book_of(self._experiment, url, read_only=False) as copy,
+                book_of(self.experiment, self.url, read_only=True) as taught,
+                book_of(self.experiment, url, read_only=False) as copy,
             ):
                 lesioned_copy(taught, copy, lesion, self.seed)
-        return book_of(self._experiment, url, read_only=True)
+        return book_of(self.experiment, url, read_only=True)
 
     def _book_url(self, name: str) -> str:
         return f"sqlite:///{self.folder / name}.db"
@@ -122,7 +122,7 @@ class Lesson:
         self, task: Task, book: Skillbook, teacher: Teacher | None, folder: str
     ) -> tuple[RunReport, Outcome | None]:
         """The run, and the task's own verdict on the first subtask when that had ended."""
-        experiment = self._experiment
+        experiment = self.experiment
         watch = _Watch()
         cast = Cast(
             method=experiment.create("method"),
@@ -135,7 +135,15 @@ class Lesson:
             teacher=teacher,
         )
         config = experiment.public() | {"task": task.name}
-        report = perform(cast, task, self.seed, RunFolder(self.folder / folder), self._registry, config, watch.heard)
+        report = perform(
+            cast,
+            task,
+            self.seed,
+            RunFolder(new_run_folder(self.folder, folder, self.seed)),
+            self._registry,
+            config,
+            watch.heard,
+        )
         return report, watch.first
 
 

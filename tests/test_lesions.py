@@ -1,0 +1,78 @@
+"""Where the lesson's benefit goes: to a door that nobody corrected, and nowhere once the lesson is damaged.
+
+Real embedder, index, sandbox and physics; one lesson, taught once through the whole loop. The verdict is the task's own
+on the first subtask (is the door open?), asked the moment that ends. Whole tasks: tests/test_experiment_lesions.py.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from memo_core.config import load_experiment
+from memo_core.errors import UnknownName
+from memo_core.experiment.assembly import book_of
+from memo_core.experiment.sections import SECTIONS
+from memo_core.experiment.sweep import Lesson, demos
+from memo_core.plugins import Registry
+
+SEED = 0
+ONE_SUBTASK = ("run.video=off", "run.repairs=0", "run.subtasks=1")
+
+
+@pytest.fixture(scope="module")
+def lesson(tmp_path_factory) -> Lesson:
+    registry = Registry()
+    experiment = load_experiment(registry, None, ONE_SUBTASK, SECTIONS)
+    lesson = Lesson(experiment, registry, tmp_path_factory.mktemp("lessons"), SEED)
+    [opening] = lesson.teach().result.subtasks
+    assert opening.status == "approved" and opening.attempts > 1, "it must fail at first and be taught"
+    return lesson
+
+
+def test_without_the_lesson_the_door_stays_shut(lesson):
+    assert lesson.under("empty-book").first is False
+
+
+@pytest.mark.parametrize("part", ["intact", "templates-only", "corrections-only", "general-only"])
+def test_the_lesson_opens_the_other_door_and_so_does_each_part_of_it(lesson, part):
+    """The parts one by one: otherwise a lesion of one part would fail for want of the others."""
+    found = lesson.under(part)
+    assert found.first, found.first_why or found.why
+
+
+@pytest.mark.parametrize("lesion", ["keys-shuffled", "nonsense", "opposite", "arc-reversed"])
+def test_a_damaged_lesson_is_of_no_use(lesson, lesion):
+    found = lesson.under(lesion)
+    assert found.first is False, f"a benefit that survives is a bug in the set-up: {found.first_why}"
+
+
+@pytest.mark.parametrize("scene", ["mirrored", "handle-3cm-lower"])
+def test_the_lesson_holds_for_other_geometry(lesson, scene):
+    found = lesson.under(scene)
+    assert found.first, found.first_why or found.why
+
+
+def test_reading_the_book_leaves_it_as_it_was(lesson):
+    def kept():
+        with book_of(lesson.experiment, lesson.url, read_only=True) as book:
+            return [(entry.kind, entry.key, entry.text) for entry in book.entries()]
+
+    before = kept()
+    lesson.under("intact")
+    lesson.under("nonsense")
+    assert before and kept() == before
+
+
+def test_an_unknown_lesion_is_named_with_those_there_are(lesson):
+    with pytest.raises(UnknownName, match="arc-reversed"):
+        lesson.under("arc-revresed")
+
+
+def test_a_story_that_is_not_the_expected_one_says_why(tmp_path):
+    """One attempt a subtask leaves no room for the retry, so the story cannot be told; the table must say so."""
+    registry = Registry()
+    experiment = load_experiment(registry, None, [*ONE_SUBTASK, "run.attempts=1"], SECTIONS)
+    [report] = demos(experiment, registry, tmp_path, [SEED])
+    summary = report.summary()
+    assert not summary["told"] and not summary["after_feedback"]
+    assert all(summary["reasons"][name] for name in ("empty_book", "after_feedback", "transfer_empty_book", "transfer"))
