@@ -1,4 +1,7 @@
-"""What can be observed of a run: plain attrs classes, no logic. They are written to ``events.jsonl`` and sent to hooks."""
+"""What can be observed of a run: plain attrs classes, no logic.
+
+They are written to ``events.jsonl`` and sent to hooks.
+"""
 
 from __future__ import annotations
 

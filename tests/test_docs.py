@@ -53,7 +53,9 @@ def test_the_pages_backends_do_what_they_say():
 
     embedder = build("embedder")
     vectors = embedder.embed(["open the door", "open the lid", "yodel"])
-    assert np.allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5) and vectors[0] @ vectors[1] > vectors[0] @ vectors[2]
+    assert (
+        np.allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5) and vectors[0] @ vectors[1] > vectors[0] @ vectors[2]
+    )
     store = build("vectorstore")
     store.add([7, 9, 11], vectors)
     assert store.search(vectors[0], 2)[0].tolist() == [7, 9]

@@ -44,7 +44,8 @@ def scene_with_door(angle: float, hand: Pose, width: float, slid: float = 0.0, h
 def door_episode(angles, hands, widths, slides=None, handle_y=0.37) -> Episode:
     slides = slides or [0.0] * len(angles)
     graphs = [
-        scene_with_door(a, Pose(tuple(h)), w, s, handle_y) for a, h, w, s in zip(angles, hands, widths, slides, strict=True)
+        scene_with_door(a, Pose(tuple(h)), w, s, handle_y)
+        for a, h, w, s in zip(angles, hands, widths, slides, strict=True)
     ]
     sightings = tuple(Sighting(float(i), graph) for i, graph in enumerate(graphs))
     return Episode("open the chest", "OPEN(chest)", 1, graphs[0], graphs[-1], sightings)
@@ -77,7 +78,9 @@ def test_a_straight_pull_on_a_swinging_door_is_called_that():
 def test_a_pull_that_the_door_bends_before_it_slips_still_looks_straight():
     start = handle_at(0.0)
     angles = [0, 0, 0.03, 0.3, 0.42, 0.42, 0.42]
-    hands = [start + [-0.2, 0, 0], start] + [start + [-d, s, 0] for d, s in ((0.01, 0), (0.09, 0.04), (0.15, 0.05), (0.15, 0), (0.2, 0))]
+    hands = [start + [-0.2, 0, 0], start] + [
+        start + [-d, s, 0] for d, s in ((0.01, 0), (0.09, 0.04), (0.15, 0.05), (0.15, 0), (0.2, 0))
+    ]
     seen = impression(door_episode(angles, hands, [0.05, 0.018, 0.018, 0.018, 0.0, 0.0, 0.05]))
     assert seen.cause == "straight-on-swing"
 
@@ -93,7 +96,10 @@ def test_a_drawer_that_is_pulled_straight_is_fine_and_an_arc_on_it_is_named():
     out = door_episode([0] * 5, hands, [0.05, 0.018, 0.018, 0.018, 0.05], distances, 0.2)
     assert impression(out).fine
     bent = [0, 0, 0.01, 0.015, 0.015]
-    hands = [handle_at(0, 0, 0.2) + [-0.2, 0, 0], *[handle_at(0, 0, 0.2) + [-d, d * d * 10, 0] for d in (0, 0.05, 0.1, 0.12)]]
+    hands = [
+        handle_at(0, 0, 0.2) + [-0.2, 0, 0],
+        *[handle_at(0, 0, 0.2) + [-d, d * d * 10, 0] for d in (0, 0.05, 0.1, 0.12)],
+    ]
     assert impression(door_episode([0] * 5, hands, [0.05] + [0.018] * 4, bent, 0.2)).cause == "arc-on-slide"
 
 
@@ -102,9 +108,14 @@ def test_a_hand_that_never_came_near_is_told_to_take_the_handle():
     assert impression(door_episode([0, 0], hands, [0.08, 0.08])).cause == "untouched-handle"
 
 
-def thing_episode(subtask: str, thing: Pose, relations: tuple[Relation, ...], hand: tuple[float, float, float]) -> Episode:
+def thing_episode(
+    subtask: str, thing: Pose, relations: tuple[Relation, ...], hand: tuple[float, float, float]
+) -> Episode:
     def graph(pose: Pose, relations: tuple[Relation, ...], hand: tuple[float, float, float]) -> SceneGraph:
-        nodes = (Node("block", "block", pose, (0.05,) * 3), Node("tray", "tray", Pose((0.5, 0.3, 0.01)), (0.2, 0.2, 0.02)))
+        nodes = (
+            Node("block", "block", pose, (0.05,) * 3),
+            Node("tray", "tray", Pose((0.5, 0.3, 0.01)), (0.2, 0.2, 0.02)),
+        )
         return SceneGraph(nodes, relations, Observation(Pose(hand), 0.08, False))
 
     before = graph(Pose((0.4, 0, 0.025)), (), (0.3, 0, 0.4))
@@ -120,9 +131,14 @@ def test_holding_what_was_to_be_picked_up_is_fine_and_missing_it_names_the_side(
 
 
 def test_a_thing_beside_its_place_is_noticed():
-    on = thing_episode("PLACE(block, tray)", Pose((0.5, 0.3, 0.045)), (Relation("block", "on", "tray"),), (0.5, 0.3, 0.2))
+    on = thing_episode(
+        "PLACE(block, tray)", Pose((0.5, 0.3, 0.045)), (Relation("block", "on", "tray"),), (0.5, 0.3, 0.2)
+    )
     assert impression(on).fine
-    assert impression(thing_episode("PLACE(block, tray)", Pose((0.5, 0.05, 0.025)), (), (0.5, 0.05, 0.2))).cause == "landed-beside"
+    assert (
+        impression(thing_episode("PLACE(block, tray)", Pose((0.5, 0.05, 0.025)), (), (0.5, 0.05, 0.2))).cause
+        == "landed-beside"
+    )
 
 
 def test_an_unknown_action_leaves_the_participant_silent():
@@ -139,7 +155,11 @@ def test_every_cause_has_five_phrasings_and_every_blank_can_be_filled():
         for phrase in said:
             phrase.format(object="block", place="tray", side="left", amount="3 cm")
     source = Path(eyewitness.__file__).read_text()
-    named = {node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    named = {
+        node.value
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
     assert set(phrases) <= named, "a cause nobody ever names"
 
 
@@ -168,7 +188,10 @@ def test_the_same_seed_says_the_same_words_and_phrases_vary():
 def test_a_participant_cannot_import_what_a_person_cannot_see(module):
     """Only scene graphs, poses and the teacher's interface: no simulator, task, description, sandbox, policy or arm."""
     allowed = {
-        "memo_core.errors", "memo_core.scene.graph", "memo_core.scene.pose", "memo_core.interfaces.teacher",
+        "memo_core.errors",
+        "memo_core.scene.graph",
+        "memo_core.scene.pose",
+        "memo_core.interfaces.teacher",
         "memo_core.experiment.eyewitness",
     }
     for node in ast.walk(ast.parse(Path(module.__file__).read_text())):

@@ -304,7 +304,7 @@ def test_the_still_world_turns_its_door_about_the_hinge():
 
 
 def test_a_glance_sees_the_truth_and_changes_nothing():
-    perception, context = looking(position_noise=0.05, dropout=0.9)
+    perception, _context = looking(position_noise=0.05, dropout=0.9)
     before = perception.state()
     truth = looking()[0].look()
     assert perception.glance().nodes == truth.nodes

@@ -1,7 +1,7 @@
 """``memo bench sim``: what our motion stack costs on top of the physics.
 
 The arm picks a cube, carries it and puts it down through ``memo_core.arm``: targets set, stop polled, monitors run,
-every tick. The controls that reached the engine are recorded, and the same motion is replayed in a bare Python loop, one
+every tick. The controls that reached the engine are recorded and the same motion is replayed in a bare Python loop, one
 physics step at a time. Planning happens before a motion starts and is reported apart: what is compared is the time from
 a skill's first tick to its end. All times are CPU times of the one thread that does everything, so that whatever else
 the machine does is not counted; nothing in the loop waits.

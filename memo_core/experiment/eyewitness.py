@@ -6,6 +6,7 @@ success checks, no reference solutions and no code (DESIGN 9; a test asserts the
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -35,8 +36,8 @@ PLACING = {"PLACE", "PUT", "INSERT", "STACK", "PUT_DOWN", "DROP"}
 
 @attrs.frozen
 class Impression:
-    """``fine``: it looked done. Otherwise ``cause`` names what seemed wrong (a heading of phrases.yaml); ``blanks`` fill
-    its phrases. ``sure`` is False where a person could not tell."""
+    """``fine``: it looked done. Otherwise ``cause`` names what seemed wrong (a heading of phrases.yaml); ``blanks``
+    fill its phrases. ``sure`` is False where a person could not tell."""
 
     fine: bool
     cause: str = ""
@@ -47,7 +48,12 @@ class Impression:
 def impression(episode: Episode) -> Impression:
     """How the subtask looked from its start to its end."""
     action, names = _spoken(episode.subtask)
-    blanks = {"object": names[0] if names else "it", "place": names[1] if len(names) > 1 else "place", "amount": "a bit", "side": "over"}
+    blanks = {
+        "object": names[0] if names else "it",
+        "place": names[1] if len(names) > 1 else "place",
+        "amount": "a bit",
+        "side": "over",
+    }
     if action in OPENING:
         found = _opened(episode, names)
     elif action in CLOSING:
@@ -115,7 +121,6 @@ def _opened(episode: Episode, names: Sequence[str]) -> Impression:
     hand = _hand_path(episode)
     handles = _handles(episode.before, mover) or [mover]
     nearest = min((_distance_to_box(handle, point) for handle in handles for point in hand), default=math.inf)
-    peak_turn, peak_slide = _furthest(episode, mover)
     if nearest > NEAR_HAND_M:
         return Impression(False, "nothing-moved" if _length(hand) < 0.05 else "untouched-handle")
     return Impression(False, _pull_gone_wrong(episode, mover, handles, _pull(episode, hand, handles)))
@@ -177,7 +182,7 @@ def _pull(episode: Episode, hand: Sequence[Array], handles: Sequence[Node]) -> l
             break
     if start is None:
         return []
-    path = []
+    path: list[Array] = []
     for i in range(start, len(hand)):
         if path and episode.sightings[i].scene.observation.gripper_width > 0.8 * widest:
             break
@@ -200,7 +205,7 @@ def _lost(episode: Episode, handles: Sequence[Node]) -> bool:
 
 
 def _length(path: Sequence[Array]) -> float:
-    return float(sum(np.linalg.norm(b - a) for a, b in zip(path, path[1:], strict=False)))
+    return float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(path)))
 
 
 def _curved(path: Sequence[Array]) -> bool:
@@ -259,9 +264,13 @@ def _placed(episode: Episode, names: Sequence[str]) -> Impression:
     owned |= {n.id for n in episode.after.nodes if n.part_of in owned}
     if any(r.predicate == "held" and r.subject == thing.id for r in episode.after.relations):
         return Impression(False, "still-held")
-    if any(r.predicate in ("on", "in") and r.subject == thing.id and r.object in owned for r in episode.after.relations):
+    if any(
+        r.predicate in ("on", "in") and r.subject == thing.id and r.object in owned for r in episode.after.relations
+    ):
         spaces = {n.id for n in episode.after.nodes if n.kind == "space" and n.id in owned}
-        inside = any(r.predicate == "in" and r.subject == thing.id and r.object in owned for r in episode.after.relations)
+        inside = any(
+            r.predicate == "in" and r.subject == thing.id and r.object in owned for r in episode.after.relations
+        )
         if not spaces or inside:
             return Impression(True)
         return Impression(False, "dropped-short")

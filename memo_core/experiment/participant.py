@@ -21,7 +21,9 @@ class ParticipantSettings:
     misjudges: float = attrs.field(
         default=0.05,
         validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
-        metadata={"help": "share of subtasks judged wrongly: approved though it failed, or found fault with though fine"},
+        metadata={
+            "help": "share of subtasks judged wrongly: approved though it failed, or found fault with though fine"
+        },
     )
     patience: int = attrs.field(default=6, metadata={"help": "corrections of one subtask before giving up (silent)"})
 

@@ -1,4 +1,7 @@
-"""A scripted teacher: what is said at which subtask and attempt stands in the config. For tests and reproducible runs."""
+"""A scripted teacher: what is said at which subtask and attempt stands in the config.
+
+For tests and reproducible runs.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +40,8 @@ class ScriptedTeacher(Teacher):
 
     def judge(self, episode: Episode) -> Verdict:
         for line in self._lines:
-            if line.attempt in (0, episode.attempt) and fnmatch.fnmatchcase(episode.subtask.lower(), line.subtask.lower()):
+            if line.attempt in (0, episode.attempt) and fnmatch.fnmatchcase(
+                episode.subtask.lower(), line.subtask.lower()
+            ):
                 return Verdict("correct", line.say) if line.say else Verdict("approve")
         return Verdict("silent")

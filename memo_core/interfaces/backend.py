@@ -9,7 +9,9 @@ from typing import Any, Literal
 import attrs
 
 KINDS = ("llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method")
-Kind = Literal["llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method"]
+Kind = Literal[
+    "llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method"
+]
 
 
 @attrs.frozen

@@ -65,8 +65,8 @@ class Link(ABC):
         """Command joint positions for one control period and let it pass. Raises ``Stopped``."""
 
     def halt(self, targets: Array) -> None:
-        """Come to rest along decelerating ``targets``, shape (T, n), the grip unchanged: the one command that is accepted
-        while stopped, and the last. Hardware that stops by itself may pass over the targets."""
+        """Come to rest along decelerating ``targets``, shape (T, n), the grip unchanged: the one command that is
+        accepted while stopped, and the last. Hardware that stops by itself may pass over the targets."""
 
     @abstractmethod
     def set_gripper(self, width: float, force: float) -> None:

@@ -73,7 +73,12 @@ class LanguageModel(ABC):
     def close(self) -> None: ...
 
     @abstractmethod
-    def answer(self, request: Request, on_text: Callable[[str], None] | None = None, cancelled: Callable[[], bool] | None = None) -> Answer:
+    def answer(
+        self,
+        request: Request,
+        on_text: Callable[[str], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Answer:
         """Answer one request. ``on_text`` receives pieces while they stream; ``cancelled`` is polled by backends that
         can give up early. Raises ``LanguageModelError``."""
 

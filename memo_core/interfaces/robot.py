@@ -38,8 +38,8 @@ class JointDescription:
 class GripperDescription:
     """A gripper and its abilities.
 
-    ``finger_joints`` are URDF slide joints coupled to move alike, each over half the stroke; ``pads`` are the links whose
-    contact with an object means holding. A vacuum gripper has no finger joints.
+    ``finger_joints`` are URDF slide joints coupled to move alike, each over half the stroke; ``pads`` are the links
+    whose contact with an object means holding. A vacuum gripper has no finger joints.
     """
 
     kind: Literal["parallel", "vacuum"] = "parallel"

@@ -1,4 +1,7 @@
-"""What a vector store must provide: the largest inner products. The store is derived data; the database is the truth."""
+"""What a vector store must provide: the largest inner products.
+
+The store is derived data; the database is the truth.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,8 @@ class VectorStore(ABC):
 
     @abstractmethod
     def search(self, query: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Ids (int64) and inner products (float32), largest first, at most ``count``; ``query`` has shape (dimension,)."""
+        """Ids (int64) and inner products (float32), largest first, at most ``count``; ``query`` has shape
+        (dimension,)."""
 
     @abstractmethod
     def __len__(self) -> int: ...

@@ -95,7 +95,9 @@ class SceneGraph:
         """The relations in plain language, without a full stop."""
         labels = {node.id: node.label for node in self.nodes}
         return tuple(
-            PREDICATES[r.predicate].format(subject=labels.get(r.subject, r.subject), object=labels.get(r.object or "", r.object))
+            PREDICATES[r.predicate].format(
+                subject=labels.get(r.subject, r.subject), object=labels.get(r.object or "", r.object)
+            )
             for r in self.relations
         )
 

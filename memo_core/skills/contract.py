@@ -1,4 +1,7 @@
-"""The built-in skills: one contract for simulation and hardware (DESIGN 6). Plugins add skills through the same hook."""
+"""The built-in skills: one contract for simulation and hardware (DESIGN 6).
+
+Plugins add skills through the same hook.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,17 @@ from memo_core.scene.pose import multiply_quaternions, quaternion_from_axis_angl
 from memo_core.skills.control import Control
 from memo_core.skills.skill import Skill, skill
 from memo_core.skills.values import (
-    Angle, Direction, Force, Name, Orientation, Path, Position, Seconds, Slack, Speed, Width,
+    Angle,
+    Direction,
+    Force,
+    Name,
+    Orientation,
+    Path,
+    Position,
+    Seconds,
+    Slack,
+    Speed,
+    Width,
 )
 
 # -- what is there ---------------------------------------------------------------------------------------------------
@@ -61,7 +74,9 @@ def get_opening(control: Control, name: Name) -> Direction:
     """For the inside of a container: unit vector (base frame) pointing out through its open side."""
     node = control.scene().node(name)
     if node.opening is None:
-        raise InvalidArgument("get_opening(name)", f"{node.label!r} is not the inside of a container", "a name ending in 'inside'")
+        raise InvalidArgument(
+            "get_opening(name)", f"{node.label!r} is not the inside of a container", "a name ending in 'inside'"
+        )
     return list(node.opening)
 
 
@@ -94,7 +109,8 @@ def get_gripper_position(control: Control) -> Position:
 
 @skill("query")
 def get_gripper_orientation(control: Control) -> Orientation:
-    """How the hand is turned now: quaternion [w, x, y, z]; its z axis is the approach, its y axis the closing direction."""
+    """How the hand is turned now: quaternion [w, x, y, z]; its z axis is the approach, its y axis the closing
+    direction."""
     return list(control.tool_pose().orientation)
 
 
@@ -143,7 +159,9 @@ def side_orientation(
     point downwards by that much."""
     length = math.hypot(direction[0], direction[1])
     if length < 1e-6:
-        raise InvalidArgument("side_orientation(direction)", "it has no horizontal part", "a direction such as [1, 0, 0]")
+        raise InvalidArgument(
+            "side_orientation(direction)", "it has no horizontal part", "a direction such as [1, 0, 0]"
+        )
     x, y = direction[0] / length, direction[1] / length
     approach = [x * math.cos(tilt), y * math.cos(tilt), -math.sin(tilt)]
     if fingers == "horizontal":

@@ -11,8 +11,9 @@ Waypoints = list[tuple[list[float], list[float] | None]]  # (position, orientati
 
 
 class Control(ABC):
-    """The robot as skills see it. Positions in metres in the base frame, orientations as quaternions (w, x, y, z) of the
-    tool frame (z: approach direction, y: closing direction of the fingers), angles in radians, forces in newtons."""
+    """The robot as skills see it. Positions in metres in the base frame, orientations as quaternions (w, x, y, z) of
+    the tool frame (z: approach direction, y: closing direction of the fingers), angles in radians, forces in
+    newtons."""
 
     # -- perception --------------------------------------------------------------------------------------------------
     @abstractmethod
@@ -43,7 +44,9 @@ class Control(ABC):
 
     # -- motion: all raise MotionError before anything moves when the goal cannot be reached ---------------------------
     @abstractmethod
-    def move_to(self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float) -> None:
+    def move_to(
+        self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
+    ) -> None:
         """Free, collision-checked motion to a pose, in an arm configuration from which ``then`` can be followed."""
 
     @abstractmethod

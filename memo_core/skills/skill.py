@@ -33,7 +33,7 @@ class Skill:
 
     @property
     def signature(self) -> str:
-        """As a person would write it: ``move_to(position: Position, orientation: Orientation | None = None) -> None``."""
+        """As a person would write it: ``open_gripper(width: float | None = None) -> float``."""
         shown = []
         for parameter in self.parameters:
             text = f"{parameter.name}: {describe_type(self.types[parameter.name])}"
@@ -72,7 +72,9 @@ def skill(kind: Kind) -> Callable[[Callable[..., Any]], Skill]:
         doc = inspect.getdoc(function) or ""
         missing = [p.name for p in parameters if p.name not in types]
         if missing or "return" not in types or not doc:
-            raise TypeError(f"skill {function.__name__}: needs a docstring and types for {missing or 'its return value'}")
+            raise TypeError(
+                f"skill {function.__name__}: needs a docstring and types for {missing or 'its return value'}"
+            )
         return Skill(function.__name__, kind, function, parameters, types, doc)
 
     return declare

@@ -82,9 +82,7 @@ def _flag(value: Any) -> bool:
 Position = Annotated[list, Check("Position", "[x, y, z] in metres, base frame", _numbers(3))]
 Direction = Annotated[list, Check("Direction", "[x, y, z], base frame, not all zero", _numbers(3))]
 Orientation = Annotated[list, Check("Orientation", "a unit quaternion [w, x, y, z]", _orientation)]
-Path = Annotated[
-    list, Check("Path", "a list of 1 to 500 items, each [x, y, z] or [[x, y, z], [w, x, y, z]]", _path)
-]
+Path = Annotated[list, Check("Path", "a list of 1 to 500 items, each [x, y, z] or [[x, y, z], [w, x, y, z]]", _path)]
 Name = Annotated[str, Check("str", "the name of an object or part in the scene", _text)]
 Angle = Annotated[float, Check("float", "an angle in radians, -7 to 7", _between(-7.0, 7.0))]
 Slack = Annotated[float, Check("float", "an angle in radians, 0 to 1", _between(0.0, 1.0))]

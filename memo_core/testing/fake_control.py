@@ -185,7 +185,12 @@ def tabletop_nodes() -> tuple[Node, ...]:
         Node("cabinet/door", "cabinet door", Pose((0.595, 0.15, 0.15)), (0.01, 0.3, 0.3), "cabinet", "part"),
         Node("cabinet/handle", "cabinet handle", Pose((0.56, 0.05, 0.15)), (0.02, 0.02, 0.12), "cabinet", "part"),
         Node(
-            "cabinet/inside", "cabinet inside", Pose((0.7, 0.15, 0.15)), (0.18, 0.28, 0.28), "cabinet", "space",
+            "cabinet/inside",
+            "cabinet inside",
+            Pose((0.7, 0.15, 0.15)),
+            (0.18, 0.28, 0.28),
+            "cabinet",
+            "space",
             (-1.0, 0.0, 0.0),
         ),
     )

@@ -109,7 +109,12 @@ class GroundTruth(Perception):
             for thing in visible
         )
         return SceneGraph(
-            nodes, tuple(self._relations(nodes)), self._observation(() if exact else self.settings.images), scene.table_height, scene.label, time
+            nodes,
+            tuple(self._relations(nodes)),
+            self._observation(() if exact else self.settings.images),
+            scene.table_height,
+            scene.label,
+            time,
         )
 
     def state(self) -> bytes:
