@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -138,7 +139,7 @@ class Constant(FakeEmbedder):
 
 class Scrambled(FakeEmbedder):
     def _vector(self, text: str) -> np.ndarray:
-        vector = np.random.default_rng(abs(hash(text)) % 2**32).normal(size=self.dimension)
+        vector = np.random.default_rng(zlib.crc32(text.encode())).normal(size=self.dimension)
         return vector / np.linalg.norm(vector)
 
 

@@ -126,6 +126,13 @@ def test_a_place_written_as_numbers_becomes_a_parameter_without_a_default():
     assert len(function.args.defaults) == 1
 
 
+def test_an_amount_is_not_mixed_up_with_a_local_variable_of_its_name():
+    code = "SHARE = 0.5\nfor share in (0.2, 0.4):\n    move_to([0.4, SHARE * share, 0.3], top_orientation())\n"
+    text = template(code)
+    name = next(node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)).name
+    assert run(f"{text}\n\n{name}()\n", DOOR) == run(code, DOOR)
+
+
 def test_code_that_does_not_parse_is_refused():
     with pytest.raises(LanguageModelError, match="does not parse"):
         template("def f(:\n")

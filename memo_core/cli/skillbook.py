@@ -212,13 +212,17 @@ def _label(entry: Entry) -> str:
 
 
 def _row(entry: Entry) -> tuple[Any, ...]:
-    first, *more = entry.text.strip().splitlines()
-    return entry.id, entry.kind, _label(entry), f"{entry.confirmed_uses}/{entry.uses}", first + (" …" if more else "")
+    from memo_core.skillbook.entries import headline
+
+    used = f"{entry.confirmed_uses}/{entry.uses}"
+    return entry.id, entry.kind, _label(entry), used, headline(entry.kind, entry.text)
 
 
 def _found_row(result: dict[str, Any]) -> tuple[Any, ...]:
-    first, *more = result["text"].strip().splitlines()
-    return f"{result['score']:.3f}", result["id"], result["kind"], result["key"], first + (" …" if more else "")
+    from memo_core.skillbook.entries import headline
+
+    line = headline(result["kind"], result["text"])
+    return f"{result['score']:.3f}", result["id"], result["kind"], result["key"], line
 
 
 def _as_json(entry: Entry) -> dict[str, Any]:

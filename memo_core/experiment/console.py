@@ -24,6 +24,7 @@ from memo_core.events import (
     SubtaskEnded,
     SubtaskStarted,
 )
+from memo_core.skillbook.entries import headline
 
 STATUS_COLOURS = {"approved": "green", "corrected": "yellow", "unobserved": "dim"}
 NEAR_MISSES = 3
@@ -77,7 +78,7 @@ class Narrator:
             for column in ("  served", "r", "action", "objects", "key", "text"):
                 table.add_column(column, overflow="fold" if column == "text" else "ellipsis", no_wrap=column != "text")
             for one in event.served:
-                text = one.text.splitlines()[0] if one.kind == "template" else one.text
+                text = headline(one.kind, one.text)
                 numbers = [f"{v:.2f}" for v in (one.score, one.action_cosine, one.objects_cosine)]
                 table.add_row(f"  {one.kind}", *numbers, escape(one.key), escape(text))
             self.console.print(table)
@@ -86,7 +87,9 @@ class Narrator:
 
     def _on_CodeWritten(self, event: CodeWritten) -> None:
         if self._code:
-            self.console.print(Syntax(event.code.rstrip("\n"), "python", theme="ansi_dark", background_color="default"))
+            colours = Syntax("", "python", theme="ansi_dark", background_color="default")
+            # Long lines are left to the terminal: a Syntax would cut them off at its edge.
+            self.console.print(colours.highlight(event.code.rstrip("\n")), soft_wrap=True)
 
     def _on_SkillCalled(self, event: SkillCalled) -> None:
         if self._skills:
@@ -110,7 +113,7 @@ class Narrator:
         self.console.print(f"  [bold magenta]{escape(event.who)}:[/] {escape(event.words)}")
 
     def _on_EntryStored(self, event: EntryStored) -> None:
-        text = event.text.splitlines()[0] if event.kind == "template" else event.text
+        text = headline(event.kind, event.text)
         self.console.print(f"  [green]learnt[/] {event.kind} [dim]{escape(event.key)}[/] {escape(text)}")
 
     def _on_SubtaskEnded(self, event: SubtaskEnded) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from typing import Literal
 
 import attrs
@@ -49,6 +50,20 @@ class Entry:
     uses: int  # times it was served to code that ran
     confirmed_uses: int  # times that code was approved
     created: float  # s since the epoch
+
+
+def headline(kind: str, text: str) -> str:
+    """One line of an entry for a list: of a template its function's name and what that says it does."""
+    if kind != "template":
+        return " ".join(text.split())
+    try:
+        functions = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    except (SyntaxError, ValueError):
+        functions = []
+    if not functions:
+        return (text.strip().splitlines() or [""])[0]
+    said = (ast.get_docstring(functions[0]) or "").strip().splitlines()
+    return f"{functions[0].name}: {said[0]}" if said else functions[0].name
 
 
 @attrs.frozen

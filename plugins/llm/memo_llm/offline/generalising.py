@@ -115,7 +115,7 @@ class _Function:
         return "letting go" if "open_gripper" in called else "moving"
 
     def text(self, name: str, action: str) -> str:
-        lower = {p: (p.lower() if p.isupper() else p) for p in self.parameters}
+        lower = {p: self._parameter(p) for p in self.parameters}
         body, functions = "\n".join(self._body), "\n".join(self._functions)
         for old, new in lower.items():
             pattern = rf"(?<![\w.'\"]){re.escape(old)}(?![\w'\"=])"
@@ -128,6 +128,23 @@ class _Function:
         imports = "\n".join(self._imports)
         text = f"def {name}({signature}):\n{textwrap.indent(doc, '    ')}\n{textwrap.indent(inner, '    ')}"
         return f"{imports}\n\n\n{text}" if imports else text
+
+    def _parameter(self, constant: str) -> str:
+        """A constant's name as a parameter's, unless the code already calls something else that where it is used."""
+        name = constant.lower() if constant.isupper() else constant
+        return f"given_{name}" if name != constant and name in self._locals_beside(constant) else name
+
+    def _locals_beside(self, constant: str) -> set[str]:
+        """Names given a value in the statements, or in a function that uses the constant."""
+        taken: set[str] = set()
+        for node in self._tree.body:
+            names = [n for n in ast.walk(node) if isinstance(n, ast.Name)]
+            function = isinstance(node, (ast.FunctionDef, ast.ClassDef))
+            if function and constant not in {n.id for n in names}:
+                continue
+            taken |= {n.id for n in names if isinstance(n.ctx, ast.Store)}
+            taken |= {n.arg for n in ast.walk(node) if isinstance(n, ast.arg)}
+        return taken
 
     def _doc(self, action: str) -> str:
         told = [line for line in self._comments[:6] if line and not line.lower().startswith("not understood")]

@@ -1,0 +1,33 @@
+"""What people are shown of a run: whole lines of code, and templates by what they do."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from memo_core.events import CodeWritten
+from memo_core.experiment.console import Narrator
+from memo_core.skillbook.entries import headline
+
+TEMPLATE = (
+    'import math\n\n\ndef open_by_an_arc(door="door"):\n'
+    '    """Lead the handle along an arc.\n\n    More."""\n    look()\n'
+)
+
+
+def test_no_line_of_code_is_cut_off_at_the_edge():
+    line = "hold = side_orientation([0.0, 1.0, 0.0], 'horizontal')  # " + "so that the fingers close on flat sides " * 5
+    for terminal in (False, True):
+        shown = io.StringIO()
+        Narrator(Console(file=shown, width=60, force_terminal=terminal, no_color=True, highlight=False))(
+            CodeWritten(subtask="OPEN(door)", attempt=1, code=line)
+        )
+        assert "flat sides" in shown.getvalue() and shown.getvalue().count("flat sides") == 5
+
+
+def test_a_template_is_listed_by_what_it_does():
+    assert headline("template", TEMPLATE) == "open_by_an_arc: Lead the handle along an arc."
+    assert headline("template", "def (") == "def ("
+    assert headline("template", "") == ""
+    assert headline("correction", "Pull\n it  in an arc.") == "Pull it in an arc."
