@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import attrs
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -21,8 +22,10 @@ EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "expected.toml").r
 LIMITS = Limits(
     seconds_between_calls=0.8, seconds_in_all=3.0, robot_seconds=60, memory=64 << 20, output=10_000, calls=300
 )
+# Filling 64 MiB takes long on a loaded machine; what is asked there is that memory ends it, not how soon.
+PATIENT = attrs.evolve(LIMITS, seconds_between_calls=10.0, seconds_in_all=20.0)
 WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
-SLOWEST = LIMITS.seconds_in_all + 0.5 + 2.0  # s: the parent's grace before it kills, and a loaded machine
+GRACE = 0.5 + 2.0  # s until the parent kills, and for a loaded machine
 GOOD = "p = get_position('red cube')\nmove_to([p[0], p[1], p[2] + 0.1])\nprint('fine')"
 
 
@@ -32,23 +35,32 @@ def sandbox():
         yield opened
 
 
+@pytest.fixture(scope="module")
+def patient():
+    with Sandbox(skill_library(BUILTIN_SKILLS), PATIENT) as opened:
+        yield opened
+
+
 def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Execution, FakeControl]:
     control = FakeControl(stop_after=stop_after)
     return sandbox.run(code, control, stopped=control.stopped, workspace=WORKSPACE, clock=lambda: control.time), control
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox):
+def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox, patient):
     expected, code = EXPECTED[name], (FOLDER / f"{name}.py").read_text()
+    if expected.get("kind") == "memory limit":
+        sandbox = patient
+    limits = sandbox.limits
     started = time.perf_counter()
     execution, control = run(sandbox, code, expected.get("stop_after"))
-    assert time.perf_counter() - started < SLOWEST
+    assert time.perf_counter() - started < limits.seconds_in_all + GRACE
     assert (execution.ended, execution.kind) == (expected["ends"], expected.get("kind", ""))
     assert expected.get("says", "") in execution.error
     assert bool(execution.error) == (expected["ends"] != "done")
     assert "\n" not in execution.error and len(execution.error) < 2100
     assert len(execution.printed) <= 6 * LIMITS.output  # control characters are spelt out
-    for ours in ("Traceback", "site-packages", "memo_core", "python-input", "/work", "/tmp/memo"):
+    for ours in ("Traceback", "site-packages", "memo_core", "python-input", str(FOLDER.parents[2])):
         assert ours not in execution.error + execution.printed
     assert control.commands == expected.get("commands", [])
     good, control = run(sandbox, GOOD)
