@@ -205,7 +205,8 @@ def move_to(
     """Move the point between the fingertips to a position, the hand turned to orientation (None: as it is now), around
     everything seen at the last look. then: the path you mean to follow next, so that the arm arrives in a posture from
     which it can; raises MotionError before anything moves when it could not. slack (rad): how far the hand may be
-    tilted about its closing direction where the arm cannot reach otherwise; 0 for exactly this orientation."""
+    tilted about its closing direction, or stay behind the turning of a bar it holds, where the arm cannot reach
+    otherwise; 0 for exactly this orientation."""
     control.move_to(position, orientation, then, slack, speed)
 
 
