@@ -8,65 +8,29 @@ import textwrap
 import attrs
 
 from memo_core.scene.graph import SceneGraph
-from memo_llm.offline.pieces import compose
+from memo_llm.offline.directions import BASE_WAYS, REVERSED, heading_of
+from memo_llm.offline.placing import write_placing
 from memo_llm.offline.recipe import Recipe
+from memo_llm.offline.sheet import Sheet
 from memo_llm.offline.surroundings import Surroundings
-
-_BASE_WAYS = {
-    "up": "[0.0, 0.0, 1.0]",
-    "down": "[0.0, 0.0, -1.0]",
-    "left": "[0.0, 1.0, 0.0]",
-    "right": "[0.0, -1.0, 0.0]",
-    "away": "[1.0, 0.0, 0.0]",
-    "towards": "[-1.0, 0.0, 0.0]",
-}
-_REVERSED = {"out": "in", "in": "out", "up": "down", "down": "up", "left": "right", "right": "left", "away": "towards"}
-_COMING = {  # where the hand comes from -> the direction it points
-    "left": "[0.0, -1.0, 0.0]",
-    "right": "[0.0, 1.0, 0.0]",
-    "back": "[-1.0, 0.0, 0.0]",
-}
-
-
-@attrs.define
-class _Sheet:
-    """Code as it is being written."""
-
-    header: list[str] = attrs.field(factory=list)
-    constants: dict[str, str] = attrs.field(factory=dict)
-    body: list[str] = attrs.field(factory=list)
-
-    def constant(self, name: str, value: str | float, why: str = "") -> str:
-        shown = repr(value) if isinstance(value, str) else f"{round(value, 4):g}"
-        self.constants[name] = f"{name} = {shown}" + (f"  # {why}" if why else "")
-        return name
-
-    def add(self, *lines: str) -> None:
-        self.body.extend(lines)
-
-    def code(self, repeat: int) -> str:
-        body = self.body
-        if repeat > 1:
-            body = [f"for again in range({repeat}):", *(f"    {line}" if line else line for line in self.body)]
-        return compose(self.header, body, list(self.constants.values())) + "\n"
 
 
 def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: list[str]) -> str:
     """Python code of a recipe. ``remarks`` go into it as comments."""
     around = Surroundings.of(scene, recipe.thing, recipe.place)
-    sheet = _Sheet()
+    sheet = Sheet()
     sheet.header.append(f"# {subtask}: {_in_words(recipe)}")
     sheet.header += [f"# {line}" for remark in remarks for line in _wrapped(remark)]
     if around.thing is None:
         return _looking_for(recipe, sheet)
     if recipe.kind == "place":
-        _placing(recipe, around, sheet)
+        write_placing(recipe, around, sheet)
     else:
         _gripping(recipe, around, sheet, task)
     return sheet.code(recipe.repeat)
 
 
-def _looking_for(recipe: Recipe, sheet: _Sheet) -> str:
+def _looking_for(recipe: Recipe, sheet: Sheet) -> str:
     sheet.constant("THING", recipe.thing)
     sheet.add(
         "# It was not to be seen when this was written; another look may show it.",
@@ -81,7 +45,7 @@ def _looking_for(recipe: Recipe, sheet: _Sheet) -> str:
 # -- things that are gripped, pulled, pushed, turned ------------------------------------------------------------------
 
 
-def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) -> None:
+def _gripping(recipe: Recipe, around: Surroundings, sheet: Sheet, task: str) -> None:
     if recipe.kind in ("open", "close", "pull", "push") and (around.door or around.handle):
         _hold_door(recipe, around, sheet)
     else:
@@ -100,7 +64,7 @@ def _gripping(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) ->
     _steps(recipe, around, sheet)
 
 
-def _hold_door(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+def _hold_door(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     """``out``, ``grasp``, ``heading`` and ``hold`` for a door, a lid or anything that slides out."""
     door = around.door or around.thing
     assert door is not None
@@ -119,13 +83,13 @@ def _hold_door(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
         sheet.add(f"grasp = get_position({sheet.constant('HELD', held.label)})")
     else:
         _point_of_box("DOOR", recipe.hold_at, sheet)
-    heading = "opposite(out)" if recipe.approach == "front" else _heading(recipe)
+    heading = "opposite(out)" if recipe.approach == "front" else heading_of(recipe)
     sheet.add(f"heading = {heading}")
     bar = "HANDLE" if around.handle is not None else "DOOR"
     _hold(recipe, sheet, f"long_axis({bar})")
 
 
-def _hold_object(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str) -> None:
+def _hold_object(recipe: Recipe, around: Surroundings, sheet: Sheet, task: str) -> None:
     """``grasp``, ``heading`` and ``hold`` for a thing that is picked up, pushed or turned."""
     thing = around.thing
     assert thing is not None
@@ -162,18 +126,12 @@ def _hold_object(recipe: Recipe, around: Surroundings, sheet: _Sheet, task: str)
         else:
             _hold(recipe, sheet, "[0.0, 0.0, 1.0]")
         return
-    front = "level(get_position(THING))" if recipe.approach == "front" else _heading(recipe)
+    front = "level(get_position(THING))" if recipe.approach == "front" else heading_of(recipe)
     sheet.add(f"heading = {front}")
     _hold(recipe, sheet, "[0.0, 0.0, 1.0]")
 
 
-def _heading(recipe: Recipe) -> str:
-    return {"top": "[0.0, 0.0, -1.0]", "bottom": "[0.0, 0.0, 1.0]"}.get(recipe.approach) or _COMING.get(
-        recipe.approach, "[1.0, 0.0, 0.0]"
-    )
-
-
-def _hold(recipe: Recipe, sheet: _Sheet, bar: str) -> None:
+def _hold(recipe: Recipe, sheet: Sheet, bar: str) -> None:
     """The hand's orientation for ``heading``; the fingers close across the bar unless told otherwise."""
     if recipe.approach in ("top", "bottom"):
         closing = f"level(cross({bar}, [0.0, 0.0, 1.0]))" if not bar.startswith("[0.0, 0.0") else "[0.0, 1.0, 0.0]"
@@ -197,7 +155,7 @@ def _hold(recipe: Recipe, sheet: _Sheet, bar: str) -> None:
     _tilted(recipe, sheet)
 
 
-def _tilted(recipe: Recipe, sheet: _Sheet) -> None:
+def _tilted(recipe: Recipe, sheet: Sheet) -> None:
     if not recipe.tilt:
         return
     tilt = sheet.constant("TILT", recipe.tilt, "degrees, the hand points down by that much more")
@@ -206,7 +164,7 @@ def _tilted(recipe: Recipe, sheet: _Sheet) -> None:
     sheet.add(f"heading = turn_point(heading, [0.0, 0.0, 0.0], sideways, -math.radians({tilt}))")
 
 
-def _point_of_box(name: str, where: str, sheet: _Sheet) -> None:
+def _point_of_box(name: str, where: str, sheet: Sheet) -> None:
     """``grasp`` at a place of a box that has no part of that name."""
     sheet.add(f"grasp = get_position({name})")
     if where in ("top", "cap"):
@@ -238,15 +196,15 @@ def _point_of_box(name: str, where: str, sheet: _Sheet) -> None:
 
 def _way(recipe: Recipe, has_out: bool) -> str:
     if recipe.sense < 0 and recipe.kind in ("open", "close", "pull", "push"):
-        recipe = attrs.evolve(recipe, way=_REVERSED.get(recipe.way, recipe.way), sense=1)
-    if recipe.way in _BASE_WAYS:
-        return _BASE_WAYS[recipe.way]
+        recipe = attrs.evolve(recipe, way=REVERSED.get(recipe.way, recipe.way), sense=1)
+    if recipe.way in BASE_WAYS:
+        return BASE_WAYS[recipe.way]
     if recipe.way == "in":
         return "opposite(out)" if has_out else "heading"
     return "out" if has_out else "opposite(heading)"
 
 
-def _path(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+def _path(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     """``path`` and ``leaving`` (the way the hand points at its end)."""
     has_out = any(line.startswith("out =") for line in sheet.body)
     if "path" not in recipe.steps:
@@ -264,7 +222,7 @@ def _path(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
     sheet.add("leaving = heading")
 
 
-def _arc_geometry(recipe: Recipe, around: Surroundings, sheet: _Sheet, has_out: bool) -> None:
+def _arc_geometry(recipe: Recipe, around: Surroundings, sheet: Sheet, has_out: bool) -> None:
     angle = sheet.constant(
         "ANGLE", recipe.sense * recipe.angle, "degrees that the door is led through; positive opens it"
     )
@@ -299,12 +257,12 @@ def _arc_geometry(recipe: Recipe, around: Surroundings, sheet: _Sheet, has_out: 
     )
 
 
-def _pushes_shut(recipe: Recipe, sheet: _Sheet) -> bool:
+def _pushes_shut(recipe: Recipe, sheet: Sheet) -> bool:
     """Whether something is pushed until it is shut, however far that is."""
     return recipe.kind == "close" and recipe.distance <= 0 and recipe.shape == "straight" and "DOOR" in sheet.constants
 
 
-def _steps(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
+def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres between the hand's last stop and the grasp")
     from_above = "TILT" in sheet.constants and recipe.kind == "pick" and around.inside is None
     coming = "[0.0, 0.0, 1.0]" if from_above else "opposite(heading)"
@@ -361,7 +319,7 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
         )
 
 
-def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -> None:
+def _approach_lines(recipe: Recipe, sheet: Sheet, leads_on: bool, speed: str) -> None:
     if leads_on and recipe.shape == "arc":
         sheet.add(
             "# The arm must arrive in a posture from which it can go the whole way. Where the hand cannot turn with",
@@ -389,116 +347,6 @@ def _approach_lines(recipe: Recipe, sheet: _Sheet, leads_on: bool, speed: str) -
 
 
 # -- putting down -----------------------------------------------------------------------------------------------------
-
-
-def _placing(recipe: Recipe, around: Surroundings, sheet: _Sheet) -> None:
-    """``target`` for the point between the fingertips, ``start`` before it, and the hand's orientation."""
-    sheet.constant("THING", recipe.thing if around.thing is None else around.thing.label)
-    clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres to go on the last, straight stretch")
-    gap = sheet.constant("GAP", recipe.gap, "metres that it is let fall")
-    sheet.add(
-        "# How far below and beside the fingertips the thing hangs in the hand.",
-        "hand = get_gripper_position()",
-        "hanging = hand[2] - get_bounds(THING)[0][2]",
-    )
-    space, support = around.goal_space, around.goal
-    sideways = space is not None and space.opening is not None and abs(space.opening[2]) < 0.5
-    if space is not None:
-        name = sheet.constant("PLACE", space.label)
-        sheet.add(f"target = get_position({name})", f"floor = get_bounds({name})[0][2]")
-    elif support is not None:
-        name = sheet.constant("PLACE", support.label)
-        sheet.add(f"target = get_position({name})", f"floor = get_bounds({name})[1][2]")
-    else:
-        sheet.add(
-            "# No place is named that can be seen: the table, where it is.",
-            "target = list(hand)",
-            "floor = get_table_height()",
-        )
-    sideways = sideways and recipe.approach in ("top", "front")
-    if sideways:
-        tilt = sheet.constant("TILT", recipe.side_tilt + recipe.tilt, "degrees, the hand points down by that much")
-        over = sheet.constant("OVER", recipe.over, "metres above its place on the way in")
-        sheet.add(
-            "# It opens to the side: go in through the opening, the hand a little tilted, and down at the end.",
-            f"out = level(get_opening({name}))",
-            f'hold = side_orientation(opposite(out), "horizontal", math.radians({tilt}))',
-            f"target = [target[0], target[1], floor + hanging + {gap}]",
-            f"above = along(target, [0.0, 0.0, 1.0], {over})",
-            f"start = along(above, out, extent({name}, out) / 2 + {clearance})",
-        )
-    elif space is not None and around.goal_owner is not None and recipe.approach == "top":
-        owner = sheet.constant("OWNER", around.goal_owner.label)
-        sheet.add(
-            "# It can be reached from above only as far as it sticks out of what it belongs to.",
-            f"forth = level(between(get_position({owner}), target))",
-            f"front = dot(target, forth) + extent({name}, forth) / 2",
-            f"shelter = dot(get_position({owner}), forth) + extent({owner}, forth) / 2",
-            f"back = max(front - extent({name}, forth), shelter)",
-            "target = along(target, forth, (front + back) / 2 - dot(target, forth))",
-            f"target[2] = floor + hanging + {gap}",
-            "hold = top_orientation(yaw_for(level(cross(forth, [0.0, 0.0, 1.0]))))",
-            "out = [0.0, 0.0, 1.0]",
-            f"start = along(target, out, {clearance})",
-        )
-    else:
-        sheet.add(
-            "hold = get_gripper_orientation()",
-            "beside = between(get_position(THING), hand)",
-            f"target = [target[0] + beside[0], target[1] + beside[1], floor + hanging + {gap}]",
-        )
-        coming = {"top": "[0.0, 0.0, 1.0]", "front": "opposite(level(target))"}.get(
-            recipe.approach
-        ) or f"opposite({_heading(recipe)})"
-        sheet.add(f"out = {coming}", f"start = along(target, out, {clearance})")
-    if any(recipe.offset):
-        shift = ", ".join(f"{v:g}" for v in recipe.offset)
-        sheet.add(f"target = [t + shift for t, shift in zip(target, ({shift}))]  # as asked for")
-        sheet.add(f"start = [s + shift for s, shift in zip(start, ({shift}))]")
-        if sideways:
-            sheet.add(f"above = [a + shift for a, shift in zip(above, ({shift}))]")
-    if recipe.deeper:
-        sheet.add(f"target = along(target, opposite(out), {sheet.constant('DEEPER', recipe.deeper)})")
-        if sideways:
-            sheet.add("above = along(above, opposite(out), DEEPER)")
-    if recipe.hand_turn:
-        turn = sheet.constant("HAND_TURN", recipe.hand_turn, "degrees, about the way the hand points")
-        sheet.add(f"hold = turn_orientation(hold, opposite(out), math.radians({turn}))")
-    speed = f", speed={recipe.speed:g}" if recipe.speed is not None else ""
-    opening = (
-        "" if recipe.opening is None else sheet.constant("OPENING", recipe.opening, "metres between the open fingers")
-    )
-    way = _BASE_WAYS.get(recipe.way, "opposite(out)" if recipe.way == "in" else "out")
-    sheet.add("")
-    at = "target"
-    for step in recipe.steps:
-        if step == "open-hand":
-            sheet.add(f"open_gripper({opening})")
-        elif step == "close-hand":
-            sheet.add("close_gripper()")
-        elif step == "approach":
-            last = "[[above, hold], [target, hold]]" if sideways else "[[target, hold]]"
-            sheet.add(f"move_to(start, hold, then={last}{speed})", f"follow_path({last}{speed})")
-        elif step == "path" and recipe.shape == "arc":
-            angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
-            sheet.add(
-                "pivot = along(target, [0.0, 1.0, 0.0], 0.2)",
-                f"path = arc(target, hold, pivot, [0.0, 0.0, 1.0], math.radians({angle}), 1.0)",
-                f"follow_path(path{speed})",
-            )
-            at = "path[-1][0]"
-        elif step == "path":
-            distance = sheet.constant("DISTANCE", recipe.distance, "metres")
-            sheet.add(f"goal = along(target, {way}, {distance})", f"follow_path([[goal, hold]]{speed})")
-            at = "goal"
-        elif step == "turn":
-            turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
-            sheet.add(f"rotate_gripper(math.radians({turn}))")
-        elif step == "back-off":
-            back = "[above, start]" if sideways else "[start]"
-            sheet.add(f"follow_path({back})" if at == "target" else f"follow_path([along({at}, out, {clearance})])")
-        elif step == "look":
-            sheet.add("look()")
 
 
 # -- words ------------------------------------------------------------------------------------------------------------
