@@ -23,6 +23,7 @@ from memo_core.scene.graph import Node
 from memo_core.scene.pose import Array, Pose
 
 _STARTS = 4  # configurations of a goal that are tried before a motion is given up
+_CLEAR_TRIES = 5  # ways that are looked for before a motion is allowed to pass as close as perception may err
 _RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to get free of what the fingers are around
 _ROUTE_SECONDS = 4.0  # a last resort: node counts bound the search first, so that it is the same on any machine
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
@@ -175,8 +176,16 @@ class MotionPlanner:
         """A plan that keeps its distance from everything but what the start and the goals are near to."""
         for goal in goals:
             checker.near(goal)
-        joints = plan_free(self.kinematics, lambda one: not checker.collides(one, "clear"), start, goals, nodes=nodes)
-        return None if joints is None else self._free_plan(checker, joints, speed, world, mode="clear")
+        for seed in range(_CLEAR_TRIES if nodes else 1):
+            joints = plan_free(
+                self.kinematics, lambda one: not checker.collides(one, "clear"), start, goals, nodes=nodes, seed=seed
+            )
+            if joints is None:
+                return None
+            # Timing rounds a way off a little; where that grazes something, another way will do.
+            if (plan := self._free_plan(checker, joints, speed, world, mode="clear")) is not None:
+                return plan
+        return None
 
     def _retreats(self, checker: Checker, start: Array, mode: Mode) -> Iterator[Array]:
         """Short straight ways (n, M) back along the approach, or up, to where the arm is free."""
