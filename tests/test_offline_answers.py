@@ -46,6 +46,11 @@ def test_a_reason_becomes_a_general_statement_and_an_instruction_alone_does_not(
     assert notes("a bit to the left")[0].general == ()
 
 
+def test_an_exclamation_beside_a_correction_is_no_note():
+    assert notes("No!! Swing the handle around in an arc")[0].corrections == (ARC,)
+    assert notes("No!!")[0].corrections == ("No.",)  # all there was: kept, not lost
+
+
 def test_always_and_never_are_general():
     said, _ = notes("always open the gripper first")
     assert said.general == ("Open the gripper first.",) and said.corrections == ()

@@ -15,6 +15,7 @@ _EVERYWHERE = re.compile(r"\b(always|never|every time|whenever|in general|genera
 _FILLERS = re.compile(
     r"^(?:(?:no|well|hm+|hey|ok(?:ay)?|please|and|so|but|then)[, ]+)+|[, ]+(?:please|ok(?:ay)?)$", re.I
 )
+_EXCLAIMED = re.compile(r"(?:(?:oh|no|nope|hey|wait|well|hm+|ok(?:ay)?|please)\b[,! ]*)+\.", re.I)
 _MUST = re.compile(
     r"^(?:you(?:'ve| have)? (?:got to|have to|need to|must|should|can|could|to)|you'd better|try to|i want you to) ",
     re.I,
@@ -47,6 +48,8 @@ def note(prompt: Prompt, vocabulary: Vocabulary) -> NotesAnswer:
         general += [edit.phrase.general for edit in reading.edits if edit.phrase is not None and edit.phrase.general]
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
+    if len(corrections) + len(general) > 1:
+        corrections = [said for said in corrections if not _EXCLAIMED.fullmatch(said)]
     answer = {"corrections": list(dict.fromkeys(corrections)), "general": list(dict.fromkeys(general))}
     return NotesAnswer(json.dumps(answer, ensure_ascii=False), tuple(dict.fromkeys(missed)))
 
