@@ -47,6 +47,7 @@ class ReadOnlyBook(SkillbookError):
     """A write to a book that was opened read-only."""
 
 
+_BUSY_TIMEOUT_MS = 60_000  # a writer waits for another
 _ERASE_TIMEOUT_S = 10.0
 _URL_FORMS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 
@@ -180,11 +181,16 @@ class Database:
             raw = connection.connection.dbapi_connection
             assert raw is not None
             raw.execute("VACUUM")
-            while raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]:
-                if time.monotonic() > deadline:
-                    problem = "what was deleted is still in its log, because somebody else is reading the book"
-                    raise SkillbookError(self.name, problem, "close the others; the next to close the book empties it")
-                time.sleep(0.05)
+            raw.execute("PRAGMA busy_timeout=0")  # or the first try alone would wait as long as a writer may
+            try:
+                while raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]:
+                    if time.monotonic() > deadline:
+                        problem = "what was deleted is still in its log, because somebody else is reading the book"
+                        remedy = "close the others; the next to close the book empties it"
+                        raise SkillbookError(self.name, problem, remedy)
+                    time.sleep(0.05)
+            finally:
+                raw.execute(f"PRAGMA busy_timeout={_BUSY_TIMEOUT_MS}")
 
     # -- opening -------------------------------------------------------------------------------------------------------
     def _writing(self) -> sa.Connection:
@@ -319,7 +325,7 @@ def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
     cursor.execute("PRAGMA foreign_keys=ON")
     cursor.execute("PRAGMA cache_size=-65536")  # KiB; the default of 2 MB is less than a year's book
     if writable:
-        cursor.execute("PRAGMA busy_timeout=60000")
+        cursor.execute(f"PRAGMA busy_timeout={_BUSY_TIMEOUT_MS}")
         _switch_to_wal(cursor)
         cursor.execute("PRAGMA synchronous=FULL")
         cursor.execute("PRAGMA secure_delete=ON")
