@@ -268,3 +268,15 @@ def test_a_six_joint_arm_works_through_the_same_code():
     with pytest.raises(MotionError) as error:
         control.move_to([0.45, -0.3, 0.1], list(here.orientation), None, 0.0, 1.0)
     assert error.value.cause in ("collision", "unreachable", "joint-limit")
+
+
+@pytest.mark.parametrize("y", [0.14, 0.17, 0.20])
+def test_a_free_motion_keeps_clear_of_a_door_that_stands_open(y):
+    """Its fingers may come as near as perception errs only where there is no other way: a graze drags a door along."""
+    door = box("door", (0.50, y, 0.17), (0.36, 0.016, 0.34))
+    control, link, _ = control_of(panda(), door)
+    begun = len(link.sent)
+    control.move_to([0.33, y + 0.16, 0.20], FORWARD, None, 0.7, 1.0)
+    control.move_to([0.45, -0.32, 0.15], TOP, None, 0.7, 1.0)
+    checker = SHAPE.checker(obstacles_of(control.scene()), control.gripper_width())
+    assert not any(checker.collides(np.asarray(row), "clear") for row in link.sent[begun:])
