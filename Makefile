@@ -19,6 +19,7 @@ $(STAMP): pyproject.toml constraints.txt $(addsuffix /pyproject.toml,$(PLUGINS))
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
 		--editable '.[arm,video,dev]' $(addprefix --editable ./,$(PLUGINS))
 	@touch $@
+	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
 
 demo: setup
 	$(BIN)/memo demo

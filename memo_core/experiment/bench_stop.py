@@ -287,7 +287,9 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
             perception=experiment.create("perception"),
             link=watched.link,
         )
-        with TemporaryDirectory() as place, world, sandbox_of(experiment) as sandbox, stop.waking(world.link.stop):
+        # The late answer of an abandoned call may still be written down while the folder is taken away.
+        scratch = TemporaryDirectory(ignore_cleanup_errors=True)
+        with scratch as place, world, sandbox_of(experiment) as sandbox, stop.waking(world.link.stop):
             settings = RunSettings(video="off", time_limit_s=1e9, settle_s=0.0, subtasks=10**6, repeats=10**6)
             folder = RunFolder(Path(place) / "run")
             book = book_of(experiment, f"sqlite:///{Path(place) / 'book.db'}", read_only=False)
