@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import io
 import sys
 
 import attrs
@@ -28,9 +29,11 @@ class TerminalTeacher(Teacher):
         self.settings = settings
 
     def open(self) -> None:
-        self.who = self.settings.who or getpass.getuser()
-        if not sys.stdin.isatty() and sys.stdin.closed:
+        if sys.stdin is None or sys.stdin.closed:
             raise InvalidArgument("teacher.backend", "standard input is closed", "a terminal, or another teacher")
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="surrogateescape")  # a byte that is no UTF-8 must not cost what was said
+        self.who = self.settings.who or _login_name()
 
     def judge(self, episode: Episode) -> Verdict:
         return self._ask(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", episode)
@@ -47,10 +50,26 @@ class TerminalTeacher(Teacher):
             line = sys.stdin.readline()
             if not line:
                 return Verdict("silent")
-            words = line.strip()
+            words = _text(line).strip()
             if words.lower() in APPROVALS:
                 return Verdict("approve")
             if words.lower() in SILENCES:
                 return Verdict("silent")
             if words:
                 return Verdict("correct", words)
+
+
+def _login_name() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a container's user may have no name
+        return Teacher.who
+
+
+def _text(line: str) -> str:
+    """What was typed, as text that can be stored, also from a terminal that does not speak UTF-8."""
+    try:
+        line.encode()
+    except UnicodeEncodeError:
+        return line.encode(errors="surrogateescape").decode("latin-1")
+    return line
