@@ -226,6 +226,25 @@ def tabletop():
         yield simulator, link, control
 
 
+def test_a_stop_brakes_an_arm_with_servos_within_its_limits(tabletop):
+    """Servos lag: what is commanded leads what is meant, and braking has to begin from the latter with that lead."""
+    simulator, link, control = tabletop
+    velocities = []
+
+    def watch() -> None:
+        velocities.append(link.joint_velocities())
+        if len(velocities) == 40:
+            link.stop()
+
+    simulator.add_tick_listener(watch)
+    with pytest.raises(Stopped):
+        control.move_to([0.3, 0.5, 0.4], TOP, None, 0.0, 1.0)
+    assert np.abs(velocities[39]).max() > 0.5, "it was moving"
+    acceleration = np.abs(np.diff(velocities[39:], axis=0)).max(axis=0) / link.control_period
+    assert np.all(acceleration <= 1.2 * np.array([joint.acceleration for joint in panda().joints]))
+    assert np.abs(velocities[-1]).max() < 0.15, "nearly at rest when the last command is sent"
+
+
 def test_a_cube_is_picked_up_and_put_down_by_skills(tabletop):
     simulator, _, control = tabletop
     skills = {one.name: one for one in BUILTIN_SKILLS}

@@ -234,20 +234,24 @@ class ArmControl(Control):
     def _send_all(self, skill: str, targets: Array) -> None:
         """Send targets (T, n), ahead by the servo's lag, until done or stopped; then come to rest within the limits."""
         send = self._link.send
-        velocity = np.diff(targets, axis=0, prepend=targets[:1]) / self._link.control_period
-        commands = targets + velocity * self._lag
-        commands[-1] = targets[-1]
         number = 0
         try:
-            for command in commands:
+            for command in self._ahead(targets, targets[0]):
                 send(command)
                 number += 1
         except Stopped:
             if number > 1:
-                self._link.halt(
-                    stopping(self._kinematics, targets[number - 2], targets[number - 1], self._link.control_period)
-                )
+                before, last = targets[number - 2], targets[number - 1]
+                braking = stopping(self._kinematics, before, last, self._link.control_period)
+                self._link.halt(self._ahead(braking, last))
             raise Stopped(skill) from None
+
+    def _ahead(self, targets: Array, before: Array) -> Array:
+        """Commands (T, n) that make a lagging servo keep to targets (T, n) which follow ``before`` (n,) and end at rest.
+        Without the lead, braking would begin with a jump back by the lag: full torque, whatever the limits say."""
+        velocity = np.diff(targets, axis=0, prepend=before[None]) / self._link.control_period
+        velocity[-1:] = 0.0
+        return targets + velocity * self._lag
 
     def _settle(self, skill: str, target: Array) -> None:
         link = self._link
