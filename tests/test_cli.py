@@ -183,3 +183,16 @@ def test_a_mistyped_book_is_not_made(tmp_path, capsys):
     for command in (["stats"], ["forget", "anna", "--yes"], ["reembed"]):
         assert run("skillbook", *command, "--book", str(missing)) != 0
     assert not missing.exists()
+
+
+def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, capsys):
+    from memo_core.errors import BackendUnavailable
+    from memo_core.experiment.world import World
+
+    def unavailable(world: World) -> None:
+        raise BackendUnavailable("simulator", "mujoco", "a library is missing")
+
+    monkeypatch.setattr(World, "open", unavailable)
+    assert run("demo", "--seed", "0", "--out", str(tmp_path), "--json") == 1
+    told = json.loads(capsys.readouterr().out)
+    assert not told["told"] and "a library is missing" in told["reasons"]["transfer"]

@@ -110,6 +110,15 @@ def test_a_model_that_fails_ends_the_run_with_the_reason_and_everything_saved(ex
     assert lines_of(report.folder)[-1]["event"] == "RunEnded"
 
 
+def test_subtasks_that_had_ended_are_in_the_summary_of_a_run_that_broke_off(experiment, registry, tmp_path):
+    script = {"plan": ["LIFT(cube)", LanguageModelError("scripted", "quota used up")], "code": [UP]}
+    report = do(experiment, registry, tmp_path, script)
+    assert "quota" in report.problem and [one.subtask for one in report.result.subtasks] == ["LIFT(cube)"]
+    [kept] = json.loads((report.folder / "summary.json").read_text())["subtasks"]
+    assert (kept["subtask"], kept["status"], kept["attempts"]) == ("LIFT(cube)", "unobserved", 1)
+    assert lines_of(report.folder)[-1]["subtasks"] == 1
+
+
 def test_a_listener_that_raises_is_detached_and_never_the_end_of_a_run(experiment, registry, tmp_path):
     heard = []
     problems = []

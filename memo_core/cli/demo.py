@@ -26,7 +26,7 @@ def command(
     """Teach the simulated arm once by language and watch the lesson carry over to a task nobody corrected.
 
     Four runs: without memory; taught; another task with an empty book; the same with the book of the lesson. Says what
-    happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs were made.
+    happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs took place.
     """
     from memo_core.experiment.console import Narrator
     from memo_core.experiment.demo import run_demo
@@ -40,6 +40,8 @@ def command(
         _tell(report)
     if report.interrupted:
         raise typer.Exit(INTERRUPTED)
+    if report.unjudged:
+        raise typer.Exit(1)
 
 
 def _tell(report: DemoReport) -> None:

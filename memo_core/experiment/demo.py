@@ -68,7 +68,12 @@ class DemoReport:
 
     def why(self) -> dict[str, str]:
         """A sentence for each run: what the success check said, and how the run ended."""
-        return {name: _why(run) for name, run in self.runs.items()}
+        return {name: run.why for name, run in self.runs.items()}
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """The runs whose success check was never asked: something kept them from taking place."""
+        return tuple(name for name, run in self.runs.items() if run.outcome is None)
 
     def summary(self) -> dict[str, Any]:
         outcomes: dict[str, Any] = {
@@ -145,8 +150,3 @@ def _told(report: DemoReport) -> DemoReport:
     report = attrs.evolve(report, page=write_demo_report(report))
     write_whole(report.folder / "summary.json", json_text(report.summary()))
     return report
-
-
-def _why(run: RunReport) -> str:
-    checked = run.outcome.reason if run.outcome is not None else "the success check was not asked"
-    return f"{checked} ({run.problem or run.result.reason})"

@@ -12,7 +12,7 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
-from memo_core.events import Event, ModelCalled, RunEnded, RunStarted
+from memo_core.events import Event, ModelCalled, RunEnded, RunStarted, SubtaskEnded
 from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.journal import WorldJournal
@@ -23,7 +23,7 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.policy.method import Method
-from memo_core.policy.session import RunResult, Session
+from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
 from memo_core.sandbox.sandbox import Sandbox
@@ -54,6 +54,12 @@ class RunReport:
     @property
     def success(self) -> bool:
         return self.outcome is not None and self.outcome.success
+
+    @property
+    def why(self) -> str:
+        """One sentence: what the success check said, and how the run ended."""
+        checked = self.outcome.reason if self.outcome is not None else "the success check was not asked"
+        return f"{checked} ({self.problem or self.result.reason})"
 
     def summary(self) -> dict[str, Any]:
         """As written to ``summary.json`` and printed by ``--json``."""
@@ -99,10 +105,9 @@ def run_experiment(
     out: Path,
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
-    memory: bool = True,
 ) -> RunReport:
     """Do the experiment's task once, in a new folder under ``out``. ``listener`` hears every event (a console);
-    ``memory=False`` leaves the book alone. Call it in the main thread: it owns the signals meanwhile.
+    ``view`` opens the simulator's viewer. Call it in the main thread: it owns the signals meanwhile.
 
     Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
     """
@@ -110,7 +115,6 @@ def run_experiment(
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
     task = task_of(experiment, experiment.task)
     method: Method = experiment.create("method")
-    book = book_of(experiment) if memory else None
     cast = Cast(
         method=method,
         llm=experiment.create("llm"),
@@ -118,7 +122,7 @@ def run_experiment(
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
         settings=experiment.section("run"),
-        book=book,
+        book=book_of(experiment),
         teacher=experiment.create("teacher"),
     )
     folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
@@ -202,14 +206,16 @@ class _Ended:
 
 @attrs.define
 class _Account:
-    """What the model calls of a run came to, abandoned ones included."""
+    """What is known of a run from its events, however it ends: model calls, abandoned ones included, and subtasks."""
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost: float | None = None
-    subtasks: list[Any] = attrs.field(factory=list)
+    subtasks: list[SubtaskResult] = attrs.field(factory=list)
 
     def note(self, event: Event) -> None:
+        if isinstance(event, SubtaskEnded):
+            self.subtasks.append(SubtaskResult(event.subtask, event.status, event.attempts))  # type: ignore[arg-type]
         if isinstance(event, ModelCalled):
             self.prompt_tokens += event.prompt_tokens
             self.completion_tokens += event.completion_tokens

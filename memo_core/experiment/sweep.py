@@ -97,7 +97,7 @@ class Lesson:
             success=report.success,
             first=None if first is None else first.success,
             first_why="" if first is None else first.reason,
-            why=_why(report),
+            why=report.why,
             wall_s=round(time.monotonic() - started, 2),
         )
 
@@ -163,8 +163,3 @@ class _Watch:
         if isinstance(event, SubtaskEnded) and not self.asked and self.world is not None:
             self.asked = True
             self.first = self.world.task.check_subtask(event.subtask, self.world.simulator)
-
-
-def _why(report: RunReport) -> str:
-    checked = report.outcome.reason if report.outcome else "the success check was not asked"
-    return f"{checked} ({report.problem or report.result.reason})"
