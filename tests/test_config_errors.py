@@ -227,3 +227,11 @@ def test_no_text_whatever_is_more_than_an_error(tmp_path_factory, text):
         load_experiment(registry(), file, (), {"budget": Budget})
     except ConfigErrors as errors:
         assert errors.issues
+
+
+def test_a_misspelt_task_is_found_when_a_file_is_checked(tmp_path, capsys):
+    file = tmp_path / "experiment.yaml"
+    file.write_text("seed: 1\ntask: open-the-fridg\n")
+    assert run("config", "check", str(file)) == 2
+    assert f"{file}:2: task: unknown task 'open-the-fridg'; did you mean 'open-the-fridge'" in capsys.readouterr().err
+    assert run("config", "check", str(file), "--set", "task=open-the-fridge") == 0

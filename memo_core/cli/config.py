@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry
 from memo_core.cli.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
 
 app = typer.Typer(help="Experiment files.")
 
@@ -22,7 +25,8 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
     from memo_core.config import ConfigErrors
 
     try:
-        load(file, overrides)
+        _, experiment = load(file, overrides)
+        _check_task(experiment)
     except ConfigErrors as errors:
         if not json:
             raise
@@ -54,6 +58,22 @@ def schema() -> None:
     from memo_core.experiment.sections import SECTIONS
 
     print_json(experiment_schema(load_registry(), SECTIONS))
+
+
+def _check_task(experiment: Experiment) -> None:
+    """Raise ``ConfigErrors`` where the task is none of the suite's."""
+    from memo_core.config import ConfigErrors
+    from memo_core.config.errors import Issue
+    from memo_core.errors import UnknownName
+    from memo_core.experiment.assembly import task_of
+
+    if experiment.task is None:
+        return
+    try:
+        task_of(experiment, experiment.task)
+    except UnknownName as unknown:
+        [origin] = [value.origin for value in experiment.values if value.path == "task"]
+        raise ConfigErrors((Issue(origin, "task", str(unknown)),)) from None
 
 
 def _text(value: object) -> str:

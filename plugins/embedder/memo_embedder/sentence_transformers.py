@@ -92,6 +92,7 @@ class SentenceTransformersEmbedder(Embedder):
             from tokenizers import Tokenizer
         except ImportError as error:
             raise _unavailable(f"{error.name} is not installed", f"pip install {error.name}") from error
+        onnxruntime.disable_telemetry_events()  # what a lab runs is nobody else's business
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = self._settings.threads
         options.inter_op_num_threads = 1
