@@ -185,6 +185,13 @@ def test_a_mistyped_book_is_not_made(tmp_path, capsys):
     assert not missing.exists()
 
 
+def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_line(capsys):
+    many = Path(__file__).parent / "programs" / "hostile" / "names_by_the_thousand.py"
+    assert run("exec", str(many), "--task", "stack-the-cubes") == 1
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert "not run: line 1" in line and "more" in line and len(line) < 2200
+
+
 def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, capsys):
     from memo_core.errors import BackendUnavailable
     from memo_core.experiment.world import World

@@ -45,6 +45,12 @@ def follow(world, sandbox) -> tuple[bytes, list]:
     return world.checkpoint(), seen
 
 
+def test_code_is_kept_in_the_same_workspace_as_in_a_run(world, sandbox):
+    beyond = world.robot.reach + 0.4
+    execution = run_code(world, f"move_to([{beyond}, 0.0, 0.3], top_orientation())", sandbox)
+    assert execution.kind == "MotionError" and "outside the workspace" in execution.error
+
+
 def test_what_follows_a_restore_is_exactly_what_followed_before(world, sandbox):
     assert run_code(world, MOVE, sandbox).succeeded
     start = world.checkpoint()

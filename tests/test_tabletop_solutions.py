@@ -63,7 +63,7 @@ def test_the_reference_solves_the_variants_that_lesions_use(experiment, task):
 def pulled(experiment, task, owner: str, joint: str, seed: int = 0) -> tuple[float, bool]:
     """(joint position, whether OPEN counts as done) after grasping the handle and pulling it 20 cm straight back."""
     with world_of(experiment, task, seed) as world, sandbox_of(experiment) as sandbox:
-        execution = run_code(world, PULL.replace("OWNER", owner), sandbox, 2.5)
+        execution = run_code(world, PULL.replace("OWNER", owner), sandbox)
         assert not execution.error
         outcome = task.check_subtask(f"OPEN({owner})", world.simulator)
         assert outcome is not None

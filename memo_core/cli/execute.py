@@ -49,20 +49,17 @@ def command(
     if experiment.task is None:
         raise InvalidArgument("--task", "which scene?", "the name of a task (memo tasks list)")
     from memo_core.experiment.assembly import sandbox_of, task_of, world_of
+    from memo_core.experiment.world import run_code
+    from memo_core.sandbox.execution import refused
 
     chosen = task_of(experiment, experiment.task)
     with sandbox_of(experiment) as sandbox:
         findings = sandbox.check(code)
         if findings and not json:
             # Refused code costs nobody the building of a scene.
-            raise CodeEnded(str(file), "; ".join(map(str, findings)))
+            raise CodeEnded(str(file), refused(findings).error)
         with world_of(experiment, chosen, experiment.seed) as world, _stopping(world.link):
-            on_print = None if json else _print_now
-            execution = sandbox.run(
-                code, world.control, stopped=lambda: world.link.stopped, on_print=on_print, clock=world.time
-            )
-            if not world.link.stopped:
-                world.settle()
+            execution = run_code(world, code, sandbox, on_print=None if json else _print_now)
             outcome = world.check()
     if json:
         print_json(

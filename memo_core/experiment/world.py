@@ -1,7 +1,7 @@
 """One world: a task's scene in a simulator, a robot, eyes, an arm. It can be put back exactly to any checkpoint.
 
-``open_world`` assembles it; ``World`` is what the policy acts in (``memo_core.policy.stage.Stage``), what the success
-check reads, and what teachers' sightings are taken from.
+``World`` is what the policy acts in (``memo_core.policy.stage.Stage``), what the success check reads, and what
+teachers' sightings are taken from.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import base64
 import json
 from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
-from typing import Any
 
 import attrs
 import numpy as np
@@ -24,6 +23,7 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Sighting
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph
 from memo_core.skills.control import Control
 
@@ -115,10 +115,6 @@ class World:
     def instruction(self) -> str:
         return self.task.instruction
 
-    @property
-    def can_restore(self) -> bool:
-        return self.link.can_restore
-
     def time(self) -> float:
         """Simulated seconds since the scene was built."""
         return self.link.time()
@@ -208,20 +204,6 @@ class World:
             monitor.update(self.simulator)
 
 
-def open_world(
-    task: Task,
-    seed: int,
-    simulator: Simulator,
-    robot: RobotDescription,
-    perception: Perception,
-    **parts: Any,
-) -> World:
-    """An opened world; close it, or use it in a ``with`` statement."""
-    world = World(task, seed, simulator, robot, perception, **parts)
-    world.open()
-    return world
-
-
 def find_task(suite: Iterable[Task], name: str) -> Task:
     """The task of that name. Raises ``UnknownName`` with those there are."""
     tasks = {task.name: task for task in suite}
@@ -251,11 +233,19 @@ class Verified:
     sim_s: float = 0.0
 
 
-def run_code(world: World, code: str, sandbox: Sandbox, settle_s: float = 0.5, **options: Any) -> Execution:
-    """Run robot code in a world and let things come to rest. ``options`` go to ``Sandbox.run``."""
-    execution = sandbox.run(code, world.control, stopped=lambda: world.link.stopped, clock=world.time, **options)
+def run_code(world: World, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None) -> Execution:
+    """Run robot code in a world, in the workspace and under the stop that a run gives it, then let things come to rest
+    for as long as the task's check wants. Raises ``Stopped`` for a stop after the code."""
+    execution = sandbox.run(
+        code,
+        world.control,
+        stopped=lambda: world.link.stopped,
+        workspace=Workspace.around(world.robot.reach, world.description.table_height),
+        on_print=on_print,
+        clock=world.time,
+    )
     if not world.link.stopped:
-        world.settle(settle_s)
+        world.settle(world.task.settle)
     return execution
 
 
@@ -276,7 +266,7 @@ def verify_task(
             if not world.task.reference_solution:
                 yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
                 continue
-            execution = run_code(world, world.task.reference_solution, sandbox, world.task.settle)
+            execution = run_code(world, world.task.reference_solution, sandbox)
             yield Verified(
                 world.task.name, seed, world.check(), null, execution.error, time.monotonic() - started, world.time()
             )

@@ -27,8 +27,6 @@ from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import documentation
 
-WORKSPACE_MARGIN_M = 0.15  # beyond the arm's reach, where the arm itself says better what cannot be reached
-
 
 @attrs.frozen
 class Tried:
@@ -68,7 +66,7 @@ class Loop:
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
         self._scene = self._stage.look()
-        self._workspace = _workspace(session, self._scene)
+        self._workspace = Workspace.around(self._stage.robot.reach, self._scene.table_height)
 
     def run(self) -> RunResult:
         """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
@@ -305,9 +303,3 @@ class Loop:
                 self._session.emit(Problem(str(key), "approved, but no template: the code needed several beginnings"))
             code = attempt.code if worked else ""
             self._teaching.approve(key, attempt.scene, code, attempt.served.entries, attempt.served.sources)
-
-
-def _workspace(session: Session, scene: SceneGraph) -> Workspace:
-    reach = session.stage.robot.reach + WORKSPACE_MARGIN_M
-    lower = (-reach, -reach, scene.table_height - 0.05)
-    return Workspace(lower=lower, upper=(reach, reach, reach + 0.4), reach=reach + 0.35)

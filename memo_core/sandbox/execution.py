@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import attrs
@@ -29,3 +30,11 @@ class Execution:
     def succeeded(self) -> bool:
         """Whether the code ran to its end."""
         return self.ended == "done"
+
+
+def refused(findings: Sequence[Finding]) -> Execution:
+    """The end of code that was not run because of what the check found (at least one)."""
+    shown = "; ".join(str(finding) for finding in findings[:5])
+    more = f"; and {len(findings) - 5} more" if len(findings) > 5 else ""
+    error = f"not run: {shown}{more}"[:2000]
+    return Execution("error", error=error, kind="subset", line=findings[0].line, findings=tuple(findings))

@@ -28,7 +28,7 @@ from memo_core.errors import InvalidArgument, MemoError, Stopped, UnknownName
 from memo_core.events import SkillCalled
 from memo_core.sandbox import prelude, subset
 from memo_core.sandbox.crossing import arguments_from_sandbox, result_for_sandbox
-from memo_core.sandbox.execution import Ended, Execution
+from memo_core.sandbox.execution import Ended, Execution, refused
 from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.rewrite import rewrite
 from memo_core.sandbox.subset import Finding
@@ -120,7 +120,7 @@ class Sandbox:
             return Execution("stopped", error="stopped before the code began", kind="stop")
         program = self._prepare(code)
         if program.findings:
-            return _refused(program.findings)
+            return refused(program.findings)
         with self._workers.session() as session:
             run = _Run(self.skills, self.limits, control, workspace, stopped, on_call, on_print, clock)
             return run.execute(session, program)
@@ -370,14 +370,6 @@ def _stub(name: str) -> Callable[[], None]:
 
     stub.__name__ = name
     return stub
-
-
-def _refused(findings: tuple[Finding, ...]) -> Execution:
-    shown = "; ".join(str(finding) for finding in findings[:5])
-    more = f"; and {len(findings) - 5} more" if len(findings) > 5 else ""
-    return Execution(
-        "error", error=f"not run: {shown}{more}"[:2000], kind="subset", line=findings[0].line, findings=findings
-    )
 
 
 def _line(error: MontyError, filename: str) -> int | None:

@@ -12,6 +12,8 @@ from memo_core.errors import MotionError
 from memo_core.skills.skill import Skill
 from memo_core.skills.values import Check
 
+MARGIN_M = 0.15  # beyond the arm's reach
+
 
 @attrs.frozen
 class Workspace:
@@ -21,6 +23,13 @@ class Workspace:
     upper: tuple[float, float, float] = (1.5, 1.5, 2.0)
     reach: float = 2.0
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def around(cls, reach: float, table_height: float) -> Workspace:
+        """What an arm that reaches ``reach`` (m) can get at over a table at ``table_height`` (m, base frame), and a
+        little more: at its very limit the arm itself says better what cannot be reached."""
+        side = reach + MARGIN_M
+        return cls((-side, -side, table_height - 0.05), (side, side, side + 0.4), side + 0.35)
 
     def refuse(self, skill: Skill, arguments: dict[str, Any]) -> None:
         """Raise ``MotionError`` (cause ``workspace``) when a motion's position or path leaves the workspace.
