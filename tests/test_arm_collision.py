@@ -66,6 +66,15 @@ def test_a_closed_fixture_is_solid_and_a_moved_one_is_where_it_was_moved():
     assert not inside_of(obstacles_of(graph(node), absent=["crate"]), (0.5, 0.0, 0.1))
 
 
+def test_what_is_moved_takes_its_inside_along():
+    tray = Node("tray", "tray", Pose.from_yaw((0.5, 0.0, 0.1), 0.4), (0.3, 0.3, 0.2), kind="part")
+    space = Node("in", "in", tray.pose, (0.26, 0.26, 0.16), "tray", "space", (0.0, 0.0, 1.0))
+    moved = Pose.from_yaw((0.2, 0.1, 0.1), -0.3)
+    walls = [one for one in obstacles_of(graph(tray, space), {"tray": moved}) if one.node == "tray"]
+    assert not inside_of(walls, moved.position), "it can still be reached into"
+    assert inside_of(walls, moved.apply((0.0, 0.0, -0.09))) and inside_of(walls, moved.apply((0.145, 0.0, 0.0)))
+
+
 def test_the_home_posture_touches_nothing():
     checker = SHAPE.checker(obstacles_of(graph()), 0.08)
     assert checker.hit(HOME, "free") is None and checker.hit(HOME, "contact") is None

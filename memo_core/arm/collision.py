@@ -96,15 +96,16 @@ def obstacles_of(
 
 
 def _hollow(node: Node, pose: Pose, spaces: Sequence[Node]) -> list[Obstacle]:
-    """The node's box minus its insides, each carried on through its open side to beyond the box."""
+    """The node's box at ``pose`` minus its insides, which go with it, each carried on through its open side to beyond
+    the box."""
     half = np.asarray(node.size) / 2
     boxes = [(-half, half)]
     for space in spaces:
-        local = pose.inverse() * space.pose
+        local = node.pose.inverse() * space.pose
         extent = np.abs(local.rotation) @ np.asarray(space.size) / 2
         low, high = np.asarray(local.position) - extent, np.asarray(local.position) + extent
         if space.opening is not None:
-            direction = pose.rotation.T @ np.asarray(space.opening)
+            direction = node.pose.rotation.T @ np.asarray(space.opening)
             axis = int(np.argmax(np.abs(direction)))
             if direction[axis] > 0:
                 high[axis] = half[axis] + 1.0
