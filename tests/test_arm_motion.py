@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from memo_core.arm.branches import Blocked, BranchSearch, tilt_choices
 from memo_core.arm.collision import RobotShape, obstacles_of
 from memo_core.arm.kinematics import Kinematics
 from memo_core.arm.path import CartesianPath
+from memo_core.arm.planner import plan_free
 from memo_core.errors import MotionError
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle, quaternion_from_rotation
@@ -193,6 +195,23 @@ def _refused(control, link, cause, *texts, act):
         assert text in str(error.value)
     assert len(link.sent) == before, "it moved before it refused"
     assert "\n" not in str(error.value)
+
+
+def test_a_busy_machine_does_not_change_what_is_planned():
+    """Waiting, for other work or for anything, is no time spent on the search."""
+    start, goal = KINEMATICS.home, KINEMATICS.home + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def free(joints) -> bool:
+        return not (abs(joints[0] - 0.6) < 0.1 and joints[1] > -1.1)
+
+    def slowly(joints) -> bool:
+        time.sleep(0.0005)
+        return free(joints)
+
+    at_once = plan_free(KINEMATICS, free, start, [goal])
+    assert at_once is not None
+    found = plan_free(KINEMATICS, slowly, start, [goal], seconds=0.2)
+    assert found is not None and np.array_equal(found, at_once)
 
 
 def test_refusals_name_the_cause_before_anything_moves():

@@ -247,8 +247,8 @@ class ArmControl(Control):
             raise Stopped(skill) from None
 
     def _ahead(self, targets: Array, before: Array) -> Array:
-        """Commands (T, n) that make a lagging servo keep to targets (T, n) which follow ``before`` (n,) and end at rest.
-        Without the lead, braking would begin with a jump back by the lag: full torque, whatever the limits say."""
+        """Commands (T, n) that make a lagging servo keep to targets (T, n), which follow ``before`` (n,) and end at
+        rest. Without the lead, braking would begin with a jump back by the lag: full torque, whatever the limits."""
         velocity = np.diff(targets, axis=0, prepend=before[None]) / self._link.control_period
         velocity[-1:] = 0.0
         return targets + velocity * self._lag

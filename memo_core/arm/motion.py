@@ -25,7 +25,7 @@ from memo_core.scene.pose import Array, Pose
 _STARTS = 4  # configurations of a goal that are tried before a motion is given up
 _CLEAR_TRIES = 5  # ways that are looked for before a motion is allowed to pass as close as perception may err
 _RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to get free of what the fingers are around
-_ROUTE_SECONDS = 4.0  # a last resort: node counts bound the search first, so that it is the same on any machine
+_ROUTE_SECONDS = 4.0  # of this thread: a last resort, node counts bound the search first, so that it is reproducible
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
 _MEETS = 0.025  # m from a thing's box at which the fingertips meet it
 
@@ -155,10 +155,10 @@ class MotionPlanner:
         # Where fingers are around something, only a straight line leads out of there or in: no sampling finds it.
         outs = [None, *islice(self._retreats(checker, start, "contact"), 2)]
         ins = [None, *(line for goal in goals[:2] for line in islice(self._retreats(checker, goal, "free"), 2))]
-        patience = time.perf_counter() + _ROUTE_SECONDS
+        patience = time.thread_time() + _ROUTE_SECONDS
         for nodes, seed, few in ((300, 0, 3), (1500, 1, 2)):
             for out, into in product(outs[:few], ins[:few]):
-                if time.perf_counter() > patience:
+                if time.thread_time() > patience:
                     return None
                 begin = start if out is None else out[:, -1]
                 ends = goals if into is None else [into[:, -1]]

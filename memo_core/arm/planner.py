@@ -38,7 +38,7 @@ def plan_free(
 ) -> Array | None:
     """A joint path (n, M) from ``start`` to the first of ``goals`` that can be reached, or None. Goals stand in the
     order of preference and must be free themselves. ``nodes`` bounds the search (0: straight lines only); ``seconds``
-    is the last resort on a slow machine."""
+    of this thread's own time, which other work on the machine does not use up, are the last resort."""
     for goal in goals:
         if straight_is_free(free, start, goal):
             return np.column_stack([start, goal])
@@ -98,10 +98,10 @@ def _connect(
     nodes: int,
 ) -> Array | None:
     trees = [_Tree([start]), _Tree(list(goals))]
-    end = time.perf_counter() + seconds
+    end = time.thread_time() + seconds
     turn = 0
     for _ in range(nodes):
-        if time.perf_counter() > end:
+        if time.thread_time() > end:
             return None
         growing, other = trees[turn], trees[1 - turn]
         new = _extend(free, growing, rng.uniform(kinematics.lower, kinematics.upper))
