@@ -79,7 +79,7 @@ class SkillCalled(Event):
     arguments: dict[str, Any]
     result: Any = None
     error: str = ""
-    sim_time: float = 0.0
+    sim_time: float = 0.0  # s on the robot's clock when the call was over
 
 
 @attrs.frozen

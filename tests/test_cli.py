@@ -160,6 +160,21 @@ def test_a_book_can_be_looked_into(book, capsys):
     assert as_json(capsys, "skillbook", "stats", "--book", str(book))["corrections"] == 2
 
 
+def test_words_that_no_entry_was_made_of_are_listed_with_the_reason(book, capsys):
+    with Skillbook(str(book)) as opened:
+        parked = opened.record_feedback("mind the gap", "ben", subtask="PICK(cup)")
+        opened.park(parked, "both lists are empty")
+        opened.record_feedback("a bit higher", "anna", subtask="PICK(cup)")
+    waiting = as_json(capsys, "skillbook", "list", "--book", str(book))["waiting"]
+    assert [(one["words"], one["status"], one["reason"]) for one in waiting] == [
+        ("mind the gap", "parked", "both lists are empty"),
+        ("a bit higher", "pending", ""),
+    ]
+    assert run("skillbook", "list", "--book", str(book)) == 0
+    said = capsys.readouterr().err
+    assert "mind the gap" in said and "both lists are empty" in said and "a bit higher" in said
+
+
 def test_a_book_can_be_exported(book, capsys, tmp_path):
     out = tmp_path / "export.jsonl"
     assert run("skillbook", "export", "--book", str(book), "--out", str(out)) == 0
@@ -185,8 +200,9 @@ def test_a_mistyped_book_is_not_made(tmp_path, capsys):
     assert not missing.exists()
 
 
-def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_line(capsys):
-    many = Path(__file__).parent / "programs" / "hostile" / "names_by_the_thousand.py"
+def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_line(tmp_path, capsys):
+    many = tmp_path / "many.py"
+    many.write_text("".join(f"nothing_{i}()\n" for i in range(1000)))
     assert run("exec", str(many), "--task", "stack-the-cubes") == 1
     [line] = capsys.readouterr().err.strip().splitlines()
     assert "not run: line 1" in line and "more" in line and len(line) < 2200

@@ -77,6 +77,8 @@ def test_everything_of_a_run_is_in_its_folder(experiment, registry, tmp_path):
     assert kinds[0] == "RunStarted" and kinds[-1] == "RunEnded"
     assert {"Retrieved", "CodeWritten", "SkillCalled", "FeedbackGiven", "EntryStored", "SubtaskEnded"} <= set(kinds)
     assert all(line["time"] > 0 for line in lines_of(folder))
+    called = [line["sim_time"] for line in lines_of(folder) if line["event"] == "SkillCalled"]
+    assert called[0] == 0.0 and called[-1] > 0, "when a call was over, on the robot's clock"
     names = sorted(path.name for path in (folder / "code" / "01-LIFT.cube").iterdir())
     assert names == ["attempt-1.py", "attempt-2.py"]
     calls = [json.loads(path.read_text()) for path in sorted((folder / "calls").iterdir())]

@@ -298,6 +298,15 @@ def test_a_model_that_cannot_be_reached_leaves_feedback_pending(sandbox, book):
     assert [f.words for f in book.pending_feedback() if f.kind == "correction"] == [SAID]
 
 
+def test_an_approval_whose_template_is_never_made_does_not_stay_pending(sandbox, book):
+    gone = LanguageModelError("scripted", "no network")
+    script = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP], "template": [gone]}
+    Bench(sandbox, book, script, [YES]).run()
+    assert book.stats().pending == 0
+    [approval] = book.pending_feedback(parked=True)
+    assert approval.kind == "approval" and "no network" in approval.reason
+
+
 def test_the_planner_may_not_ask_for_one_subtask_for_ever(sandbox, book):
     bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)"] * 9, "code": [GRASP] * 9}, None, repeats=2)
     result = bench.run()

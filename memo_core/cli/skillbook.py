@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Skillbooks.")
 
 KINDS = ("correction", "general", "template")
+WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries
 Kind = Annotated[str | None, typer.Option("--kind", help="Only correction, general or template.")]
 
 
@@ -36,15 +37,20 @@ def list_entries(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """List entries in the order they were stored."""
+    """List entries in the order they were stored, and what people said that no entry was made of yet."""
     if kind is not None and kind not in KINDS:
         raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
     with _reading(book, config, overrides) as opened:
         entries = opened.entries(kind, key, who, superseded)
+        waiting = [said for said in opened.pending_feedback(parked=True) if said.words and who in (None, said.who)]
     if json:
-        print_json({"entries": [_as_json(entry) for entry in entries]})
-    else:
-        print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
+        waiting_shown = [{name: getattr(said, name) for name in WAITING} for said in waiting]
+        print_json({"entries": [_as_json(entry) for entry in entries], "waiting": waiting_shown})
+        return
+    print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
+    for said in waiting:
+        state = f"set aside ({said.reason})" if said.status == "parked" else "pending: the next run begins with it"
+        note(f"feedback {said.id}, {said.who} about {said.subtask}: {said.words!r}: {state}")
 
 
 @app.command()

@@ -70,7 +70,11 @@ class Teaching:
             self._book.park(approval, error.problem)
             self._problem(f"no template for {subtask}", error)
             return
-        except LanguageModelError as error:
+        except (LanguageModelError, Stopped) as error:
+            # Pending is what somebody said and nobody made anything of yet; here nothing more will be made.
+            self._book.park(approval, f"no template was made: {error}")
+            if isinstance(error, Stopped):
+                raise
             self._problem(f"no template for {subtask}", error)
             return
         entry = self._book.add_template(approval, subtask, template, scene.label, derived_from=sources)

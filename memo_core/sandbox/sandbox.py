@@ -294,6 +294,8 @@ class _Run:
         return {"return_value": result}
 
     def _note(self, call: SkillCalled) -> None:
+        if self._clock is not None:
+            call = attrs.evolve(call, sim_time=self._clock())
         self._calls.append(call)
         if self._on_call is not None:
             self._on_call(call)
