@@ -18,7 +18,7 @@ ConfigFile = Annotated[
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Override one value, e.g. llm.model=gemini."),
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Override one value, e.g. run.attempts=2."),
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the scene and of everything drawn.")]
 Book = Annotated[

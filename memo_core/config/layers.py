@@ -37,7 +37,7 @@ class Merged:
 
 
 def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, Any] | None = None) -> Merged:
-    """Stack ``defaults`` of the top level, what the file extends, the file, and ``--set`` (``llm.model=gemini``)."""
+    """Stack ``defaults`` of the top level, what the file extends, the file, and ``--set`` (``run.attempts=2``)."""
     base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
     layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
     layers.append(_overrides(overrides))

@@ -13,7 +13,7 @@ class Memory:
     corrections: bool = True
     general: bool = True
     templates: bool = True
-    clusters: bool = True  # offline, over the whole book
+    clusters: bool = True  # offline, over the whole book; nothing does it yet
 
     @property
     def any(self) -> bool:
@@ -21,7 +21,7 @@ class Memory:
 
 
 METHODS = {
-    "memo": Memory("corrections, general statements and templates, clustered offline"),
+    "memo": Memory("corrections, general statements and templates"),
     "memo-c": Memory("memo without clustering", clusters=False),
     "memo-s": Memory(
         "no skillbook: what is said helps the next try only",
