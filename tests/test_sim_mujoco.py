@@ -20,7 +20,7 @@ from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.experiment.video import Recording, save_picture
-from memo_core.interfaces.robot import GripperDescription
+from memo_core.interfaces.robot import GripperDescription, RobotDescription
 from memo_core.scene.description import (
     Body,
     Camera,
@@ -33,6 +33,7 @@ from memo_core.scene.description import (
     Slide,
 )
 from memo_core.scene.pose import Pose, look_at, quaternion_from_axis_angle
+from memo_core.testing.simulator import check_robot, check_scene
 
 ROBOT = panda()
 CAMERA = Camera("front", look_at((1.5, -0.9, 0.9), (0.4, 0.0, 0.25)), resolution=(160, 120))
@@ -108,6 +109,41 @@ def test_a_weak_grip_drops_what_is_heavy():
     with built(cube(0.045, 2.0)) as simulator:
         grasp(simulator, 0.045, 5.0)
         assert simulator.body_pose("cube").position[2] < 0.1
+
+
+def with_tips(joint: str) -> RobotDescription:
+    """The suite's crane with its pads on links of their own, fixed to the fingers; the left one on ``joint``'s link."""
+    crane = check_robot()
+    tips = "".join(
+        f'<link name="{side} tip"/><joint name="{side} tip joint" type="fixed"><parent link="{parent}"/>'
+        f'<child link="{side} tip"/></joint>'
+        for side, parent in (("left", joint), ("right", "right"))
+    )
+    urdf = crane.urdf.replace("</robot>", tips + "</robot>")
+    for side in ("left", "right"):
+        empty, (start, shape, end) = f'<link name="{side} tip"/>', _collision_of(urdf, side)
+        urdf = (urdf[:start] + urdf[end:]).replace(empty, f'<link name="{side} tip">{shape}</link>')
+    gripper = attrs.evolve(crane.gripper, pads=("left tip", "right tip"))
+    return attrs.evolve(crane, urdf=urdf, gripper=gripper, allowed_contacts=(("left tip", "right tip"),))
+
+
+def _collision_of(urdf: str, link: str) -> tuple[int, str, int]:
+    start = urdf.index("<collision>", urdf.index(f'<link name="{link}">'))
+    end = urdf.index("</collision>", start) + len("</collision>")
+    return start, urdf[start:end], end
+
+
+def test_pads_may_be_links_that_are_fixed_to_the_fingers():
+    with MujocoSimulator() as simulator:
+        simulator.build(check_scene(), with_tips("left"))
+        simulator.command_gripper(0.0, 60.0)
+        run(simulator, 1.2)
+        assert simulator.gripper_effort() == pytest.approx(60.0, rel=0.2)
+
+
+def test_a_pad_that_no_finger_moves_is_refused_by_name():
+    with MujocoSimulator() as simulator, pytest.raises(InvalidArgument, match="left tip"):
+        simulator.build(check_scene(), with_tips("hand"))
 
 
 def test_a_run_can_be_resumed_in_another_process(tmp_path):

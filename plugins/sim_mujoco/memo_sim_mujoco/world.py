@@ -124,7 +124,7 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
     fingers = [model.joint(PREFIX + name) for name in robot.gripper.finger_joints]
     slides = {int(model.jnt_bodyid[joint.id]): joint.id for joint in fingers}
     ids = {name: index for index, name in enumerate(names)}
-    pads = tuple((ids[PREFIX + pad], slides.get(ids[PREFIX + pad], -1)) for pad in robot.gripper.pads)
+    pads = tuple((ids[PREFIX + pad], _slide_of(model, robot, pad, slides)) for pad in robot.gripper.pads)
     servo = model.actuator(FINGER_SERVO).id if fingers else -1
     return World(
         model=model,
@@ -145,6 +145,17 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
         tool_body=ids[PREFIX + robot.tool_link],
         latches=tuple(_latched(model, number, latch, joint_qpos) for number, latch in enumerate(scene.latches)),
     )
+
+
+def _slide_of(model: Any, robot: RobotDescription, pad: str, slides: dict[int, int]) -> int:
+    """The joint that moves a pad: its own link's, or that of the link it is fixed to."""
+    body = model.body(PREFIX + pad).id
+    while body and body not in slides:
+        body = int(model.body_parentid[body])
+    if not body:
+        problem = f"no finger joint moves {pad!r}"
+        raise InvalidArgument(f"robot {robot.name!r}: gripper.pads", problem, "links that the finger joints carry")
+    return slides[body]
 
 
 def _latched(model: Any, number: int, latch: Any, joint_qpos: dict[str, int]) -> Latched:
