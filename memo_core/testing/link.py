@@ -75,6 +75,10 @@ def answers_are_copies(make: MakeLink) -> None:
     link.joint_targets()[:] = 9.0
     assert np.allclose(link.joint_positions(), before), "joint_positions() hands out the link's own array"
     assert not np.any(link.joint_targets() == 9.0), "joint_targets() hands out the link's own array"
+    sent = link.joint_targets()
+    link.send(sent)
+    sent[:] = 9.0
+    assert not np.any(link.joint_targets() == 9.0), "send() keeps the caller's array"
 
 
 @rule
