@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import ast
+import re
+import sys
+import tomllib
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -30,6 +34,8 @@ LEVELS = (
     ("testing", "builtin"),
     ("cli",),
 )
+# Distributions whose files do not say, or say elsewhere, which package they bring.
+WHEELS_WITHOUT_A_LIST = {"pinocchio": ["pin"], "coal": ["coal"], "pydantic_monty": ["pydantic-monty"]}
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 VENDORS = {
     "mujoco",
@@ -122,6 +128,27 @@ def test_the_core_names_no_backend():
             n.value for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Constant)
         }
         assert not constants & foreign, path
+
+
+@pytest.mark.parametrize("project", [ROOT, *(path.parent for path in PLUGINS.values())], ids=lambda path: path.name)
+def test_every_distribution_declares_what_it_imports(project):
+    """Somebody else's requirement may go, or be of another version, and then only an import error tells."""
+    about = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = about.get("optional-dependencies", {}).values()
+    stated = {plain_name(one) for group in (about["dependencies"], *extras) for one in group}
+    package = next(project.glob("memo_*"))
+    # Robot code, run in the sandbox: what it imports is there or not by the sandbox's rules.
+    files = [path for path in package.rglob("*.py") if "solutions" not in path.parts]
+    used = {module.split(".")[0] for path in files for module in imports(path.read_text(encoding="utf-8"), "memo")}
+    distributions = metadata.packages_distributions() | WHEELS_WITHOUT_A_LIST
+    for module in used - set(sys.stdlib_module_names) - {"memo", package.name, "__future__"}:
+        providers = {plain_name(one) for one in distributions.get(module, [module])}
+        assert providers & stated, f"{package.name} imports {module}, of {sorted(providers)}"
+
+
+def plain_name(requirement: str) -> str:
+    """The distribution's name as the package index spells it."""
+    return re.sub(r"[-_.]+", "-", re.split(r"[\[<>=!~; ]", requirement)[0]).lower()
 
 
 def test_nothing_in_the_repository_holds_a_machine_path_or_an_index():
