@@ -114,6 +114,31 @@ def test_a_second_signal_within_two_seconds_ends_the_run():
     assert supervisor.run(work) == "saved"
 
 
+class TwoAtOnce(Teacher):
+    """Interrupted by two signals that the process finds pending at the same moment."""
+
+    def judge(self, episode: Episode) -> Verdict:
+        both = {signal.SIGINT, signal.SIGTERM}
+        signal.pthread_sigmask(signal.SIG_BLOCK, both)
+        for number in both:
+            os.kill(os.getpid(), number)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, both)
+        time.sleep(5)
+        raise AssertionError("the signals should have come")
+
+
+def test_two_signals_at_once_end_the_run_and_nothing_escapes():
+    supervisor = Supervisor(StopSwitch(), TwoAtOnce())
+
+    def work() -> str:
+        with pytest.raises(Stopped):
+            supervisor.ask(an_episode(), False)
+        return "saved"
+
+    assert supervisor.run(work) == "saved"
+    assert supervisor.ending
+
+
 def test_two_signals_far_apart_are_two_stops(monkeypatch):
     monkeypatch.setattr("memo_core.experiment.stop.SECOND_PRESS_S", 0.05)
     supervisor = Supervisor(StopSwitch(), Patient())

@@ -114,25 +114,30 @@ class Supervisor:
 
     # -- in the main thread ----------------------------------------------------------------------------------------
     def _put(self, question: _Question) -> Verdict | BaseException:
-        assert self.teacher is not None
+        answer: Verdict | BaseException | None = None
         try:
             self._asking = True
-            if self.ending:
-                return Stopped("ending the run")
-            if self.stop.pressed and not question.interrupted:
-                return Stopped("before the person was asked")
-            if question.interrupted:
-                self.prompt_ready.append(time.monotonic())
-                verdict = self.teacher.interrupted(question.episode)
-                self._last_press = -1e9  # it was answered: the next press is a new stop, not a second one
-                return verdict
-            return self.teacher.judge(question.episode)
-        except _PromptInterrupted:
-            return Stopped("waiting for the person")
-        except Exception as error:
-            return error
-        finally:
+            answer = self._answer(question)
             self._asking = False
+        except _PromptInterrupted:
+            pass
+        except Exception as error:
+            self._asking = False
+            return error
+        return answer or Stopped("waiting for the person")  # words said just before the signal came are not lost
+
+    def _answer(self, question: _Question) -> Verdict | BaseException:
+        assert self.teacher is not None
+        if self.ending:
+            return Stopped("ending the run")
+        if self.stop.pressed and not question.interrupted:
+            return Stopped("before the person was asked")
+        if not question.interrupted:
+            return self.teacher.judge(question.episode)
+        self.prompt_ready.append(time.monotonic())
+        verdict = self.teacher.interrupted(question.episode)
+        self._last_press = -1e9  # it was answered: the next press is a new stop, not a second one
+        return verdict
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
@@ -158,10 +163,13 @@ class Supervisor:
         if ended_before and self.presses > 2:
             os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, b"\nleft at once\n")
             os._exit(130)
-        if self._asking:
-            raise _PromptInterrupted
+        self._leave_the_prompt()
 
     def _on_terminate(self, number: int, frame: FrameType | None) -> None:
         self.end()
+        self._leave_the_prompt()
+
+    def _leave_the_prompt(self) -> None:
         if self._asking:
+            self._asking = False  # once is enough: a second signal must not strike outside of the prompt
             raise _PromptInterrupted
