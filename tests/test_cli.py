@@ -60,6 +60,9 @@ def test_a_mistyped_command_gets_the_near_one(capsys):
         (["skillbook", "list", "--book", "no-such-book.db"], 1, "no-such-book.db"),
         (["skillbook", "list", "--kind", "lesson"], 2, "--kind"),
         (["prompts", "show", "pla"], 2, "did you mean 'plan'"),
+        (["bench", "lesions", "--lesion", "mirrord"], 2, "did you mean 'mirrored'"),
+        (["run", "a.yaml", "--config", "b.yaml"], 2, "one file"),
+        (["config", "show", "a.yaml", "--config", "b.yaml"], 2, "one file"),
     ],
 )
 def test_a_mistake_is_one_clear_line_on_stderr(arguments, code, said, capsys, tmp_path, monkeypatch):

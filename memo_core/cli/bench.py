@@ -139,11 +139,14 @@ def lesions(
     import attrs
 
     from memo_core.cli.tasks import read_seeds
-    from memo_core.experiment.sweep import CONTROLS, LESIONS, SCENES, Lesson
+    from memo_core.experiment.assembly import task_of
+    from memo_core.experiment.sweep import KNOWN, Lesson, known_lesion
 
     wanted = read_seeds(seeds)
-    chosen = list(dict.fromkeys(lesion or (*CONTROLS, *LESIONS, *SCENES)))
+    chosen = [known_lesion(name) for name in dict.fromkeys(lesion or KNOWN)]
     registry, experiment = load(config, [QUIET, *(overrides or [])])
+    if task is not None:
+        task_of(experiment, task)  # said before anything is taught
 
     def measure(progress: Callable[[float], None]) -> dict[str, Any]:
         trials: list[dict[str, Any]] = []

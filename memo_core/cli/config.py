@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry
+from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry, one_file
 from memo_core.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
 @app.command()
 def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Print every value of the resolved experiment and where it is from: file and line, --set, or default."""
-    _, experiment = load(file or config, overrides)
+    _, experiment = load(one_file(file, config), overrides)
     if json:
         shown = [
             {"path": v.path, "value": v.value, "file": v.origin.file, "line": v.origin.line} for v in experiment.values

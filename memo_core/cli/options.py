@@ -26,6 +26,15 @@ Book = Annotated[
 ]
 
 
+def one_file(file: Path | None, config: Path | None) -> Path | None:
+    """The experiment file, given as an argument or with ``--config``. Raises ``InvalidArgument`` for two."""
+    if file is not None and config is not None:
+        from memo_core.errors import InvalidArgument
+
+        raise InvalidArgument("--config", f"{config} beside {file}", "one file; a file can extend another")
+    return file or config
+
+
 def load_registry() -> Registry:
     """The installed plugins; what is wrong with any is said on stderr."""
     from memo_core.cli.output import note

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from memo_core.cli.options import Json, Overrides, Seed, load
+from memo_core.cli.options import Json, Overrides, Seed, load, one_file
 from memo_core.cli.output import note, print_json
 
 INTERRUPTED = 130
@@ -36,7 +36,7 @@ def command(
 
     typed = {"teacher": teacher, "skillbook.url": book}
     short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
-    registry, experiment = load(file or config, [*(overrides or []), *short], task, seed)
+    registry, experiment = load(one_file(file, config), [*(overrides or []), *short], task, seed)
     report = run_experiment(experiment, registry, out, listener=Narrator(), view=view)
     if json:
         print_json(report.summary())

@@ -29,6 +29,14 @@ SCENES = {
     "handle-6cm-lower": handle_moved((0.0, 0.0, -0.06)),
 }
 CONTROLS = ("empty-book",)
+KNOWN = (*CONTROLS, *LESIONS, *SCENES)
+
+
+def known_lesion(name: str) -> str:
+    """The name itself. Raises ``UnknownName`` where it is no lesion's."""
+    if name not in KNOWN:
+        raise UnknownName("lesion", name, KNOWN)
+    return name
 
 
 def demos(experiment: Experiment, registry: Registry, out: Path, seeds: Sequence[int]) -> Iterator[DemoReport]:
@@ -82,8 +90,7 @@ class Lesson:
 
     def under(self, lesion: str, task: str | None = None) -> Lesioned:
         """The demo's transfer task (or ``task``) under a lesion of the book or of the scene. Raises ``UnknownName``."""
-        if lesion not in (*CONTROLS, *LESIONS, *SCENES):
-            raise UnknownName("lesion", lesion, (*CONTROLS, *LESIONS, *SCENES))
+        known_lesion(lesion)
         started = time.monotonic()
         name = task or self.demo.transfer
         chosen = task_of(self.experiment, name)

@@ -24,17 +24,14 @@ def messages(
     phase: str,
     robot: RobotDescription,
     scene: SceneGraph | str,
-    overrides: dict[str, str] | None = None,
     **context: Any,
 ) -> tuple[Message, ...]:
-    """The messages of one phase. ``scene`` may be a table made earlier by ``scene_table``. ``overrides`` maps a phase
-    (or ``system``) to another prompt text; ``context`` holds what the phase's placeholders need. A missing one raises
-    ``jinja2.UndefinedError``."""
+    """The messages of one phase. ``scene`` may be a table made earlier by ``scene_table``; ``context`` holds what the
+    phase's placeholders need. A missing one raises ``jinja2.UndefinedError``."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    texts = {name: (overrides or {}).get(name) or prompt_source(name) for name in ("system", phase)}
-    system = environment.from_string(texts["system"]).render(robot=robot)
+    system = environment.from_string(prompt_source("system")).render(robot=robot)
     table = scene if isinstance(scene, str) else scene_table(scene)
-    user = environment.from_string(texts[phase]).render(robot=robot, scene=table, **context)
+    user = environment.from_string(prompt_source(phase)).render(robot=robot, scene=table, **context)
     return (Message("system", system), Message("user", user))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import InvalidArgument, MemoError, UnknownName
+from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import rows, tables
@@ -411,7 +411,5 @@ def reembed(url: str, embedder: Embedder) -> int:
         if texts:
             TextVectors(database, embedder).get(texts)
         return len(texts)
-    except MemoError:
-        raise
     finally:
         database.close()
