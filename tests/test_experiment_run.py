@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.experiment.script import Line, ScriptedTeacher, ScriptSettings
 from memo_core.experiment.sections import SECTIONS
 from memo_core.experiment.story import read_story
+from memo_core.experiment.world import World
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.plugins import Registry
@@ -185,6 +187,20 @@ def test_ctrl_c_while_the_arm_moves_is_answered_and_the_run_goes_on(experiment, 
     with Skillbook(f"sqlite:///{tmp_path / 'book.db'}") as book:
         assert [book.feedback(i).words for i in (1,)] == ["slower, you frightened the cat"]
     assert [line["stopped"] for line in lines_of(report.folder) if line["event"] == "CodeEnded"] == [True, False]
+
+
+def test_ctrl_c_while_the_world_is_built_is_answered_and_the_run_goes_on(experiment, registry, tmp_path, monkeypatch):
+    build = World.open
+
+    def pressed_meanwhile(world: World) -> None:
+        build(world)
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.05)  # for the main thread to take it
+
+    monkeypatch.setattr(World, "open", pressed_meanwhile)
+    report = do(experiment, registry, tmp_path, SCRIPT | {"code": [UP]}, Presses())
+    assert not report.problem and report.result.finished
+    assert [line["words"] for line in lines_of(report.folder) if line["event"] == "FeedbackGiven"]
 
 
 def test_a_folder_that_holds_a_run_is_not_written_over(tmp_path):

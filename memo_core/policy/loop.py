@@ -65,7 +65,7 @@ class Loop:
         self._done: list[str] = []
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
-        self._scene = self._stage.look()
+        self._scene = self._stage.control.scene()  # no look yet: a stop may be pressed already
         self._workspace = Workspace.around(self._stage.robot.reach, self._scene.table_height)
 
     def run(self) -> RunResult:
@@ -184,7 +184,8 @@ class Loop:
             attempt.served = retrieve(session, self._memory, key)
             execution = self._write_and_execute(key, attempt, history)
         finally:
-            attempt.watched = self._stage.stop_watching()
+            # What still moves in another thread is not touched: a simulator stands one user at a time.
+            attempt.watched = self._stage.sightings() if self._leaving.busy else self._stage.stop_watching()
             self._robot_s += max(0.0, self._stage.time() - started)
         journal.attempt_ends(number, attempt.number)
         verdict = self._ask(self._episode(key, attempt, before, self._stage.glance()), interrupted=False)
@@ -281,7 +282,7 @@ class Loop:
             if self._session.ending():
                 raise Stopped("ending the run")
             try:
-                verdict = self._ask(self._episode(key, attempt, before, self._stage.glance()), interrupted=True)
+                verdict = self._ask(self._episode(key, attempt, before, self._seen_last(attempt)), interrupted=True)
             except Stopped:
                 continue
             if verdict.kind == "correct":
@@ -291,6 +292,12 @@ class Loop:
             if self._session.ending():  # pressed while the answer came
                 raise Stopped("ending the run")
             return verdict
+
+    def _seen_last(self, attempt: _Attempt) -> SceneGraph:
+        """What a person sees now; while the robot is still busy stopping, what was seen last."""
+        if not self._leaving.busy:
+            return self._stage.glance()
+        return attempt.watched[-1].scene if attempt.watched else self._scene
 
     def _learn(self, key: Key, attempt: _Attempt, verdict: Verdict, execution: Execution) -> None:
         if verdict.kind == "correct":
