@@ -123,6 +123,20 @@ def test_subtasks_that_had_ended_are_in_the_summary_of_a_run_that_broke_off(expe
     assert lines_of(report.folder)[-1]["subtasks"] == 1
 
 
+class Leaves(ScriptedTeacher):
+    """Cannot be closed in peace."""
+
+    def close(self) -> None:
+        raise RuntimeError("the line is dead")
+
+
+def test_a_teacher_that_fails_to_close_costs_nothing_of_what_is_kept(experiment, registry, tmp_path):
+    with pytest.raises(RuntimeError, match="the line is dead"):
+        do(experiment, registry, tmp_path, {"plan": ["DONE"]}, Leaves(ScriptSettings()))
+    [folder] = (tmp_path / "runs").iterdir()
+    assert json.loads((folder / "summary.json").read_text())["ended"] and lines_of(folder)[-1]["event"] == "RunEnded"
+
+
 def test_a_listener_that_raises_is_detached_and_never_the_end_of_a_run(experiment, registry, tmp_path):
     heard = []
     problems = []

@@ -10,7 +10,7 @@ import pytest
 
 from memo_core.errors import MotionError, Stopped
 from memo_core.events import SkillCalled
-from memo_core.sandbox import Limits, Sandbox, Workspace
+from memo_core.sandbox import Limits, Sandbox, Workspace, worker
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.control import Control
 from memo_core.skills.skill import skill, skill_library
@@ -179,3 +179,23 @@ def test_the_fake_refuses_like_a_robot():
     with pytest.raises(Stopped):
         control.go_home()
     assert Workspace().reach > 0
+
+
+def test_threads_that_open_a_sandbox_at_once_share_one_pool(monkeypatch):
+    started = []
+    start = worker.Monty
+
+    def slowly(**options):
+        started.append(options)
+        time.sleep(0.05)
+        return start(**options)
+
+    monkeypatch.setattr(worker, "Monty", slowly)
+    pool = worker.WorkerPool(Limits())
+    threads = [threading.Thread(target=pool.open) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    pool.close()
+    assert len(started) == 1

@@ -167,8 +167,6 @@ def perform(
     except MemoError as error:
         ended.problem = str(error)
     finally:
-        if cast.teacher is not None:
-            cast.teacher.close()
         report = RunReport(
             run=run,
             folder=folder.path,
@@ -191,6 +189,8 @@ def perform(
         folder.close()
         if bystander:
             bystander()
+        if cast.teacher is not None:
+            cast.teacher.close()  # last: what it raises costs nothing of what is kept
     return report
 
 

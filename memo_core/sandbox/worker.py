@@ -27,11 +27,15 @@ class WorkerPool:
         self._limits = limits
         self._pool: Monty | None = None
         self._folder: Path | None = None
+        self._opening = threading.Lock()  # two threads that both need the first worker must not start two pools
 
     def open(self) -> None:
-        """Start the pool. Idempotent."""
-        if self._pool is not None:
-            return
+        """Start the pool. Idempotent, from any thread."""
+        with self._opening:
+            if self._pool is None:
+                self._pool = self._started()
+
+    def _started(self) -> Monty:
         binary = find_monty_binary()
         if shutil.which("sh"):
             binary = self._confined(binary)
@@ -45,7 +49,7 @@ class WorkerPool:
             turn_duration_limit_grace=0.5,
         )
         pool.__enter__()
-        self._pool = pool
+        return pool
 
     def close(self) -> None:
         """End all workers. Idempotent."""
