@@ -188,6 +188,10 @@ class World:
         seen, self._sightings = tuple(self._sightings), None
         return seen
 
+    def sightings(self) -> tuple[Sighting, ...]:
+        """The sightings since ``start_watching``. Touches nothing: it may be asked while another thread ticks."""
+        return tuple(self._sightings or ())
+
     def glance(self) -> SceneGraph:
         """What a person in the room sees now; nothing in the world changes by it."""
         return self.perception.glance()

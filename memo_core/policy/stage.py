@@ -42,7 +42,11 @@ class Stage(Protocol):
     def start_watching(self) -> None:
         """Begin to keep what a person in the room would see."""
 
-    def stop_watching(self) -> tuple[Sighting, ...]: ...
+    def stop_watching(self) -> tuple[Sighting, ...]:
+        """What was kept since ``start_watching``, with a last glance at this moment."""
+
+    def sightings(self) -> tuple[Sighting, ...]:
+        """What was kept so far. Touches nothing, so that it may be asked while another thread still moves the robot."""
 
     def glance(self) -> SceneGraph:
         """What a person in the room sees now."""

@@ -123,6 +123,11 @@ class Leaving:
             raise result[0]
         return result[0]
 
+    @property
+    def busy(self) -> bool:
+        """Whether work that was left is still at it, with all that it uses."""
+        return self._left is not None and self._left.is_alive()
+
     def wait(self) -> None:
         """Until work that was left has ended."""
         left, self._left = self._left, None

@@ -114,5 +114,8 @@ class FakeStage:
     def start_watching(self) -> None:
         self._sightings = [Sighting(self.time(), self.glance())]
 
+    def sightings(self) -> tuple[Sighting, ...]:
+        return tuple(self._sightings)
+
     def stop_watching(self) -> tuple[Sighting, ...]:
         return (*self._sightings, Sighting(self.time(), self.glance()))
