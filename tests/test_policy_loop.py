@@ -380,6 +380,33 @@ def test_after_a_stop_in_any_phase_the_person_is_heard_and_the_run_goes_on(sandb
     assert bench.stage.restored >= 1
 
 
+def test_a_world_that_is_still_busy_stopping_is_not_touched(sandbox, book):
+    """A simulator stands one user at a time: read while another thread steps it, its memory is anybody's guess."""
+    bench = stopping_bench(sandbox, book, "-", [Verdict("correct", SAID), YES])
+    busy, touched = threading.Event(), []
+
+    def slow(name: str) -> None:
+        if name == "move_to" and not bench.stop.pressed and not touched:
+            busy.set()
+            bench.stop.press()
+            threading.Event().wait(0.3)
+            busy.clear()
+
+    bench.stage.control.on_command = slow
+    for name in ("glance", "look", "checkpoint", "restore", "settle", "stop_watching", "start_watching"):
+        method = getattr(bench.stage, name)
+
+        def watched(*args, name=name, method=method):
+            if busy.is_set():
+                touched.append(name)
+            return method(*args)
+
+        setattr(bench.stage, name, watched)
+    result = bench.run()
+    assert touched == []
+    assert result.finished and [event.words for event in bench.of(FeedbackGiven)] == [SAID]
+
+
 def test_after_a_stop_without_words_the_subtask_begins_again(sandbox, book):
     bench = stopping_bench(sandbox, book, "move_to", [Verdict("silent"), YES])
     [subtask] = bench.run().subtasks
