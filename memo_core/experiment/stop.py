@@ -26,6 +26,7 @@ from memo_core.policy.stopping import StopSwitch
 
 T = TypeVar("T")
 SECOND_PRESS_S = 2.0
+LISTENING_S = 0.02
 
 
 class _PromptInterrupted(BaseException):
@@ -78,7 +79,11 @@ class Supervisor:
             thread = threading.Thread(target=worker, name="memo-policy", daemon=True)
             thread.start()
             while True:
-                message = self._inbox.get()
+                try:
+                    # The system may hand a signal to any thread; this one runs its handler, and must wake for it.
+                    message = self._inbox.get(timeout=LISTENING_S)
+                except queue.Empty:
+                    continue
                 if isinstance(message, _Ended):
                     break
                 message.reply.put(self._put(message))
