@@ -130,7 +130,7 @@ class TwoAtOnce(Teacher):
         signal.pthread_sigmask(signal.SIG_BLOCK, both)
         try:
             for number in both:
-                os.kill(os.getpid(), number)  # another thread, which does not block it, may take it at once
+                signal.pthread_kill(threading.get_ident(), number)  # to this thread: another would take it at once
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, both)
         time.sleep(5)
