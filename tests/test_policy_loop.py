@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.events import CodeEnded, EntryStored, Event, FeedbackGiven, ModelCalled, Problem, Retrieved
-from memo_core.interfaces.llm import Answer, LanguageModelError
+from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.loop import Loop
 from memo_core.policy.memories import METHODS
@@ -350,7 +350,8 @@ def stopping_bench(sandbox, book, phase: str, verdicts) -> Bench:
                 threading.Timer(0.05, press_once).start()
                 pressed.wait()
                 threading.Event().wait(0.1)
-                return Answer("too late")  # of the call that was given up: it takes no line of the script
+                # of the call that was given up: it takes no line of the script, but it has cost
+                return Answer("too late", usage=Usage(prompt_tokens=7, completion_tokens=2, cost=0.01))
             return answer(request, on_text, cancelled)
 
         llm.answer = slow
