@@ -17,11 +17,19 @@ def tasks(settings: TabletopSettings):
     """The tasks in the paper's order."""
     from memo_tabletop.tasks.cubes import StackTheCubes
     from memo_tabletop.tasks.drawer import PutTheCubeAway
+    from memo_tabletop.tasks.faucet import TurnOnTheFaucet
     from memo_tabletop.tasks.fridge import OpenTheFridge
     from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
     from memo_tabletop.tasks.oven import PutTheFoodInTheOven
 
-    return (PutTheCubeAway(), PutTheFoodInTheMicrowave(), StackTheCubes(), OpenTheFridge(), PutTheFoodInTheOven())
+    return (
+        PutTheCubeAway(),
+        PutTheFoodInTheMicrowave(),
+        StackTheCubes(),
+        TurnOnTheFaucet(),
+        OpenTheFridge(),
+        PutTheFoodInTheOven(),
+    )
 
 
 @hookimpl
