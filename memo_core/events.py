@@ -43,6 +43,7 @@ class ModelCalled(Event):
     latency_s: float
     abandoned: bool = False
     not_understood: tuple[str, ...] = ()
+    note: str = ""  # how the answer came about, where that is not by asking
 
 
 @attrs.frozen

@@ -23,6 +23,12 @@ def command(
     teacher: Annotated[str | None, typer.Option("--teacher", help="Who watches: short for --set teacher=…")] = None,
     book: Annotated[str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook to use.")] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Where run folders are made.")] = Path("runs"),
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Add each call of the language model to FILE.")
+    ] = None,
+    replay: Annotated[
+        Path | None, typer.Option("--replay", metavar="FILE", help="Answer from a recording instead of a model.")
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
     json: Json = False,
 ) -> None:
@@ -31,12 +37,20 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
+    from memo_core.errors import InvalidArgument
     from memo_core.experiment.console import Narrator
+    from memo_core.experiment.recording import recorded, replayed
     from memo_core.experiment.run import run_experiment
 
     typed = {"teacher": teacher, "skillbook.url": book}
     short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
     registry, experiment = load(one_file(file, config), [*(overrides or []), *short], task, seed)
+    if record is not None and replay is not None:
+        raise InvalidArgument("--replay", "beside --record", "one of them")
+    if record is not None:
+        experiment = recorded(experiment, registry, record)
+    if replay is not None:
+        experiment = replayed(experiment, registry, replay)
     report = run_experiment(experiment, registry, out, listener=Narrator(), view=view)
     if json:
         print_json(report.summary())

@@ -113,6 +113,7 @@ class _Assembly:
         self._sections = sections
         self._merged = merged
         self._checker = Checker(merged, _secrets(registry))
+        self._checker.choose = self._inner
         self._undecided: dict[str, MemoError] = {}
         self._choices: dict[str, Choice] = {}
         self._shown: list[ShownValue] = []
@@ -193,17 +194,28 @@ class _Assembly:
         return tuple(choice for choice in chosen if choice is not None)
 
     def _pick(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Choice | None:
+        choice = self._chosen(kind, values, path, optional)
+        if choice is not None:
+            self._show_choice(choice, path)
+        return choice
+
+    def _inner(self, kind: str, value: Any, path: Path_) -> Choice | None:
+        """The backend that another one's setting names, as for a section of that kind."""
+        if value is None:
+            return None
+        values = {"backend": value} if isinstance(value, str) else value
+        if not isinstance(values, dict):
+            self._checker.wrong(path, f"must be the name of a backend of kind {kind!r}, or `backend:` with its keys")
+            return None
+        return self._chosen(kind, values, path, optional=False)
+
+    def _chosen(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Choice | None:
         backend = self._backend(kind, values, path, optional)
         if backend is None:
             return None
         keys = {key: value for key, value in values.items() if key != "backend"}
         settings = self._checker.section(backend.config, keys, path, f"{kind} {backend.name!r}", backend.needs.keys)
-        if settings is None:
-            return None
-        where = (*path, "backend")
-        self._shown.append(ShownValue(dotted(where), backend.name, self._origin(where)))
-        self._show(settings, path)
-        return Choice(backend, settings)
+        return None if settings is None else Choice(backend, settings)
 
     def _backend(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Backend | None:
         where = (*path, "backend")
@@ -240,12 +252,19 @@ class _Assembly:
         self._checker.section(meant.config, keys, path, f"{kind} {meant.name!r}", meant.needs.keys)
 
     # -- what people see -------------------------------------------------------------------------------------------
+    def _show_choice(self, choice: Choice, path: Path_) -> None:
+        where = (*path, "backend")
+        self._shown.append(ShownValue(dotted(where), choice.backend.name, self._origin(where)))
+        self._show(choice.settings, path)
+
     def _show(self, settings: Any, path: Path_) -> None:
         for field in attrs.fields(type(settings)):
             if not field.init or field.metadata.get("secret"):
                 continue
             value, here = getattr(settings, field.name), (*path, key_of(field))
-            if attrs.has(type(value)):
+            if isinstance(value, Choice):
+                self._show_choice(value, here)
+            elif attrs.has(type(value)):
                 self._show(value, here)
             else:
                 self._shown.append(ShownValue(dotted(here), self._public(here, value), self._origin(here)))

@@ -50,6 +50,8 @@ class Checker:
         self._merged = merged
         self._secrets = {value: name for value, name in known_secrets.items() if len(value) >= 8}
         self.issues: list[Issue] = []
+        # For fields that are themselves a choice of a backend: (kind, value, path) -> what is chosen, or None.
+        self.choose: abc.Callable[[str, Any, Path_], Any] | None = None
 
     def wrong(self, path: Path_, problem: str, origin: Origin | None = None) -> None:
         self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
@@ -77,6 +79,9 @@ class Checker:
                 continue
             if field.metadata.get("secret"):
                 self.wrong(here, "is a secret: secrets come from the environment only" + _in_variables(secrets))
+                continue
+            if field.metadata.get("backend") and self.choose is not None:
+                arguments[key] = self.choose(field.metadata["backend"], values[key], here)
                 continue
             try:
                 arguments[key] = self.value(values[key], hints[key], here)

@@ -65,7 +65,9 @@ def _object(cls: type) -> dict[str, Any]:
     for field in attrs.fields(cls):
         if not field.init or field.metadata.get("secret"):
             continue
-        schema = _type(hints[key_of(field)])
+        kind = field.metadata.get("backend")
+        schema: dict[str, Any] = {"anyOf": [{"$ref": f"#/properties/{kind}"}, {"type": "null"}]} if kind else {}
+        schema = schema or _type(hints[key_of(field)])
         if field.metadata.get("help"):
             schema["description"] = field.metadata["help"]
         if field.default is attrs.NOTHING:

@@ -67,6 +67,8 @@ class Narrator:
         if event.cost:
             words += f", ${event.cost:.4f}"
         self.say(words + (", abandoned" if event.abandoned else ""), "dim")
+        if event.note:
+            self.say(f"  {event.note}", "dim")
         if event.not_understood:
             self.say(f"  not understood: {', '.join(event.not_understood)}", "yellow")
 

@@ -67,4 +67,5 @@ class Backend:
     config: type = NoSettings
     needs: Needs = Needs()
     demo: Demo | None = None  # of a suite
+    replays: bool = False  # of an llm: its settings have `file`, `record`, `inner`, for `memo run --record` and `--replay`
     default: bool = False  # taken when a config names no backend of this kind and several are installed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Literal
@@ -17,6 +19,11 @@ class Image:
 
     data: bytes = attrs.field(repr=False)
     media_type: str = "image/png"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the encoded bytes, in hex: what a record calls the picture by."""
+        return hashlib.sha256(self.data).hexdigest()
 
 
 @attrs.frozen
@@ -45,6 +52,15 @@ class Request:
     messages: tuple[Message, ...]
     response_schema: dict[str, Any] | None = None  # JSON Schema of the answer, where it is JSON
     seed: int | None = None
+    prompt: str = ""  # versions and digests of the prompt files that the messages were made from
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 in hex of what a backend may answer from: messages with their pictures, schema, seed. Not the phase.
+        Two requests with one digest are the same question."""
+        messages = [[m.role, m.text, [image.digest for image in m.images]] for m in self.messages]
+        asked = json.dumps([messages, self.response_schema, self.seed], sort_keys=True, ensure_ascii=False)
+        return hashlib.sha256(asked.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 @attrs.frozen
@@ -59,6 +75,7 @@ class Answer:
     usage: Usage = Usage()
     model: str = ""
     not_understood: tuple[str, ...] = ()
+    note: str = ""  # what a user should know about how this answer came about: kept from before, matched loosely
 
 
 class LanguageModel(ABC):
@@ -79,17 +96,26 @@ class LanguageModel(ABC):
         on_text: Callable[[str], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Answer:
-        """Answer one request. ``on_text`` receives pieces while they stream; ``cancelled`` is polled by backends that
-        can give up early. Raises ``LanguageModelError``."""
+        """Answer one request, once: whoever asks decides about asking again. ``on_text`` receives pieces while they
+        stream; ``cancelled`` is polled by backends that can give up early. Raises ``LanguageModelError``."""
+
+    def unpriced(self) -> str:
+        """Why the cost of calls will not be known, and what would make it known; empty where it will be. Asked after
+        ``open`` by runs that have a limit in dollars."""
+        return ""
 
 
 @attrs.define(auto_exc=True, eq=False)
 class LanguageModelError(MemoError):
-    """A language backend could not answer: ``problem`` says why, ``retryable`` whether asking again may help."""
+    """A language backend could not answer: ``problem`` says why, ``retryable`` whether asking again may help, and
+    ``retry_after_s`` how long the server wants to be left alone before. ``usage`` is what the call probably cost where
+    the question was sent and the answer lost; None where nothing was spent."""
 
     backend: str
     problem: str
     retryable: bool = False
+    retry_after_s: float | None = None
+    usage: Usage | None = None
 
     def __str__(self) -> str:
         return f"language model {self.backend!r}: {self.problem}"

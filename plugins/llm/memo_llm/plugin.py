@@ -5,14 +5,27 @@ from __future__ import annotations
 from typing import Any
 
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import Backend
-from memo_llm.settings import OfflineSettings
+from memo_core.interfaces.backend import Backend, Needs
+from memo_llm.replay.settings import ReplaySettings
+from memo_llm.settings import LiteLLMSettings, OfflineSettings
 
 
 def _offline(settings: Any) -> Any:
     from memo_llm.offline.model import OfflineModel
 
     return OfflineModel(settings)
+
+
+def _replay(settings: Any) -> Any:
+    from memo_llm.replay.model import replay
+
+    return replay(settings)
+
+
+def _litellm(settings: Any) -> Any:
+    from memo_llm.litellm.model import LiteLLMModel
+
+    return LiteLLMModel(settings)
 
 
 @hookimpl
@@ -25,5 +38,13 @@ def memo_language_models() -> list[Backend]:
             factory=_offline,
             config=OfflineSettings,
             default=True,
-        )
+        ),
+        Backend(
+            kind="llm",
+            name="replay",
+            summary="records any other backend, or plays a recording back: no network, no cost",
+            factory=_replay,
+            config=ReplaySettings,
+            replays=True,
+        ),
     ]

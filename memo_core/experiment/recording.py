@@ -1,0 +1,56 @@
+"""The short forms ``--record`` and ``--replay``: an experiment whose language model is recorded, or played back.
+
+Core names no backend: it takes the one whose descriptor says that it ``replays``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config import Choice, Experiment, Origin, ShownValue
+from memo_core.errors import BackendUnavailable
+from memo_core.interfaces.backend import Backend
+from memo_core.plugins import Registry
+
+
+def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experiment:
+    """The same experiment, each call of its language model added to ``file``. Raises ``BackendUnavailable`` where no
+    plugin records, ``InvalidArgument`` for a file that cannot be recorded to."""
+    inner = experiment.choice("llm")
+    settings = {"file": str(file), "record": True}
+    shown = [attrs.evolve(v, path=f"llm.inner{v.path[3:]}") for v in experiment.values if v.path.startswith("llm.")]
+    return _with_model(experiment, _recorder(registry), settings | {"inner": inner}, settings, shown, "--record")
+
+
+def replayed(experiment: Experiment, registry: Registry, file: Path, **settings: Any) -> Experiment:
+    """The same experiment, answered from ``file`` alone. ``settings`` are further ones of the backend that replays."""
+    given = {"file": str(file)} | settings
+    return _with_model(experiment, _recorder(registry), given, given, [], "--replay")
+
+
+def _recorder(registry: Registry) -> Backend:
+    for backend in registry.backends("llm"):
+        if backend.replays:
+            return backend
+    raise BackendUnavailable("llm", "recording", "no installed plugin records language models")
+
+
+def _with_model(
+    experiment: Experiment,
+    backend: Backend,
+    settings: dict[str, Any],
+    said: dict[str, Any],
+    inner: list[ShownValue],
+    option: str,
+) -> Experiment:
+    chosen = Choice(backend, backend.config(**settings))
+    origin = Origin(option)
+    values = [ShownValue("llm.backend", backend.name, origin)]
+    values += [ShownValue(f"llm.{name}", value, origin) for name, value in said.items()]
+    others = [value for value in experiment.values if not value.path.startswith("llm.")]
+    return attrs.evolve(
+        experiment, choices={**experiment.choices, "llm": chosen}, values=(*others, *values, *inner)
+    )

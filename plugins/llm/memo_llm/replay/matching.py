@@ -1,0 +1,96 @@
+"""Finding the recorded answer to a question: the very same one, or one that differs by a hair in its numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import attrs
+
+from memo_core.interfaces.llm import Request
+from memo_llm.replay.recording import Call
+
+# Decimal numbers are measured, whole ones count or name things; whole degrees are measured too.
+_MEASURED = re.compile(r"(?<![\w.])-?\d+\.\d+(?![\w.]*\d)|(?<![\w.])-?\d+(?= deg)")
+_DEGREES_TOLERANCE = 2.0
+
+
+@attrs.frozen
+class Match:
+    """What answers a question. ``off`` is the largest difference of a number; 0 when it is the very same question."""
+
+    call: Call
+    off: float = 0.0
+    numbers: int = 0  # how many differ
+
+
+class Answers:
+    """The answers of one recording, each question's in the order in which they were given.
+
+    A question asked more often than it was recorded gets its last answer again. An error comes back in its place.
+    Answers that nobody waited for come after those that were used.
+    """
+
+    def __init__(self, calls: Sequence[Call]) -> None:
+        self.calls = calls
+        self._exact: dict[str, list[Call]] = {}
+        self._loose: dict[str, list[str]] = {}
+        for call in sorted(calls, key=lambda call: call.abandoned):
+            digest = call.request.digest
+            if digest not in self._exact:
+                self._loose.setdefault(_shape(call.request).digest, []).append(digest)
+            self._exact.setdefault(digest, []).append(call)
+        self._numbers = {c.request.digest: _measured(c.request) for c in calls}
+        self._served: dict[str, int] = {}
+
+    def exact(self, request: Request) -> Match | None:
+        """The answer to this very question."""
+        found = self._next(request.digest)
+        return None if found is None else Match(found)
+
+    def near(self, request: Request, tolerance: float) -> Match | None:
+        """The answer to the most similar question that differs in measured numbers only, none by more than
+        ``tolerance`` (whole degrees: 2)."""
+        asked = _measured(request)
+        best: tuple[float, int, str] | None = None
+        for digest in self._loose.get(_shape(request).digest, ()):
+            off, differing, fits = _difference(asked, self._numbers[digest], tolerance)
+            if fits and (best is None or (off, differing) < best[:2]):
+                best = (off, differing, digest)
+        found = self._next(best[2]) if best else None
+        return Match(found, best[0], best[1]) if best and found else None
+
+    def _next(self, digest: str) -> Call | None:
+        calls = self._exact.get(digest)
+        if not calls:
+            return None
+        index = self._served.get(digest, 0)
+        self._served[digest] = index + 1
+        return calls[min(index, len(calls) - 1)]
+
+
+def _shape(request: Request) -> Request:
+    """The question with every measured number blanked out."""
+    blank = tuple(attrs.evolve(m, text=_MEASURED.sub("#", m.text)) for m in request.messages)
+    return attrs.evolve(request, messages=blank)
+
+
+def _measured(request: Request) -> list[str]:
+    return [number for m in request.messages for number in _MEASURED.findall(m.text)]
+
+
+def _difference(asked: Sequence[str], recorded: Sequence[str], tolerance: float) -> tuple[float, int, bool]:
+    """(largest difference of decimals, how many numbers differ, whether all are near enough). The shapes are equal,
+    so there are as many."""
+    largest, differing, fits = 0.0, 0, True
+    for one, other in zip(asked, recorded, strict=True):
+        if one == other:
+            continue
+        differing += 1
+        off, allowed = abs(float(one) - float(other)), tolerance
+        if "." not in one and "." not in other:
+            allowed = _DEGREES_TOLERANCE
+            off = min(off % 360, -off % 360)
+        largest = max(largest, off)
+        fits = fits and off <= allowed + 1e-9
+    return largest, differing, fits

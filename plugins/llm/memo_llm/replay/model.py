@@ -1,0 +1,131 @@
+"""The ``replay`` backend: asks another and keeps what it said, or says again what was kept."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import attrs
+
+from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request
+from memo_llm.replay.differences import describe
+from memo_llm.replay.matching import Answers, Match
+from memo_llm.replay.recording import Call, RecordingFile, read_recording
+from memo_llm.replay.settings import ReplaySettings
+
+
+def replay(settings: ReplaySettings) -> LanguageModel:
+    """What the settings ask for; nothing is opened."""
+    if settings.record:
+        return Recorder(settings.inner.create(), Path(settings.file))
+    return Player(settings)
+
+
+class Recorder(LanguageModel):
+    """Asks ``inner`` and adds every call to the file before the answer is used, also those that were given up."""
+
+    def __init__(self, inner: LanguageModel, path: Path) -> None:
+        self.name = inner.name
+        self._inner = inner
+        self._path = path
+        self._file: RecordingFile | None = None
+
+    def open(self) -> None:
+        self._inner.open()
+        try:
+            self._file = self._file or RecordingFile(self._path, without_secrets)
+        except BaseException:
+            self._inner.close()
+            raise
+
+    def close(self) -> None:
+        self._inner.close()
+
+    def unpriced(self) -> str:
+        return self._inner.unpriced()
+
+    def answer(
+        self,
+        request: Request,
+        on_text: Callable[[str], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Answer:
+        file = self._file
+        if file is None:
+            raise LanguageModelError(self.name, "the recording is not open")
+
+        def given_up() -> bool:
+            return cancelled is not None and cancelled()
+
+        try:
+            answer = self._inner.answer(request, on_text, cancelled)
+        except LanguageModelError as error:
+            file.add(Call(request, None, error, given_up()))
+            raise
+        file.add(Call(request, answer, None, given_up()))
+        return answer
+
+
+class Player(LanguageModel):
+    """Answers from a recording alone, with the tokens, cost and latency of then. No network, no waiting."""
+
+    def __init__(self, settings: ReplaySettings) -> None:
+        self.name = "replay"
+        self._settings = settings
+        self._answers: Answers | None = None
+        self._lock = threading.Lock()
+
+    def open(self) -> None:
+        """Raises ``BadRecording``. Opened again, it goes on where it was: one recording may hold several runs."""
+        with self._lock:
+            if self._answers is None:
+                self._answers = Answers(read_recording(Path(self._settings.file)))
+
+    def close(self) -> None: ...
+
+    def unpriced(self) -> str:
+        return ""  # the costs of then are in the recording, and nothing is spent now
+
+    def answer(
+        self,
+        request: Request,
+        on_text: Callable[[str], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Answer:
+        if self._answers is None:
+            raise LanguageModelError(self.name, "the recording is not open")
+        with self._lock:
+            found = self._find(self._answers, request)
+        if found is None:
+            problem = f"{self._settings.file} has no answer to this question; {describe(request, self._answers.calls)}"
+            raise LanguageModelError(self.name, problem)
+        if found.call.error is not None:
+            error = found.call.error  # made anew: what raises one keeps its traceback
+            raise LanguageModelError(self.name, error.problem, error.retryable, usage=error.usage)
+        assert found.call.answer is not None
+        answer = attrs.evolve(found.call.answer, note=_note(found))
+        if on_text is not None:
+            on_text(answer.text)
+        return answer
+
+    def _find(self, answers: Answers, request: Request) -> Match | None:
+        found = answers.exact(request)
+        if found is None and self._settings.match == "numbers":
+            found = answers.near(request, self._settings.tolerance)
+        return found
+
+
+def _note(found: Match) -> str:
+    if not found.numbers:
+        return ""
+    return f"recorded for a question with {found.numbers} slightly other numbers (by at most {found.off:.3g})"
+
+
+def without_secrets(text: str) -> str:
+    """The text without the value of any variable that is called …_API_KEY, …_TOKEN, …_SECRET or …PASSWORD."""
+    for name, value in os.environ.items():
+        if len(value) >= 8 and name.upper().endswith(("API_KEY", "_TOKEN", "_SECRET", "PASSWORD")):
+            text = text.replace(value, f"<{name}>")
+    return text

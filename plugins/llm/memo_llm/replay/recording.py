@@ -1,0 +1,181 @@
+"""The file of a recording: JSON lines, added to and flushed to the disk a call at a time.
+
+    {"memo_recording": 1}
+    {"image": "<sha-256>", "media_type": "image/png", "data": "<base64>"}       once for each picture, before its call
+    {"call": {"phase": …, "seed": …, "schema": …, "messages": [{"role", "text", "images"?: ["<sha-256>", …]}, …]},
+     "answer": {"text", "finish", "model", "not_understood", "usage": {…}} or null,
+     "error": {"problem", "retryable", "usage"} or null, "abandoned": false}
+
+The last line of a process that was killed may be half a line: it is left out when reading and cut off before adding.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import os
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.errors import InvalidArgument, MemoError
+from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request, Usage
+
+VERSION = 1
+_HEADER = {"memo_recording": VERSION}
+
+
+@attrs.define(auto_exc=True, eq=False)
+class BadRecording(MemoError):
+    """A recording that cannot be read: which file, which line (0: the file as a whole), why."""
+
+    file: str
+    line: int
+    problem: str
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        return f"recording {self.file}{f', line {self.line}' if self.line else ''}: {self.problem}"
+
+
+@attrs.frozen(eq=False)
+class Call:
+    """One recorded question and what came of it: an answer, or an error. ``abandoned``: nobody waited for it."""
+
+    request: Request
+    answer: Answer | None
+    error: LanguageModelError | None = None
+    abandoned: bool = False
+
+
+def read_recording(path: Path) -> list[Call]:
+    """All calls in the order in which they ended. Raises ``BadRecording``."""
+    lines = _lines(path)
+    if not lines:
+        raise BadRecording(str(path), 0, "it is empty")
+    calls: list[Call] = []
+    images: dict[str, Image] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            record = json.loads(line)
+            if number == 1:
+                _check_header(path, record)
+            elif "image" in record:
+                images[record["image"]] = Image(base64.b64decode(record["data"]), record["media_type"])
+            else:
+                calls.append(_call(record, images))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            if number == len(lines) > 1 and not line.endswith(b"\n"):
+                break  # half a line: whoever wrote it was killed
+            what = "a picture that is not in the file" if isinstance(error, KeyError) else f"{error}"
+            raise BadRecording(str(path), number, f"this is no recorded call ({what})") from None
+    return calls
+
+
+def _lines(path: Path) -> list[bytes]:
+    try:
+        data = path.read_bytes()
+        if path.suffix == ".gz":
+            data = gzip.decompress(data)
+    except (OSError, EOFError) as error:
+        raise BadRecording(str(path), 0, getattr(error, "strerror", None) or str(error)) from None
+    return data.splitlines(keepends=True)
+
+
+def _check_header(path: Path, record: Any) -> None:
+    version = record.get("memo_recording") if isinstance(record, dict) else None
+    if version is None:
+        raise BadRecording(str(path), 1, f"this is no recording; its first line would be {json.dumps(_HEADER)}")
+    if version != VERSION:
+        raise BadRecording(str(path), 1, f"it is of version {version}; this MEMO reads version {VERSION}")
+
+
+def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
+    asked, answered, failed = record["call"], record["answer"], record["error"]
+    messages = tuple(
+        Message(m["role"], m["text"], tuple(images[digest] for digest in m.get("images", ())))
+        for m in asked["messages"]
+    )
+    request = Request(asked["phase"], messages, asked["schema"], asked["seed"])
+    answer = error = None
+    if answered is not None:
+        usage = Usage(**answered["usage"])
+        known = {name: answered[name] for name in ("text", "finish", "model")}
+        answer = Answer(usage=usage, not_understood=tuple(answered["not_understood"]), **known)
+    else:
+        spent = failed.get("usage")
+        usage_lost = None if spent is None else Usage(**spent)
+        error = LanguageModelError("replay", failed["problem"], failed["retryable"], usage=usage_lost)
+    return Call(request, answer, error, record["abandoned"])
+
+
+class RecordingFile:
+    """A recording that is added to. Safe to use from several threads; also after the run that began it has ended, when
+    the late answer of a call that was given up comes."""
+
+    def __init__(self, path: Path, clean: Callable[[str], str] = lambda text: text) -> None:
+        """Opens or begins the file. ``clean`` takes out of every text what must not be kept (secrets). Raises
+        ``BadRecording`` for a file of something else, ``InvalidArgument`` where it cannot be written."""
+        self._path = path
+        self._clean = clean
+        self._lock = threading.Lock()
+        self._images: set[str] = set()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists() and path.stat().st_size:
+                for call in read_recording(path):
+                    self._images |= {image.digest for m in call.request.messages for image in m.images}
+                _cut_half_line(path)
+            else:
+                self._write([_HEADER])
+        except OSError as error:
+            raise InvalidArgument("file", f"{path} cannot be written: {error.strerror}", "a file to record to") from None
+
+    def add(self, call: Call) -> None:
+        """On disk when this returns."""
+        with self._lock:
+            records: list[dict[str, Any]] = []
+            for message in call.request.messages:
+                for image in message.images:
+                    if image.digest not in self._images:
+                        self._images.add(image.digest)
+                        data = base64.b64encode(image.data).decode()
+                        records.append({"image": image.digest, "media_type": image.media_type, "data": data})
+            self._write([*records, self._record(call)])
+
+    def _record(self, call: Call) -> dict[str, Any]:
+        request, answer, error = call.request, call.answer, call.error
+        messages = [
+            {"role": m.role, "text": self._clean(m.text)}
+            | ({"images": [image.digest for image in m.images]} if m.images else {})
+            for m in request.messages
+        ]
+        asked = {"phase": request.phase, "seed": request.seed, "schema": request.response_schema, "messages": messages}
+        answered = None
+        if answer is not None:
+            kept = attrs.asdict(answer, filter=attrs.filters.exclude("note"))
+            answered = kept | {"text": self._clean(answer.text)}
+        failed = None
+        if error is not None:
+            spent = None if error.usage is None else attrs.asdict(error.usage)
+            failed = {"problem": self._clean(error.problem), "retryable": error.retryable, "usage": spent}
+        return {"call": asked, "answer": answered, "error": failed, "abandoned": call.abandoned}
+
+    def _write(self, records: Sequence[dict[str, Any]]) -> None:
+        text = "".join(json.dumps(record, ensure_ascii=False) + "\n" for record in records)
+        with self._path.open("ab") as file:
+            file.write(text.encode("utf-8", "surrogatepass"))
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def _cut_half_line(path: Path) -> None:
+    data = path.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole < len(data):
+        os.truncate(path, whole)
