@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json, print_table
+from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.experiment.demo import DemoReport
@@ -21,6 +23,12 @@ def command(
     out: Annotated[Path, typer.Option("--out", "-o", help="Where the run folder is made.")] = Path("runs"),
     config: ConfigFile = None,
     overrides: Overrides = None,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE", help="Add each call of the language model to FILE.")
+    ] = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Play back what a real language model said: the shipped recording.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Teach the simulated arm once by language and watch the lesson carry over to a task nobody corrected.
@@ -30,8 +38,19 @@ def command(
     """
     from memo_core.experiment.console import Narrator
     from memo_core.experiment.demo import run_demo
+    from memo_core.experiment.recording import recorded, replayed, shipped
 
+    if record is not None and replay:
+        raise InvalidArgument("--replay", "beside --record", "one of them")
     registry, experiment = load(config, overrides, seed=seed)
+    if record is not None:
+        experiment = recorded(experiment, registry, record)
+    if replay:
+        file, recorded_on = shipped(experiment)
+        if seed is not None and seed != recorded_on:
+            raise InvalidArgument("--seed", f"the recording was made on seed {recorded_on}", f"--seed {recorded_on}")
+        # Another machine may round a digit the other way; what was answered loosely is said at each call.
+        experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="numbers")
     narrator = Narrator()
     report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading)
     if json:

@@ -10,6 +10,7 @@ import typer
 
 from memo_core.cli.options import Json, Overrides, Seed, load, one_file
 from memo_core.cli.output import note, print_json
+from memo_core.errors import InvalidArgument
 
 INTERRUPTED = 130
 
@@ -37,7 +38,6 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
-    from memo_core.errors import InvalidArgument
     from memo_core.experiment.console import Narrator
     from memo_core.experiment.recording import recorded, replayed
     from memo_core.experiment.run import run_experiment

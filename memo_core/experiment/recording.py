@@ -5,13 +5,14 @@ Core names no backend: it takes the one whose descriptor says that it ``replays`
 
 from __future__ import annotations
 
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import attrs
 
 from memo_core.config import Choice, Experiment, Origin, ShownValue
-from memo_core.errors import BackendUnavailable
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins import Registry
 
@@ -29,6 +30,21 @@ def replayed(experiment: Experiment, registry: Registry, file: Path, **settings:
     """The same experiment, answered from ``file`` alone. ``settings`` are further ones of the backend that replays."""
     given = {"file": str(file)} | settings
     return _with_model(experiment, _recorder(registry), given, given, [], "--replay")
+
+
+def shipped(experiment: Experiment) -> tuple[Path, int]:
+    """The recording of the demo's story that comes with the experiment's task suite, and the seed it was made on.
+    Raises ``InvalidArgument`` where there is none."""
+    suite = experiment.choice("suite").backend
+    package, _, name = (suite.demo.recording if suite.demo else "").partition("/")
+    if suite.demo is None or not package:
+        raise InvalidArgument("--replay", f"the suite {suite.name!r} ships no recording", "memo demo without --replay")
+    file = Path(str(resources.files(package).joinpath(name)))
+    if not file.exists():
+        raise InvalidArgument(
+            "--replay", f"{package} lacks its recording {name}", "an installation with its data files"
+        )
+    return file, suite.demo.seed
 
 
 def _recorder(registry: Registry) -> Backend:
@@ -51,6 +67,4 @@ def _with_model(
     values = [ShownValue("llm.backend", backend.name, origin)]
     values += [ShownValue(f"llm.{name}", value, origin) for name, value in said.items()]
     others = [value for value in experiment.values if not value.path.startswith("llm.")]
-    return attrs.evolve(
-        experiment, choices={**experiment.choices, "llm": chosen}, values=(*others, *values, *inner)
-    )
+    return attrs.evolve(experiment, choices={**experiment.choices, "llm": chosen}, values=(*others, *values, *inner))

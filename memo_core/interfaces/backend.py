@@ -35,10 +35,15 @@ class NoSettings:
 @attrs.frozen
 class Demo:
     """The story that a task suite offers for ``memo demo``: a task that is taught, and one that was never corrected and
-    shows whether the lesson carried over. Both are names of the suite's tasks."""
+    shows whether the lesson carried over. Both are names of the suite's tasks.
+
+    ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this story
+    on ``seed``, for ``memo demo --replay``; empty where there is none."""
 
     taught: str
     transfer: str
+    recording: str = ""
+    seed: int = 0
 
 
 @attrs.frozen(eq=False)

@@ -21,7 +21,9 @@ def describe(request: Request, calls: Sequence[Call]) -> str:
     same_phase = [call for call in calls if call.request.phase == request.phase] or list(calls)
     likely = sorted(same_phase, key=lambda call: _roughly(request, call.request), reverse=True)[:MOST_COMPARED]
     nearest = max(likely, key=lambda call: _alike(request, call.request))
-    return f"the nearest is call {order[id(nearest)]} ({nearest.request.phase}), and " + _first(request, nearest.request)
+    return f"the nearest is call {order[id(nearest)]} ({nearest.request.phase}), and " + _first(
+        request, nearest.request
+    )
 
 
 def _roughly(one: Request, other: Request) -> tuple[int, float]:
@@ -32,8 +34,8 @@ def _roughly(one: Request, other: Request) -> tuple[int, float]:
 
 
 def _alike(one: Request, other: Request) -> float:
-    texts = ["\n".join(m.text for m in r.messages).splitlines() for r in (one, other)]
-    return difflib.SequenceMatcher(None, *texts, autojunk=False).ratio()
+    a, b = ("\n".join(m.text for m in r.messages).splitlines() for r in (one, other))
+    return difflib.SequenceMatcher(None, a, b, autojunk=False).ratio()
 
 
 def _first(asked: Request, recorded: Request) -> str:

@@ -134,7 +134,9 @@ class RecordingFile:
             else:
                 self._write([_HEADER])
         except OSError as error:
-            raise InvalidArgument("file", f"{path} cannot be written: {error.strerror}", "a file to record to") from None
+            raise InvalidArgument(
+                "file", f"{path} cannot be written: {error.strerror}", "a file to record to"
+            ) from None
 
     def add(self, call: Call) -> None:
         """On disk when this returns."""
