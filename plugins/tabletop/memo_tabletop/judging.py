@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome
 from memo_core.scene.description import Body, Cavity, Geom
+from memo_core.scene.pose import Array, Pose
 
 AT_REST_M_S = 0.01
 AT_REST_RAD_S = 0.1
@@ -73,3 +75,86 @@ def picked(world: WorldState, things: tuple[str, ...], names: tuple[str, ...]) -
 PICKING = ("PICK_UP", "PICK", "GRASP", "TAKE", "GRAB", "LIFT", "TAKE_OUT")
 PLACING = ("PLACE", "PUT", "PUT_IN", "PUT_DOWN", "INSERT", "STACK")
 CLOSING = ("CLOSE", "SHUT")
+
+
+# -- more than one box, more than one condition ------------------------------------------------------------------------
+
+
+def judge(done: str, conditions: Iterable[tuple[bool, str]], measures: dict[str, float], mishaps: str = "") -> Outcome:
+    """Success when every condition holds; otherwise the first complaint, followed by what went wrong on the way."""
+    for holds, complaint in conditions:
+        if not holds:
+            return Outcome(False, f"{complaint}; {mishaps}" if mishaps else complaint, measures)
+    return Outcome(True, done, measures)
+
+
+def extents(geom: Geom, frame: Pose) -> tuple[Array, Array]:
+    """Lowest and highest corner (m) of a geom along the axes of the frame in which ``frame`` poses its body. Raises
+    ``ValueError`` for meshes."""
+    pose = frame * geom.pose
+    axes = np.abs(pose.rotation)
+    if geom.shape == "box":
+        reach = axes @ np.asarray(geom.size) / 2
+    elif geom.shape == "sphere":
+        reach = np.full(3, geom.size[0])
+    elif geom.shape == "capsule":
+        reach = axes[:, 2] * geom.size[1] / 2 + geom.size[0]
+    elif geom.shape == "cylinder":
+        reach = axes[:, 2] * geom.size[1] / 2 + geom.size[0] * np.sqrt(np.maximum(1 - axes[:, 2] ** 2, 0.0))
+    else:
+        raise ValueError(f"a {geom.shape} has no extents here")
+    centre = np.asarray(pose.position)
+    return centre - reach, centre + reach
+
+
+def spread(thing: Body, frame: Pose) -> tuple[Array, Array]:
+    """As ``extents``, of all that is solid of a body."""
+    found = [extents(geom, frame) for geom in thing.geoms if geom.collides]
+    return np.min([low for low, _ in found], axis=0), np.max([high for _, high in found], axis=0)
+
+
+def inside(world: WorldState, holder: str, cavity: Cavity, thing: Body, tolerance: float = 0.004) -> bool:
+    """Whether all of a thing lies in a cavity of the body ``holder``, so that its open side could be covered."""
+    frame = (world.body_pose(holder) * cavity.pose).inverse() * world.body_pose(thing.name)
+    low, high = spread(thing, frame)
+    half = np.asarray(cavity.size) / 2 + tolerance
+    return bool(np.all(low >= -half) and np.all(high <= half))
+
+
+def touches(world: WorldState, thing: str, other: str) -> bool:
+    return any(other in (c.first, c.second) for c in world.contacts(thing))
+
+
+def on_table(world: WorldState, thing: str) -> bool:
+    """Whether it stands or lies on the table itself."""
+    return touches(world, thing, "table")
+
+
+def rests_on(world: WorldState, upper: str, lower: str) -> bool:
+    """Whether ``upper`` touches ``lower`` from above."""
+    above = world.body_pose(upper).position[2] > world.body_pose(lower).position[2]
+    return above and touches(world, upper, lower)
+
+
+def upright(world: WorldState, thing: str, within: float = 0.2) -> bool:
+    """Whether its own z axis points up, to within an angle (rad)."""
+    return tilt(world.body_pose(thing)) <= within
+
+
+def tilt(pose: Pose) -> float:
+    """Angle (rad) between a pose's z axis and the vertical."""
+    return math.acos(max(-1.0, min(1.0, float(pose.rotation[2, 2]))))
+
+
+def let_go(world: WorldState, thing: str) -> tuple[tuple[bool, str], tuple[bool, str]]:
+    """Conditions for ``judge``: the robot does not touch it, and it does not move."""
+    return (
+        (released(world, thing), f"the robot still touches the {thing}"),
+        (at_rest(world, thing), f"the {thing} is still moving"),
+    )
+
+
+def level_distance(world: WorldState, one: str, other: str) -> float:
+    """Horizontal distance (m) between the frames of two bodies."""
+    a, b = world.body_pose(one).position, world.body_pose(other).position
+    return math.hypot(a[0] - b[0], a[1] - b[1])

@@ -1,0 +1,190 @@
+"""What has to be watched while it happens: how long a thing was held up, how far it was moved, what befell it.
+
+Monitors look fifty times a second: nothing that counts here happens and is undone in less. What they remember is plain
+JSON, part of every checkpoint, so that a retry inherits nothing from a failed attempt.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+from memo_core.interfaces.simulator import WorldState
+from memo_core.interfaces.task import Monitor
+from memo_tabletop import judging
+
+SAMPLE_S = 0.02
+FALLING_M_S = 0.5  # faster than a hand sets anything down
+OVER_RAD = 1.0  # what leans further lies on its side
+BELOW_TABLE_M = -0.1
+STILL_M = 0.0003  # between two samples; what moves less was not moved by anybody
+
+
+class Sampled(Monitor):
+    """Looks every ``SAMPLE_S`` at what ``sample`` wants; all it knows is in ``seen`` (JSON values)."""
+
+    def __init__(self) -> None:
+        self.seen: dict[str, Any] = {}
+        self._next = 0.0
+
+    @abstractmethod
+    def start(self, world: WorldState) -> dict[str, Any]:
+        """What is known at the beginning."""
+
+    @abstractmethod
+    def sample(self, world: WorldState) -> None: ...
+
+    def reset(self, world: WorldState) -> None:
+        self.seen, self._next = self.start(world), 0.0
+
+    def update(self, world: WorldState) -> None:
+        if world.time >= self._next - 1e-9:
+            self._next = world.time + SAMPLE_S
+            self.sample(world)
+
+    def memory(self) -> dict[str, Any]:
+        return {"next": self._next, "seen": copy.deepcopy(self.seen)}
+
+    def recall(self, memory: dict[str, Any]) -> None:
+        self._next, self.seen = memory["next"], copy.deepcopy(memory["seen"])
+
+
+class HeldUp(Sampled):
+    """Since when a thing has been held by the robot alone, ``height`` (m) above where it started."""
+
+    def __init__(self, thing: str, height: float, name: str = "held up") -> None:
+        super().__init__()
+        self.thing, self.height, self.name = thing, height, name
+
+    def start(self, world: WorldState) -> dict[str, Any]:
+        return {"from": world.body_pose(self.thing).position[2], "since": None}
+
+    def sample(self, world: WorldState) -> None:
+        lifted = world.body_pose(self.thing).position[2] - self.seen["from"]
+        if lifted < self.height or not judging.held(world, self.thing):
+            self.seen["since"] = None
+        elif self.seen["since"] is None:
+            self.seen["since"] = world.time
+
+    def seconds(self, world: WorldState) -> float:
+        """For how long it has been held up without a break until now."""
+        since = self.seen["since"]
+        return 0.0 if since is None else world.time - since
+
+    def lifted(self, world: WorldState) -> float:
+        """How far above its start it is now (m)."""
+        return world.body_pose(self.thing).position[2] - self.seen["from"]
+
+
+class Moved(Sampled):
+    """The farthest each thing has ever been from where it started (m)."""
+
+    def __init__(self, things: Sequence[str], name: str = "moved") -> None:
+        super().__init__()
+        self.things, self.name = tuple(things), name
+
+    def start(self, world: WorldState) -> dict[str, Any]:
+        return {
+            "from": {t: list(world.body_pose(t).position) for t in self.things},
+            "farthest": dict.fromkeys(self.things, 0.0),
+        }
+
+    def sample(self, world: WorldState) -> None:
+        farthest = self.seen["farthest"]
+        for thing, place in self.seen["from"].items():
+            farthest[thing] = max(farthest[thing], math.dist(place, world.body_pose(thing).position))
+
+    def farthest(self, thing: str) -> float:
+        return self.seen["farthest"][thing]
+
+
+class Standing(Sampled):
+    """Since when each of the given ``things`` (bottom first) has rested on the one before, untouched by the robot: a
+    chain of contacts."""
+
+    def __init__(self, things: Sequence[str], name: str = "standing") -> None:
+        super().__init__()
+        self.things, self.name = tuple(things), name
+
+    def start(self, world: WorldState) -> dict[str, Any]:
+        return {"since": None}
+
+    def sample(self, world: WorldState) -> None:
+        pairs = zip(self.things, self.things[1:], strict=False)
+        stands = all(judging.rests_on(world, upper, lower) for lower, upper in pairs)
+        if not stands or not all(judging.released(world, thing) for thing in self.things):
+            self.seen["since"] = None
+        elif self.seen["since"] is None:
+            self.seen["since"] = world.time
+
+    def seconds(self, world: WorldState) -> float:
+        since = self.seen["since"]
+        return 0.0 if since is None else world.time - since
+
+
+class Mishaps(Sampled):
+    """What befell each thing, for reports: ``dropped`` (it fell after the robot had held it), ``pushed over`` (it
+    stood, and lies now), ``off the table``. ``upright`` names those for which lying is a mishap."""
+
+    name = "mishaps"
+
+    def __init__(self, things: Sequence[str], upright: Sequence[str] = ()) -> None:
+        super().__init__()
+        self.things, self.upright = tuple(things), frozenset(upright)
+
+    def start(self, world: WorldState) -> dict[str, Any]:
+        return {
+            thing: {"at": list(world.body_pose(thing).position), "carried": False, "speed": 0.0, "befell": []}
+            for thing in self.things
+        }
+
+    def sample(self, world: WorldState) -> None:
+        for thing, known in self.seen.items():
+            pose = world.body_pose(thing)
+            before, now = known["at"], pose.position
+            if math.dist(before, now) < STILL_M:
+                continue
+            known["at"] = list(now)
+            known["speed"] = max(known["speed"], math.dist(before, now) / SAMPLE_S)
+            held = judging.held(world, thing)
+            if known["carried"] and not held and (before[2] - now[2]) / SAMPLE_S > FALLING_M_S:
+                self._note(known, "dropped")
+            known["carried"] = held or (known["carried"] and not judging.at_rest(world, thing))
+            if thing in self.upright and not held and judging.tilt(pose) > OVER_RAD:
+                self._note(known, "dropped" if known["carried"] else "pushed over")
+            if now[2] < BELOW_TABLE_M:
+                self._note(known, "off the table")
+
+    def _note(self, known: dict[str, Any], what: str) -> None:
+        if what not in known["befell"]:
+            known["befell"].append(what)
+
+    def befell(self, thing: str) -> tuple[str, ...]:
+        return tuple(self.seen[thing]["befell"])
+
+    def top_speed(self, thing: str) -> float:
+        """The fastest it ever moved (m/s)."""
+        return self.seen[thing]["speed"]
+
+    def story(self, world: WorldState) -> str:
+        """What befell the things, and what the hand still has hold of or presses against something; empty when all
+        went well."""
+        words = {"dropped": "was dropped", "pushed over": "was pushed over", "off the table": "fell off the table"}
+        told = [
+            f"the {thing} {' and '.join(words[w] for w in self.befell(thing))}"
+            for thing in self.things
+            if self.befell(thing)
+        ]
+        for thing in self.things:
+            touching = {name for c in world.contacts(thing) for name in (c.first, c.second)} - {thing}
+            robot = {name for name in touching if name.startswith("robot/")}
+            if robot and touching - robot:
+                told.append(
+                    f"the {thing} is jammed between the hand and the {sorted(touching - robot)[0].split('/')[0]}"
+                )
+            elif robot:
+                told.append(f"the hand still holds the {thing}" if len(robot) > 1 else f"the hand touches the {thing}")
+        return ", ".join(told)
