@@ -16,6 +16,7 @@ import numpy as np
 
 from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.description import SceneDescription
+from memo_core.scene.mechanisms import Mechanisms
 from memo_core.scene.pose import Array, Pose
 
 
@@ -67,6 +68,7 @@ class Simulator(WorldState):
 
     timestep: float = 0.002  # s, physics
     control_period: float = 0.01  # s, one tick
+    mechanisms: Mechanisms  # the scene's, made by ``build``; ``tick`` updates them, their memory is in checkpoints
 
     # -- life ------------------------------------------------------------------------------------------------------
     @abstractmethod
@@ -100,7 +102,8 @@ class Simulator(WorldState):
 
     @abstractmethod
     def joint_torques(self) -> Array:
-        """Torques the actuators apply now (Nm), shape (n,)."""
+        """Torques the actuators apply now (Nm), gravity compensation included, shape (n,). From them, the arm's own
+        weight and motion taken off, is estimated what the hand feels."""
 
     @abstractmethod
     def gripper_width(self) -> float:
@@ -121,7 +124,7 @@ class Simulator(WorldState):
 
     @abstractmethod
     def tick(self) -> None:
-        """Advance one control period, then call the tick listeners."""
+        """Advance one control period, update the mechanisms, then call the tick listeners."""
 
     @abstractmethod
     def add_tick_listener(self, listener: Callable[[], None]) -> None:
@@ -130,10 +133,19 @@ class Simulator(WorldState):
     @abstractmethod
     def remove_tick_listener(self, listener: Callable[[], None]) -> None: ...
 
+    # -- what mechanisms ask for (memo_core.scene.mechanisms.Joints); nobody else does -----------------------------------
+    @abstractmethod
+    def limit_joint(self, joint: str, lower: float, upper: float) -> None:
+        """Keep a scene joint within these limits (rad or m; equal ones hold it) until changed."""
+
+    @abstractmethod
+    def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
+        """Give a scene joint this spring (Nm/rad or N/m, rest in rad or m) until changed."""
+
     # -- state -------------------------------------------------------------------------------------------------------
     @abstractmethod
     def checkpoint(self) -> bytes:
-        """The whole state (physics, targets, latches, time). Continuing after ``restore`` is bit-exact."""
+        """The whole state (physics, targets, latches, mechanisms, time). Continuing after ``restore`` is bit-exact."""
 
     @abstractmethod
     def restore(self, checkpoint: bytes) -> None:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import attrs
 
+from memo_core.scene.mechanisms import Mechanism
 from memo_core.scene.pose import Pose
 
 Vector = tuple[float, float, float]
@@ -169,6 +170,7 @@ class SceneDescription:
     bodies: tuple[Body, ...]
     cameras: tuple[Camera, ...] = ()
     latches: tuple[Latch, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()  # locks and springs that conditions set and release
     table_height: float = 0.0
     label: str = "table"  # how a person would name the scene; entries carry it
     gravity: float = 9.81  # m/s2

@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
 from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
 from memo_core.interfaces.simulator import Simulator
 from memo_core.scene.description import Body, Camera, Free, Geom, Hinge, Latch, SceneDescription, Slide
+from memo_core.scene.mechanisms import Above, Below, Lasting, Lock, Locked, Pressed, Spring, Times
 from memo_core.scene.pose import Pose, look_at
 
 Make = Callable[[], Simulator]
@@ -296,6 +298,94 @@ def springs_and_catches_hold(make: Make) -> None:
             assert np.allclose(at, expected_at, atol=0.001), f"the knob is at {at}, its hinge puts it at {expected_at}"
 
 
+def mechanism_scene() -> SceneDescription:
+    """``check_scene`` without its catch. Its door (spring 1 Nm at the start) is locked until the drawer has been 3.5 mm
+    up from its start for half a second; opened to 0.6 rad it is drawn back, and locked again near 0.3 rad. The drawer
+    is locked once a finger has pressed on the cube twice."""
+    lifted, pressed = Above("rail", 0.0235), Pressed("cube", 10.0)
+    return attrs.evolve(
+        check_scene(),
+        latches=(),
+        mechanisms=(
+            Lock("bolt", "hinge", (0.0, 0.0), until=Lasting(lifted, 0.5)),
+            Spring("hinge", 5.0, 0.25, when=Above("hinge", 0.6, slack=0.5)),
+            Lock("stop", "hinge", (0.28, 0.32), again=Times(Below("hinge", 0.4), 1), engaged=False),
+            Lock("clamp", "rail", (-0.1, 0.1), again=Times(pressed, 2), engaged=False),
+            Spring("rail", 1000.0, 0.0, when=Locked("clamp")),
+        ),
+    )
+
+
+@rule
+def mechanisms_lock_and_release(make: Make) -> None:
+    """A lock holds its joint until its condition on joints and time is met, not before and not after; springs change
+    when theirs is met; a lock engages again where its joint then is."""
+    with make() as simulator:
+        simulator.build(mechanism_scene(), check_robot())
+        risen = released = None
+        furthest = 0.0
+        for _ in range(400):
+            before = simulator.joint_position("hinge")
+            simulator.tick()
+            if risen is None and simulator.joint_position("rail") > 0.0235:
+                risen = simulator.time
+            if released is None and simulator.joint_position("hinge") > 0.01:
+                released = simulator.time
+            if released is None:
+                assert abs(before) < 0.003, f"locked, the hinge moved to {before:.4f} rad"
+            furthest = max(furthest, simulator.joint_position("hinge"))
+        assert risen is not None, "the drawer never rose"
+        assert released is not None, "the lock never let go"
+        waited = released - risen
+        assert 0.5 <= waited < 0.8, f"the lock let go {waited:.2f} s after the drawer had risen, not after 0.5 s"
+        assert furthest > 0.6, f"the door came to {furthest:.2f} rad only"
+        angle = simulator.joint_position("hinge")
+        assert 0.27 < angle < 0.33, f"drawn back, the door stands at {angle:.3f} rad, not where it is locked again"
+        assert simulator.mechanisms.engaged == {"bolt": False, "stop": True, "clamp": False}, (
+            f"locks: {simulator.mechanisms.engaged}"
+        )
+
+
+@rule
+def mechanisms_feel_what_the_robot_presses(make: Make) -> None:
+    """Conditions on force see the robot's presses, each once, however long it lasts."""
+    with make() as simulator:
+        simulator.build(mechanism_scene(), check_robot())
+        for presses in (1, 2):
+            simulator.command_gripper(0.0, 40.0)
+            _run(simulator, 1.0)
+            simulator.command_gripper(0.08, 40.0)
+            _run(simulator, 0.8)
+            pulled = simulator.joint_position("rail") < 0.01
+            assert pulled == (presses == 2), (
+                f"after {presses} presses the rail is at {simulator.joint_position('rail')}"
+            )
+
+
+@rule
+def mechanisms_are_in_checkpoints(make: Make) -> None:
+    """Restored, locks, springs, counts and clocks are as they were, and all goes on bit by bit."""
+    with make() as simulator:
+        simulator.build(mechanism_scene(), check_robot())
+        simulator.command_gripper(0.0, 40.0)
+        _run(simulator, 0.5)
+        waiting = simulator.checkpoint()
+        after_waiting = _history(simulator)
+        simulator.command_gripper(0.08, 40.0)
+        _run(simulator, 1.0)
+        counted = simulator.checkpoint()
+        simulator.command_gripper(0.0, 40.0)
+        after_counting = _history(simulator, 150)
+        _run(simulator, 1.0)
+        for state, expected in ((waiting, after_waiting), (counted, after_counting)):
+            simulator.restore(state)
+            if state is counted:
+                simulator.command_gripper(0.0, 40.0)
+            got = _history(simulator, len(expected) - 1)
+            wrong = [tick for tick, (a, b) in enumerate(zip(got, expected, strict=True)) if a != b]
+            assert not wrong, f"the continuation differs from tick {wrong[0]} on"
+
+
 @rule
 def joints_keep_their_range(make: Make) -> None:
     """A scene joint does not leave its range by more than a hundredth of it."""
@@ -423,9 +513,9 @@ def continuing_after_restore_is_exact(make: Make) -> None:
             assert not wrong, f"the continuation differs from tick {wrong[0]} on"
 
 
-def _history(simulator: Simulator) -> list[tuple[object, ...]]:
+def _history(simulator: Simulator, ticks: int = 60) -> list[tuple[object, ...]]:
     states = [_state(simulator)]
-    for _ in range(60):
+    for _ in range(ticks):
         simulator.tick()
         states.append(_state(simulator))
     return states

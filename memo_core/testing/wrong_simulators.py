@@ -79,6 +79,27 @@ def wrong_simulators(right: type) -> dict[str, type]:
 
             super().build(attrs.evolve(scene, latches=()), robot)
 
+    class HasNoMechanisms(base):
+        def build(self, scene, robot):
+            import attrs
+
+            super().build(attrs.evolve(scene, mechanisms=()), robot)
+
+    class FeelsNothing(base):
+        def contacts(self, body=None):
+            return ()
+
+    class ForgetsMechanisms(base):
+        _fresh = None
+
+        def build(self, scene, robot):
+            super().build(scene, robot)
+            self._fresh = self.mechanisms.memory()
+
+        def restore(self, checkpoint):
+            super().restore(checkpoint)
+            self.mechanisms.recall(self._fresh)
+
     class IgnoresRanges(base):
         def joint_position(self, joint):
             return super().joint_position(joint) * 1.03
@@ -156,6 +177,9 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "bodies_rest_on_the_table": WeighsTwice,
         "bodies_fall_by_gravity": KnowsOnlyTheEarth,
         "springs_and_catches_hold": HasNoCatches,
+        "mechanisms_lock_and_release": HasNoMechanisms,
+        "mechanisms_feel_what_the_robot_presses": FeelsNothing,
+        "mechanisms_are_in_checkpoints": ForgetsMechanisms,
         "joints_keep_their_range": IgnoresRanges,
         "unknown_names_are_key_errors": InventsBodies,
         "gripper_holds_with_force": AlwaysFullForce,

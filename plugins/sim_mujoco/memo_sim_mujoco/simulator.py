@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import os
@@ -18,13 +19,14 @@ from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, Unk
 from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Contact, Simulator
 from memo_core.scene.description import SceneDescription
+from memo_core.scene.mechanisms import Mechanisms
 from memo_core.scene.pose import Array, Pose
 from memo_sim_mujoco.pictures import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
 _log = logging.getLogger("memo.mujoco")
-_MAGIC = b"MEMOMJ01"
-_HEADER = struct.Struct("<8s16sddd")  # magic, fingerprint, gripper goal (m), ramp (m), force (N)
+_MAGIC = b"MEMOMJ02"
+_HEADER = struct.Struct("<8s16sdddI")  # magic, fingerprint, gripper goal (m), ramp (m), force (N), mechanisms' bytes
 _VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the window
 
 
@@ -79,6 +81,7 @@ class MujocoSimulator(Simulator):
             raise BackendUnavailable(
                 "simulator", "mujoco", "it is not open", "call open() or use it as a context manager"
             )
+        from memo_sim_mujoco.mechanisms import JointLimits
         from memo_sim_mujoco.world import build_world
 
         self._forget_pictures()
@@ -90,6 +93,9 @@ class MujocoSimulator(Simulator):
         self._cameras = {camera.name: (number, camera) for number, camera in enumerate(scene.cameras)}
         self._families = _families(scene, world)
         self._bind(world)
+        self._limits = JointLimits(self.model)
+        self.mechanisms = Mechanisms(scene, self, self)
+        self._moving_parts = bool(self.mechanisms)
         self._refresh()
 
     def _bind(self, world: Any) -> None:
@@ -236,6 +242,8 @@ class MujocoSimulator(Simulator):
         for kind in self._fatal:
             if warnings[kind]:
                 raise SimulationDiverged(self.time, self._mujoco.mjtWarning(kind).name)
+        if self._moving_parts:
+            self.mechanisms.update()
         for listener in self._listeners:
             listener()
         if self._viewer is not None:
@@ -272,6 +280,12 @@ class MujocoSimulator(Simulator):
             self.model.actuator_gainprm[latch.actuator, 0] = latch.gain if inside else 0.0
             self.model.actuator_biasprm[latch.actuator, 1:3] = latch.bias if inside else 0.0
 
+    def limit_joint(self, joint: str, lower: float, upper: float) -> None:
+        self._limits.limit(joint, lower, upper)
+
+    def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
+        self._limits.spring(joint, stiffness, rest)
+
     # -- state ---------------------------------------------------------------------------------------------------------
     def checkpoint(self) -> bytes:
         mujoco = self._mujoco
@@ -279,7 +293,9 @@ class MujocoSimulator(Simulator):
         mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         # So that reading contacts right after a checkpoint and right after its restore says the same.
         self._refresh()
-        return _HEADER.pack(_MAGIC, self._world.fingerprint, self._goal, self._ramp, self._force) + state.tobytes()
+        memory = json.dumps(self.mechanisms.memory()).encode() if self._moving_parts else b""
+        header = _HEADER.pack(_MAGIC, self._world.fingerprint, self._goal, self._ramp, self._force, len(memory))
+        return header + state.tobytes() + memory
 
     def restore(self, checkpoint: bytes) -> None:
         mujoco = self._mujoco
@@ -288,18 +304,21 @@ class MujocoSimulator(Simulator):
             raise InvalidArgument(
                 "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"
             )
-        _, fingerprint, goal, ramp, force = _HEADER.unpack_from(checkpoint)
+        _, fingerprint, goal, ramp, force, kept = _HEADER.unpack_from(checkpoint)
         if fingerprint != self._world.fingerprint:
             raise InvalidArgument(
                 "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
             )
-        if len(checkpoint) != _HEADER.size + 8 * size:
-            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{_HEADER.size + 8 * size}")
-        state = np.frombuffer(checkpoint, dtype=np.float64, offset=_HEADER.size)
+        end = _HEADER.size + 8 * size
+        if len(checkpoint) != end + kept:
+            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{end + kept}")
+        state = np.frombuffer(checkpoint, dtype=np.float64, offset=_HEADER.size, count=size)
         mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._goal, self._ramp = goal, ramp
         self._set_force(force)
         self._set_latches()
+        if self._moving_parts:
+            self.mechanisms.recall(json.loads(checkpoint[end:]))
         self._warnings[:] = 0
         self._refresh()
 
@@ -363,6 +382,8 @@ class MujocoSimulator(Simulator):
     # -- for benchmarks ------------------------------------------------------------------------------------------------
     def engine_controls(self) -> object:
         """``ctrl``, and the actuator parameters that may have changed with this tick."""
+        if self._moving_parts:
+            raise NotImplementedError("a scene with mechanisms has no bare loop: what they do is not in the controls")
         return self.data.ctrl.copy(), (self._force, tuple(self._latch_on))
 
     def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:

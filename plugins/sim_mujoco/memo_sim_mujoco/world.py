@@ -130,7 +130,7 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
         model=model,
         data=data,
         robot=robot,
-        fingerprint=_fingerprint(model),
+        fingerprint=_fingerprint(model, scene),
         body_ids=ids,
         body_names=names,
         joint_qpos=joint_qpos,
@@ -167,11 +167,12 @@ def _latched(model: Any, number: int, latch: Any, joint_qpos: dict[str, int]) ->
     )
 
 
-def _fingerprint(model: Any) -> bytes:
+def _fingerprint(model: Any, scene: SceneDescription) -> bytes:
     """Identifies everything the physics depends on: checkpoints of another model or engine are not continued."""
     buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
-    return hashlib.sha256(mujoco.__version__.encode() + buffer.tobytes()).digest()[:16]
+    rest = f"{mujoco.__version__} {scene.mechanisms}"
+    return hashlib.sha256(rest.encode() + buffer.tobytes()).digest()[:16]
 
 
 def _start(world: World, scene: SceneDescription) -> None:
