@@ -63,3 +63,121 @@ def faucet(name: str, place: Vector, yaw: float, lever: Lever, height: float = 0
     sink = Body(f"{name}/sink", basin, label="sink", fixture=True)
     body = Body(f"{name}/column", (column, spout, nozzle), label=name, fixture=True, bodies=(handle,))
     return Body(name, (), Pose.from_yaw(place, yaw), fixture=True, bodies=(sink, body))
+
+
+BUTTON_TRAVEL = 0.008  # m
+
+
+def button_panel(name: str, at: Vector, size: Vector, button_height: float) -> tuple[Body, Body]:
+    """(panel, button) to attach to an appliance called ``name``. ``at`` is the lower middle of the panel's front and
+    ``size`` (depth, width, height), both in the appliance's frame; the slide joint is ``NAME/press``."""
+    x, y, z = at
+    front = Geom("box", size, Pose((x + size[0] / 2, y, z + size[2] / 2)), DARK)
+    cap = Geom("cylinder", (0.016, 0.024), Pose((0.0, 0.0, 0.0), LYING_ALONG_X), CHROME)
+    button = Body(
+        name=f"{name}/button",
+        label=f"{name} button",
+        geoms=(cap,),
+        pose=Pose((x, y, button_height)),
+        joint=Slide(f"{name}/press", (1.0, 0.0, 0.0), (0.0, BUTTON_TRAVEL), damping=5.0, stiffness=300.0, rest=-0.004),
+        mass=0.03,
+    )
+    return Body(f"{name}/panel", (front,)), button
+
+
+STOVE_SIZE = (0.28, 0.38, 0.05)  # m, depth, width, height
+BURNER = (0.15, 0.08)  # m, middle in the stove's frame
+BURNER_RADIUS = 0.065  # m
+KNOB = (0.07, -0.12)  # m, axis in the stove's frame
+
+
+def stove(name: str, place: Vector, yaw: float, friction: float = 0.3) -> Body:
+    """A flat cooker with one burner on the left and a knob with a blade on its right; the blade points away from the
+    robot while the burner is off. ``friction`` (Nm) is the knob's; its hinge joint is called ``NAME/knob``."""
+    depth, width, height = STOVE_SIZE
+    top = Geom("box", STOVE_SIZE, Pose((depth / 2, 0.0, height / 2)), WHITE)
+    disc = Geom("cylinder", (BURNER_RADIUS, 0.003), Pose((*BURNER, height + 0.0015)), BLACK)
+    ring = Geom("cylinder", (BURNER_RADIUS * 0.7, 0.0004), Pose((*BURNER, height + 0.003)), RED, collides=False)
+    hub = Geom("cylinder", (0.022, 0.010), Pose((0.0, 0.0, 0.005)), BLACK)
+    blade = Geom("box", (0.044, 0.016, 0.026), Pose((0.0, 0.0, 0.023)), CHROME)
+    mark = Geom("box", (0.012, 0.004, 0.001), Pose((0.014, 0.0, 0.0362)), RED, collides=False)
+    knob = Body(
+        name=f"{name}/dial",
+        label=f"{name} knob",
+        geoms=(hub, blade, mark),
+        pose=Pose((*KNOB, height + 0.002)),
+        joint=Hinge(
+            f"{name}/knob", (0.0, 0.0, -1.0), (0.0, 2.6), friction=friction, damping=0.05, armature=SMALL_ARMATURE
+        ),
+        mass=0.06,
+    )
+    burner = Part(f"{name}/burner", "burner", Pose((*BURNER, height + 0.0015)), (0.13, 0.13, 0.003))
+    return Body(
+        name,
+        (top, disc, ring),
+        Pose.from_yaw(place, yaw),
+        label=name,
+        fixture=True,
+        parts=(burner,),
+        bodies=(knob,),
+    )
+
+
+SLICE = (0.09, 0.014, 0.10)  # m, length, thickness, height as it stands
+TOASTER_SIZE = (0.15, 0.10, 0.13)  # m, depth, width, height
+SLOT = (0.11, 0.020)  # m, length and width
+PROTRUDES = 0.025  # m of a slice above the toaster while its lever is up
+DOWN = 0.039  # m the lever goes down until it latches
+LATCHED_WITHIN = 0.004  # m
+
+
+def toaster(name: str, place: Vector, yaw: float) -> tuple[Body, Latch]:
+    """A toaster with one slot that runs away from the robot and a lever at its front, and the catch that keeps the
+    lever down. A spring pushes the lever, and with it what the slice stands on, up. The slide joint, 0 at the top, is
+    called ``NAME/lever``."""
+    depth, width, height = TOASTER_SIZE
+    length, gap = SLOT
+    side, end = (width - gap) / 2, (depth - length) / 2
+    walls = [
+        Geom("box", (depth, side, height), Pose((depth / 2, sign * (gap + side) / 2, height / 2)), STEEL)
+        for sign in (-1.0, 1.0)
+    ]
+    walls += [Geom("box", (end, gap, height), Pose((x, 0.0, height / 2)), STEEL) for x in (end / 2, depth - end / 2)]
+    walls.append(Geom("box", (length, gap, 0.004), Pose((depth / 2, 0.0, 0.002)), DARK))
+    stands_at = height + PROTRUDES - SLICE[2]  # where a slice's underside is while the lever is up
+    tab = Geom("box", (0.055, 0.036, 0.012), Pose((-0.0285, 0.0, height - 0.012)), BLACK)
+    rod = Geom("box", (0.006, 0.010, 0.05), Pose((-0.004, 0.0, height - 0.040)), BLACK)
+    tray = Geom("box", (length - 0.006, gap - 0.004, 0.004), Pose((depth / 2, 0.0, stands_at - 0.002)), DARK)
+    joint = f"{name}/lever"
+    carriage = Body(
+        name=f"{name}/carriage",
+        geoms=(tab, rod, tray),
+        joint=Slide(joint, (0.0, 0.0, -1.0), (0.0, DOWN + 0.003), 0.3, 6.0, stiffness=120.0, rest=-0.02),
+        mass=0.06,
+        parts=(Part(f"{name}/tab", f"{name} lever", tab.pose, (0.055, 0.036, 0.012)),),
+    )
+    slot = Cavity(
+        f"{name}/slot", f"{name} slot", Pose((depth / 2, 0.0, (height + 0.004) / 2)), (length, gap, height - 0.004),
+        (0.0, 0.0, 1.0),
+    )  # fmt: skip
+    body = Body(
+        name,
+        tuple(walls),
+        Pose.from_yaw(place, yaw),
+        label=name,
+        fixture=True,
+        cavities=(slot,),
+        bodies=(carriage,),
+    )
+    return body, Latch(joint, DOWN, 12.0, LATCHED_WITHIN)
+
+
+def bread_rack(name: str, place: Vector, yaw: float) -> Body:
+    """A stand that keeps one slice upright; a slice's underside is 6 mm above ``place``."""
+    gap = SLICE[1] + 0.003
+    wood: Colour = (0.55, 0.38, 0.24, 1.0)
+    base = Geom("box", (0.12, 0.08, 0.006), Pose((0.0, 0.0, 0.003)), wood)
+    walls = [
+        Geom("box", (0.08, 0.006, 0.04), Pose((0.0, sign * (gap / 2 + 0.003), 0.026)), wood) for sign in (-1.0, 1.0)
+    ]
+    return Body(name, (base, *walls), Pose.from_yaw(place, yaw), label=name, fixture=True)
