@@ -18,6 +18,7 @@ def tasks(settings: TabletopSettings):
     from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
     from memo_tabletop.tasks.cubes import StackTheCubes
     from memo_tabletop.tasks.drawer import PutTheCubeAway
+    from memo_tabletop.tasks.faucet import TurnOnTheFaucet
     from memo_tabletop.tasks.fridge import OpenTheFridge
     from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
     from memo_tabletop.tasks.oven import PutTheFoodInTheOven
@@ -27,6 +28,7 @@ def tasks(settings: TabletopSettings):
         PutTheCubeAway(),
         PutTheFoodInTheMicrowave(),
         StackTheCubes(),
+        TurnOnTheFaucet(),
         MoveTheRightCanToTheLeftCan(),
         OpenTheFridge(),
         PutTheFoodInTheOven(),
