@@ -21,7 +21,7 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events"),
+    ("errors", "events", "redaction"),
     ("scene",),
     ("skills",),
     ("interfaces",),

@@ -87,15 +87,18 @@ def _plugins(registry: Registry) -> Iterator[Finding]:
 
 
 def _backends(registry: Registry) -> Iterator[Finding]:
-    from memo_core.interfaces.backend import KINDS
+    from memo_core.interfaces.backend import KINDS, Needs
     from memo_core.plugins import missing_needs
 
     for kind in KINDS:
         if not registry.backends(kind) and kind != "skills":
             yield Finding(kind, "missing", "no plugin that offers one is installed", "make setup")
         for backend in registry.backends(kind):
-            for lacking in missing_needs(backend.needs):
+            for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 yield Finding(f"{kind} {backend.name}", "missing", f"needs {lacking.what}", lacking.remedy)
+            # Only who selects a backend needs its keys, and one of several providers' keys is enough.
+            for lacking in missing_needs(Needs(keys=backend.needs.keys)):
+                yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy)
 
 
 def _extras() -> Iterator[Finding]:

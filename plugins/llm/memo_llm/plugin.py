@@ -47,4 +47,15 @@ def memo_language_models() -> list[Backend]:
             config=ReplaySettings,
             replays=True,
         ),
+        Backend(
+            kind="llm",
+            name="litellm",
+            summary="any provider: Gemini, OpenAI, Anthropic, Ollama, vLLM, OpenAI-compatible servers",
+            factory=_litellm,
+            config=LiteLLMSettings,
+            needs=Needs(
+                modules={"litellm": "litellm"},
+                keys=("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY"),
+            ),
+        ),
     ]

@@ -2,7 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 import attrs
+
+from memo_core.errors import InvalidArgument
+
+# Said elsewhere in the section, or decided by MEMO, or secret.
+_NOT_OPTIONS = {
+    "api_base": "llm.api_base",
+    "api_key": "the environment variable named by llm.api_key_env",
+    "base_url": "llm.api_base",
+    "max_retries": "run.retries",
+    "max_tokens": "llm.max_answer_tokens",
+    "messages": "",
+    "model": "llm.model",
+    "n": "",
+    "num_retries": "run.retries",
+    "response_format": "llm.schema",
+    "seed": "the experiment's seed",
+    "stream": "llm.stream",
+    "temperature": "llm.temperature",
+    "timeout": "llm.timeout_s",
+}
 
 
 @attrs.frozen
@@ -13,3 +35,80 @@ class OfflineSettings:
         default="", metadata={"help": "YAML file of words and phrases; default: the built-in"}
     )
     habits: str = attrs.field(default="", metadata={"help": "YAML file of naive habits; default: the built-in one"})
+
+
+def _free_options(_: Any, __: Any, options: dict[str, Any]) -> None:
+    for name in options:
+        if name in _NOT_OPTIONS:
+            place = _NOT_OPTIONS[name]
+            raise InvalidArgument("options", f"{name!r} may not be given here", place or "other options")
+
+
+def _provider_and_model(_: Any, __: Any, model: str) -> None:
+    provider, _slash, name = model.partition("/")
+    if not (provider.strip() and name.strip()):
+        raise InvalidArgument(
+            "model",
+            f"{model!r} names no provider",
+            "provider/model, such as gemini/gemini-3-flash-preview or openai/gpt-5",
+        )
+
+
+_not_negative = attrs.validators.optional(attrs.validators.ge(0.0))
+
+
+@attrs.frozen
+class LiteLLMSettings:
+    """Settings of the ``litellm`` backend. docs/language-models.md shows the providers."""
+
+    model: str = attrs.field(
+        validator=_provider_and_model,
+        metadata={
+            "help": "provider/model, as litellm calls them: gemini/gemini-3-flash-preview, openai/…, ollama_chat/…"
+        },
+    )
+    api_base: str = attrs.field(
+        default="",
+        metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
+    )
+    api_key_env: str = attrs.field(
+        default="", metadata={"help": "environment variable that holds the key; default: the provider's own"}
+    )
+    timeout_s: float = attrs.field(
+        default=120.0,
+        validator=attrs.validators.gt(0.0),
+        metadata={"help": "seconds after which a call is given up, all of it: connecting, waiting and receiving"},
+    )
+    max_concurrent: int = attrs.field(
+        default=4, validator=attrs.validators.ge(1), metadata={"help": "calls under way at a time; others wait"}
+    )
+    temperature: float | None = attrs.field(
+        default=None, validator=_not_negative, metadata={"help": "default: the provider's own"}
+    )
+    max_answer_tokens: int | None = attrs.field(
+        default=None,
+        validator=attrs.validators.optional(attrs.validators.ge(1)),
+        metadata={"help": "most tokens of an answer; default: the provider's own"},
+    )
+    schema: Literal["auto", "off"] = attrs.field(
+        default="auto",
+        metadata={
+            "help": "auto: send the answer's JSON Schema, in words where the server does not take it; off: in words"
+        },
+    )
+    stream: bool = attrs.field(default=True, metadata={"help": "show answers as they are written, on a terminal"})
+    prompt_price: float | None = attrs.field(
+        default=None, validator=_not_negative, metadata={"help": "US dollars a million tokens; default: litellm's list"}
+    )
+    completion_price: float | None = attrs.field(
+        default=None, validator=_not_negative, metadata={"help": "US dollars a million tokens; default: litellm's list"}
+    )
+    options: dict[str, Any] = attrs.field(
+        factory=dict,
+        validator=_free_options,
+        metadata={"help": "further arguments of litellm.completion, such as reasoning_effort or api_version"},
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if (self.prompt_price is None) != (self.completion_price is None):
+            raise InvalidArgument("prompt_price", "one price without the other", "prompt_price and completion_price")

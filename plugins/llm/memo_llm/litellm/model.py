@@ -1,0 +1,308 @@
+"""The backend itself: one call at a time is bounded, can be given up, and says what it cost."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import attrs
+
+from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
+from memo_core.redaction import Redactor
+from memo_llm.litellm.library import quiet_litellm
+from memo_llm.litellm.line import Line
+from memo_llm.litellm.problems import problem_of
+from memo_llm.litellm.speech import Spoken, messages_of, read_stream, read_whole, response_format
+from memo_llm.settings import LiteLLMSettings
+
+_POLL_S = 0.02  # how soon a call that nobody wants any more is cut
+_LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile", "xinference", "docker_model_runner")
+_NO_KEY = "none"  # what a server of one's own is sent where no key is set; clients insist on one
+
+
+@attrs.frozen
+class _Manner:
+    """How a question is put: with a schema for the server, as a stream, with the count of tokens at its end."""
+
+    schema: bool
+    stream: bool
+    count: bool
+
+
+class LiteLLMModel(LanguageModel):
+    """Asks a provider through litellm. Never asks again by itself: whoever calls decides about that.
+
+    A call runs in a thread of its own, so that ``timeout_s`` bounds all of it, whatever the server does; one that is
+    given up has its connection closed.
+    """
+
+    def __init__(self, settings: LiteLLMSettings) -> None:
+        self.name = settings.model
+        self._settings = settings
+        self._litellm: Any = None
+        self._provider = ""
+        self._key = ""
+        self._key_variable = ""
+        self._redact = Redactor()
+        self._turns = threading.BoundedSemaphore(settings.max_concurrent)
+        self._reached = False  # whether the server ever answered
+        self._refused: set[str] = set()  # of a manner's fields: what this server does not take
+
+    # -- opening -------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        """Imports litellm; touches no network. Raises ``InvalidArgument`` for a model it does not know the provider of,
+        ``BackendUnavailable`` naming the variable where the key is missing."""
+        if self._litellm is not None:
+            return
+        litellm = quiet_litellm()
+        settings = self._settings
+        try:
+            _, self._provider, _, _ = litellm.get_llm_provider(settings.model, api_base=settings.api_base or None)
+        except Exception:
+            provider = settings.model.partition("/")[0]
+            raise InvalidArgument(
+                "llm.model",
+                f"litellm knows no provider {provider!r}",
+                "provider/model; for any OpenAI-compatible server openai/MODEL with llm.api_base",
+            ) from None
+        self._find_key(litellm)
+        self._redact = Redactor.of_environment([self._key_variable] if self._key_variable else [])
+        self._litellm = litellm
+
+    def close(self) -> None:
+        self._litellm = None
+        self._refused.clear()
+
+    def _find_key(self, litellm: Any) -> None:
+        settings = self._settings
+        if settings.api_key_env:
+            self._key, self._key_variable = os.environ.get(settings.api_key_env, ""), settings.api_key_env
+            if not self._key:
+                raise self._no_key(settings.api_key_env)
+            return
+        said = litellm.validate_environment(settings.model)
+        missing = [name for name in said["missing_keys"] if name.endswith(("_KEY", "_TOKEN"))]
+        if not missing:
+            self._key_variable = f"{self._provider.upper()}_API_KEY"
+            self._key_variable = self._key_variable if os.environ.get(self._key_variable) else ""
+        elif settings.api_base or self._provider in _LOCAL:
+            self._key = _NO_KEY
+        else:
+            usual = f"{self._provider.upper()}_API_KEY"
+            raise self._no_key(usual if usual in missing else missing[0])
+
+    def _no_key(self, variable: str) -> BackendUnavailable:
+        return BackendUnavailable(
+            "llm", "litellm", f"{self.name} needs a key and {variable} is not set", f"export {variable}=…"
+        )
+
+    # -- cost ----------------------------------------------------------------------------------------------------------
+    def unpriced(self) -> str:
+        if self._cost(Usage(1, 1), None) is not None:
+            return ""
+        return f"litellm's list has no price of {self.name}; set llm.prompt_price and llm.completion_price"
+
+    def _cost(self, usage: Usage, raw: Any) -> float | None:
+        """US dollars; None when nobody knows the price."""
+        settings = self._settings
+        if settings.prompt_price is not None and settings.completion_price is not None:
+            dollars = usage.prompt_tokens * settings.prompt_price + usage.completion_tokens * settings.completion_price
+            return dollars / 1e6
+        if self._provider in _LOCAL:
+            return 0.0
+        try:
+            model, _, _, _ = self._litellm.get_llm_provider(self.name)
+            prompt, completion = self._litellm.cost_per_token(
+                model=model,
+                custom_llm_provider=self._provider,
+                prompt_tokens=usage.prompt_tokens,
+                completion_tokens=usage.completion_tokens,
+                usage_object=raw,
+            )
+        except Exception:  # litellm raises a plain Exception for a model that is not on its list
+            return None
+        return float(prompt + completion)
+
+    def _usage(self, request: Request, spoken: Spoken, took: float) -> Usage:
+        raw = spoken.usage
+        asked = getattr(raw, "prompt_tokens", 0) or _about(sum(len(message.text) for message in request.messages))
+        said = getattr(raw, "completion_tokens", 0) or _about(len(spoken.words))
+        usage = Usage(max(1, asked), said, None, took)
+        return attrs.evolve(usage, cost=self._cost(usage, raw))
+
+    # -- answering -----------------------------------------------------------------------------------------------------
+    def answer(
+        self,
+        request: Request,
+        on_text: Callable[[str], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Answer:
+        """See the interface. ``timeout_s`` counts from when it is this call's turn (``max_concurrent``)."""
+        if self._litellm is None:
+            raise LanguageModelError("litellm", "it has not been opened")
+        if not request.messages:
+            raise LanguageModelError("litellm", "nothing was asked")
+        cancelled = cancelled or (lambda: False)
+        while not self._turns.acquire(timeout=_POLL_S):
+            if cancelled():
+                raise LanguageModelError("litellm", "given up while it waited for its turn")
+        return self._in_its_own_thread(request, on_text, cancelled)
+
+    def _in_its_own_thread(
+        self, request: Request, on_text: Callable[[str], None] | None, cancelled: Callable[[], bool]
+    ) -> Answer:
+        started = time.monotonic()
+        end = started + self._settings.timeout_s
+        line, spoken = Line(end), Spoken()
+        news: queue.SimpleQueue[str | Answer | Exception] = queue.SimpleQueue()
+        streaming = on_text is not None and self._settings.stream
+
+        def work() -> None:
+            try:
+                with line:
+                    news.put(self._put(request, line, spoken, news.put if streaming else None, started))
+            except Exception as error:
+                news.put(error)
+            finally:
+                self._turns.release()  # a call that was given up counts as long as its connection lives
+
+        threading.Thread(target=work, name="memo-litellm", daemon=True).start()
+        shown = self._redact.pieces(on_text or (lambda piece: None))
+        while True:
+            try:
+                told = news.get(timeout=max(0.0, min(_POLL_S, end - time.monotonic())))
+            except queue.Empty:
+                told = ""
+            if isinstance(told, Answer):
+                shown.end()
+                self._reached = True
+                return told
+            if isinstance(told, Exception):
+                raise self._problem(told, line, request, spoken, started) from None
+            if told:
+                shown(told)
+            if cancelled():
+                line.cut()
+                raise self._lost("given up: its answer is not wanted any more", False, line, request, spoken, started)
+            if time.monotonic() >= end:
+                line.cut()
+                raise self._lost(
+                    f"{self._where()} did not finish within llm.timeout_s ({self._settings.timeout_s:g} s)",
+                    False,
+                    line,
+                    request,
+                    spoken,
+                    started,
+                )
+
+    def _put(
+        self, request: Request, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None, started: float
+    ) -> Answer:
+        """In the worker thread: ask in the best manner that the server takes. What it does not take is remembered for
+        as long as this is open."""
+        manners = tuple(self._manners(request, on_piece is not None))
+        for manner in manners:
+            line.reset()
+            try:
+                self._ask(request, manner, spoken, on_piece)
+            except Exception:
+                if manner == manners[-1] or line.status not in (400, 415, 422, 501) or spoken.words:
+                    raise
+                continue
+            if manner.stream and not spoken.words and "json" in line.headers.get("content-type", ""):
+                self._refused.add("stream")  # it answered, but not as a stream: what it said is lost
+                continue
+            self._refused |= {
+                name for name in ("schema", "count") if getattr(manners[0], name) and not getattr(manner, name)
+            }
+            break
+        took = time.monotonic() - started
+        text = self._redact(spoken.words)
+        return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name)
+
+    def _manners(self, request: Request, streaming: bool) -> Iterator[_Manner]:
+        schema = (
+            request.response_schema is not None
+            and self._settings.schema == "auto"
+            and "schema" not in self._refused
+            and "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
+        )
+        stream = streaming and "stream" not in self._refused
+        count = stream and "count" not in self._refused
+        manners = [_Manner(schema, stream, count)]
+        manners += [_Manner(schema, stream, False)] if count else []
+        manners += [_Manner(False, stream, count)] if schema else []
+        manners += [_Manner(False, stream, False)] if schema and count else []
+        yield from manners
+        if stream:
+            yield _Manner(False, False, False)
+
+    def _ask(self, request: Request, manner: _Manner, spoken: Spoken, on_piece: Callable[[str], None] | None) -> None:
+        settings = self._settings
+        given: dict[str, Any] = {
+            "model": settings.model,
+            "messages": messages_of(request, schema_in_words=not manner.schema),
+            "stream": manner.stream,
+            "timeout": settings.timeout_s,
+            "num_retries": 0,
+            "max_retries": 0,
+            **settings.options,
+        }
+        for name, value in (
+            ("api_base", settings.api_base or None),
+            ("api_key", self._key or None),
+            ("temperature", settings.temperature),
+            ("max_tokens", settings.max_answer_tokens),
+            ("seed", request.seed),
+            ("response_format", response_format(request) if manner.schema else None),
+            ("stream_options", {"include_usage": True} if manner.count else None),
+        ):
+            if value is not None:
+                given[name] = value
+        response = self._litellm.completion(**given)
+        if manner.stream:
+            read_stream(response, spoken, on_piece or (lambda piece: None))
+        else:
+            read_whole(response, spoken)
+
+    # -- what went wrong -----------------------------------------------------------------------------------------------
+    def _model(self) -> str:
+        return self.name.partition("/")[2]
+
+    def _where(self) -> str:
+        return f"{self._provider} at {self._settings.api_base}" if self._settings.api_base else self._provider
+
+    def _problem(
+        self, error: Exception, line: Line, request: Request, spoken: Spoken, started: float
+    ) -> LanguageModelError:
+        if isinstance(error, LanguageModelError):
+            return error
+        problem = problem_of(error, line, self._where(), self._reached, self._key_variable)
+        self._reached = self._reached or line.status is not None
+        if problem.retryable and line.status is None and not line.connected:
+            return self._redacted(problem)
+        lost = self._lost(problem.problem, problem.retryable, line, request, spoken, started)
+        lost.retry_after_s = problem.retry_after_s
+        return lost
+
+    def _lost(
+        self, problem: str, retryable: bool, line: Line, request: Request, spoken: Spoken, started: float
+    ) -> LanguageModelError:
+        """An answer that will not come whole; what was sent and received till now has probably to be paid."""
+        paid = line.sent and (line.status is None or line.status < 300)
+        usage = self._usage(request, spoken, time.monotonic() - started) if paid else None
+        return self._redacted(LanguageModelError("litellm", problem, retryable, usage=usage))
+
+    def _redacted(self, error: LanguageModelError) -> LanguageModelError:
+        error.problem = self._redact(error.problem)
+        return error
+
+
+def _about(characters: int) -> int:
+    """Tokens, where the server counts none: four characters each is the usual rule of thumb."""
+    return characters // 4

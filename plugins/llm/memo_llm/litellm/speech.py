@@ -1,0 +1,91 @@
+"""From a request to what litellm is given, and from what it returns to an answer."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+import attrs
+
+from memo_core.interfaces.llm import Message, Request
+
+Finish = Literal["stop", "length", "refusal"]
+_FINISHES: dict[str, Finish] = {"length": "length", "max_tokens": "length", "content_filter": "refusal"}
+
+
+def messages_of(request: Request, schema_in_words: bool) -> list[dict[str, Any]]:
+    """Messages as OpenAI's protocol has them, pictures inline. ``schema_in_words`` says in the last message what the
+    answer must look like, where the server is not told otherwise."""
+    given = [{"role": message.role, "content": _content(message)} for message in request.messages]
+    if schema_in_words and request.response_schema is not None:
+        words = (
+            "Answer with one JSON object and nothing else. It must fit this JSON Schema:\n"
+            f"{json.dumps(request.response_schema)}"
+        )
+        given.append({"role": "user", "content": words})
+    return given
+
+
+def response_format(request: Request) -> dict[str, Any]:
+    """The request's schema as ``response_format``."""
+    schema = {"name": request.phase or "answer", "schema": request.response_schema, "strict": True}
+    return {"type": "json_schema", "json_schema": schema}
+
+
+def _content(message: Message) -> str | list[dict[str, Any]]:
+    if not message.images:
+        return message.text
+    parts: list[dict[str, Any]] = [{"type": "text", "text": message.text}]
+    for image in message.images:
+        data = base64.b64encode(image.data).decode("ascii")
+        parts.append({"type": "image_url", "image_url": {"url": f"data:{image.media_type};base64,{data}"}})
+    return parts
+
+
+@attrs.define
+class Spoken:
+    """What the model said, as it comes."""
+
+    text: str = ""
+    refusal: str = ""
+    finish: str = ""
+    usage: Any = None
+    model: str = ""
+
+    @property
+    def ended(self) -> Finish:
+        return "refusal" if self.refusal else _FINISHES.get(self.finish, "stop")
+
+    @property
+    def words(self) -> str:
+        return self.text or self.refusal
+
+
+def read_whole(response: Any, spoken: Spoken) -> None:
+    """An answer that came in one piece. Raises ``ValueError`` where there is none in it."""
+    if not getattr(response, "choices", None):
+        raise ValueError("it holds no choices")
+    choice = response.choices[0]
+    spoken.text = choice.message.content or ""
+    spoken.refusal = getattr(choice.message, "refusal", None) or ""
+    spoken.finish = choice.finish_reason or ""
+    spoken.usage = getattr(response, "usage", None)
+    spoken.model = response.model or ""
+
+
+def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str], None]) -> None:
+    """An answer in pieces; ``spoken`` always holds what has come so far."""
+    for chunk in chunks:
+        spoken.model = getattr(chunk, "model", None) or spoken.model
+        spoken.usage = getattr(chunk, "usage", None) or spoken.usage
+        if not getattr(chunk, "choices", None):
+            continue
+        choice = chunk.choices[0]
+        spoken.finish = choice.finish_reason or spoken.finish
+        spoken.refusal += getattr(choice.delta, "refusal", None) or ""
+        piece = choice.delta.content or ""
+        if piece:
+            spoken.text += piece
+            on_piece(piece)
