@@ -5,6 +5,7 @@ from __future__ import annotations
 from memo_core.config import Experiment
 from memo_core.experiment.world import World, find_task
 from memo_core.interfaces.task import Task
+from memo_core.policy.prompt_files import Prompts
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.contract import BUILTIN_SKILLS
@@ -41,6 +42,11 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
 def sandbox_of(experiment: Experiment) -> Sandbox:
     """An unopened sandbox with the experiment's skills and limits."""
     return Sandbox(library_of(experiment), experiment.section("sandbox"))
+
+
+def prompts_of(experiment: Experiment) -> Prompts:
+    """The texts that the experiment's language model is sent. Raises ``BadPrompt``."""
+    return Prompts(experiment.section("prompts"))
 
 
 def book_of(experiment: Experiment, url: str | None = None, read_only: bool | None = None) -> Skillbook:

@@ -17,7 +17,7 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event
-from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
+from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.experiment.folder import RunFolder, json_text, new_run_folder, write_whole
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.run import Cast, RunReport, perform
@@ -124,6 +124,7 @@ def run_demo(
             settings=experiment.section("run"),
             book=book,
             teacher=teacher,
+            prompts=prompts_of(experiment),
         )
         config = experiment.public() | {"task": name, "demo.chapter": part.name}
         runs[part.name] = perform(

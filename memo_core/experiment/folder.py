@@ -87,6 +87,7 @@ class RunFolder:
             "phase": request.phase,
             "time": time.time(),
             "seed": request.seed,
+            "prompt": request.prompt,
             "abandoned": abandoned,
             "problem": problem,
             "answer": None if answer is None else attrs.asdict(answer),

@@ -13,7 +13,7 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, ModelCalled, RunEnded, RunStarted, SubtaskEnded
-from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
+from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.journal import WorldJournal
 from memo_core.experiment.stop import Supervisor
@@ -23,6 +23,7 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.policy.method import Method
+from memo_core.policy.prompt_files import Prompts
 from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
@@ -97,6 +98,7 @@ class Cast:
     settings: RunSettings
     book: Skillbook | None = None
     teacher: Teacher | None = None
+    prompts: Prompts = attrs.field(factory=Prompts)
 
 
 def run_experiment(
@@ -124,6 +126,7 @@ def run_experiment(
         settings=experiment.section("run"),
         book=book_of(experiment),
         teacher=experiment.create("teacher"),
+        prompts=prompts_of(experiment),
     )
     folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
     return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view)
@@ -259,6 +262,7 @@ def _work(
                 who=cast.teacher.who if cast.teacher is not None else "nobody",
                 seed=seed,
                 ending=lambda: supervisor.ending,
+                prompts=cast.prompts,
             )
             try:
                 ended.result = cast.method.run(session)

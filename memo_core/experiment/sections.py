@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import attrs
 
+from memo_core.policy.prompt_files import PromptSettings
 from memo_core.policy.settings import RunSettings
 from memo_core.sandbox.limits import Limits
 from memo_core.skillbook.retrieval import RetrievalSettings
@@ -25,4 +26,5 @@ SECTIONS: dict[str, type] = {
     "retrieval": RetrievalSettings,
     "sandbox": Limits,
     "run": RunSettings,
+    "prompts": PromptSettings,
 }

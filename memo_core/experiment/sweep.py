@@ -11,7 +11,7 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.events import Event, SubtaskEnded
-from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, world_of
+from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.experiment.demo import EMPTY, DemoReport, run_demo
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.lesions import LESIONS, VariedTask, handle_moved, lesioned_copy, mirrored
@@ -140,6 +140,7 @@ class Lesson:
             settings=experiment.section("run"),
             book=book,
             teacher=teacher,
+            prompts=prompts_of(experiment),
         )
         config = experiment.public() | {"task": task.name}
         report = perform(

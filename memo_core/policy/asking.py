@@ -25,8 +25,8 @@ _STRINGS = {"type": "array", "items": {"type": "string"}}
 SCHEMAS: dict[str, dict[str, Any]] = {
     "feedback": {
         "type": "object",
-        "properties": {"corrections": _STRINGS, "general": _STRINGS},
-        "required": ["corrections", "general"],
+        "properties": {"corrections": _STRINGS, "general": _STRINGS, "unclear": {"type": "string"}},
+        "required": ["corrections", "general", "unclear"],
         "additionalProperties": False,
     }
 }
@@ -46,14 +46,18 @@ class Questions:
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def ask(self, phase: str, scene: SceneGraph | str, read: Callable[[str], T], **context: Any) -> tuple[T, Asked]:
+    def ask(
+        self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], T], **context: Any
+    ) -> tuple[T, Asked]:
         """The answer to one phase's prompt, as ``read`` reads it. Asked again with the reason when that raises
         ``Unreadable``, then that is raised. Raises ``LanguageModelError``, ``Stopped``."""
-        messages = prompting.messages(phase, self._session.stage.robot, scene, **context)
+        prompts = self._session.prompts
+        messages = prompting.messages(phase, self._session.stage.robot, scene, prompts, **context)
         calls = 0
         while True:
             calls += 1
-            answer, file = self._call(Request(phase, messages, SCHEMAS.get(phase), self._session.seed))
+            request = Request(phase, messages, SCHEMAS.get(phase), self._session.seed, prompts.stamp(phase))
+            answer, file = self._call(request)
             try:
                 return read(_complete(phase, answer)), Asked(calls, file)
             except Unreadable as error:
@@ -116,6 +120,7 @@ class Questions:
                 latency_s=usage.latency_s or took,
                 abandoned=abandoned,
                 not_understood=answer.not_understood,
+                note=answer.note,
             )
         )
 

@@ -16,6 +16,7 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Sighting, Verdict
 from memo_core.policy.asking import Questions
 from memo_core.policy.memories import Memory
+from memo_core.policy.prompting import done_line
 from memo_core.policy.readers import Unreadable, read_code, read_plan
 from memo_core.policy.retrieving import Served, retrieve
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
@@ -46,6 +47,7 @@ class _Attempt:
     code: str = ""  # the last that was written
     whole: bool = False  # that code alone, from the subtask's start, is what happened
     error: str = ""
+    printed: str = ""
     served: Served = attrs.field(factory=Served)
     watched: tuple[Sighting, ...] = ()
     approved: bool = False
@@ -111,7 +113,7 @@ class Loop:
             try:
                 self._teaching.process_pending()
                 attempt.scene = self._look()
-                context = {"task": self._stage.instruction, "done": self._done}
+                context = {"task": self._stage.instruction, "done": self._done_lines()}
                 return self._questions.ask("plan", attempt.scene, read_plan, **context)[0]
             except Stopped:
                 self._answer_stop(PLANNING, attempt, self._stage.glance())
@@ -162,7 +164,12 @@ class Loop:
     def _result(
         self, key: Key, status: Status, attempt: _Attempt, interrupted: int, problem: str = ""
     ) -> SubtaskResult:
-        return SubtaskResult(str(key), status, attempt.number, attempt.code, problem, interrupted)
+        return SubtaskResult(
+            str(key), status, attempt.number, attempt.code, problem, interrupted, attempt.printed, attempt.error
+        )
+
+    def _done_lines(self) -> list[str]:
+        return [done_line(result) for result in self._results]
 
     def _attempt(
         self,
@@ -205,7 +212,7 @@ class Loop:
             start = self._stage.time()
             execution = self._execute(key, attempt)
             moved = moved or self._stage.time() > start
-            attempt.error = execution.error
+            attempt.error, attempt.printed = execution.error, execution.printed
             if execution.succeeded:
                 break
             tried.append(Tried(attempt.code, execution.printed.rstrip("\n"), execution.error))
@@ -220,7 +227,7 @@ class Loop:
             read_code,
             task=self._stage.instruction,
             subtask=str(key),
-            done=self._done,
+            done=self._done_lines(),
             skills=documentation(session.skills),
             subset=session.sandbox.subset(),
             corrections=served.corrections,

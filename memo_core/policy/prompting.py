@@ -3,36 +3,49 @@
 from __future__ import annotations
 
 import math
-from importlib import resources
 from typing import Any
-
-import jinja2
 
 from memo_core.interfaces.llm import Message
 from memo_core.interfaces.robot import RobotDescription
+from memo_core.policy.prompt_files import Prompts
+from memo_core.policy.session import SubtaskResult
 from memo_core.scene.graph import Node, SceneGraph
 
-PHASES = ("plan", "code", "feedback", "template")
-
-
-def prompt_source(phase: str) -> str:
-    """The prompt's text with its placeholders. Raises ``FileNotFoundError`` for an unknown phase."""
-    return resources.files("memo_core.policy").joinpath("prompts", f"{phase}.md.j2").read_text(encoding="utf-8")
+MAX_PRINTED = 300  # characters of an earlier subtask's output that the next prompts repeat
 
 
 def messages(
     phase: str,
-    robot: RobotDescription,
-    scene: SceneGraph | str,
+    robot: RobotDescription | None,
+    scene: SceneGraph | str | None,
+    prompts: Prompts | None = None,
     **context: Any,
 ) -> tuple[Message, ...]:
     """The messages of one phase. ``scene`` may be a table made earlier by ``scene_table``; ``context`` holds what the
-    phase's placeholders need. A missing one raises ``jinja2.UndefinedError``."""
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    system = environment.from_string(prompt_source("system")).render(robot=robot)
-    table = scene if isinstance(scene, str) else scene_table(scene)
-    user = environment.from_string(prompt_source(phase)).render(robot=robot, scene=table, **context)
-    return (Message("system", system), Message("user", user))
+    phase's placeholders need. Raises ``BadPrompt`` for a missing one."""
+    table = scene_table(scene) if isinstance(scene, SceneGraph) else scene
+    given = context | {name: value for name, value in (("robot", robot), ("scene", table)) if value is not None}
+    return (prompts or Prompts()).messages(phase, given)
+
+
+def done_line(result: SubtaskResult) -> str:
+    """One earlier subtask and how it ended, for the plan and code prompts."""
+    told = {
+        "approved": "a person saw that it worked",
+        "corrected": "a person corrected it and has not seen it work since",
+        "unobserved": "nobody said whether it worked",
+    }[result.status]
+    line = f"{result.subtask}: {told}"
+    if result.error:
+        line += f"; its code ended with {_one_line(result.error)}"
+    if result.printed.strip():
+        line += f"; it printed: {_one_line(result.printed)}"
+    return line
+
+
+def _one_line(text: str) -> str:
+    flat = " ".join(text.split())
+    return flat if len(flat) <= MAX_PRINTED else "… " + flat[-MAX_PRINTED:]
 
 
 def scene_table(scene: SceneGraph) -> str:
@@ -41,6 +54,9 @@ def scene_table(scene: SceneGraph) -> str:
     lines = [
         "## Scene",
         f"Scene: {scene.label}. The table's top is at z = {scene.table_height:.3f}.",
+        "Each row is a box in the base frame, in metres: its centre, its full size along its own x y z axes, and how "
+        "these axes are turned (yaw: about z; nothing: not at all). A part belongs to the thing it is part of; a space "
+        "is the visible inside of one, open in the direction given.",
         "",
         "| name | kind | part of | centre x y z | size along own axes | turned | opens towards |",
         "|---|---|---|---|---|---|---|",
@@ -54,7 +70,9 @@ def scene_table(scene: SceneGraph) -> str:
     lines += [
         "",
         f"The hand is at {_numbers(o.end_effector.position)}, fingers {o.gripper_width:.3f} m apart, "
-        + ("holding something." if o.holding else "holding nothing."),
+        + ("holding something" if o.holding else "holding nothing")
+        + f"; it points along {_numbers(tuple(o.end_effector.rotation[:, 2]), 2)} and its fingers close along "
+        + f"{_numbers(tuple(o.end_effector.rotation[:, 1]), 2)}.",
         "",
     ]
     lines += [f"- {sentence}" for sentence in scene.sentences()]
@@ -62,7 +80,7 @@ def scene_table(scene: SceneGraph) -> str:
 
 
 def _numbers(values: tuple[float, ...], digits: int = 3) -> str:
-    return " ".join(f"{value + 0.0:.{digits}f}" for value in values)
+    return " ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values)
 
 
 def _turn(node: Node) -> str:

@@ -10,6 +10,7 @@ import attrs
 from memo_core.events import Event
 from memo_core.interfaces.llm import Answer, LanguageModel, Request
 from memo_core.interfaces.teacher import Episode, Verdict
+from memo_core.policy.prompt_files import Prompts
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stage import Stage
 from memo_core.policy.stopping import StopSwitch
@@ -59,6 +60,7 @@ class Session:
     who: str = "anonymous"
     seed: int = 0
     ending: Callable[[], bool] = lambda: False  # whether the run itself is to end
+    prompts: Prompts = attrs.field(factory=Prompts)
 
     def release(self) -> None:
         """After a stop was answered: let the robot move again."""
@@ -76,6 +78,8 @@ class SubtaskResult:
     code: str = ""
     problem: str = ""
     interrupted: int = 0  # times somebody pressed stop
+    printed: str = ""  # by that code
+    error: str = ""  # what that code ended with, if it did
 
 
 @attrs.frozen

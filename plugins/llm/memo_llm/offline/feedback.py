@@ -31,7 +31,7 @@ class NotesAnswer:
 
 def note(prompt: Prompt, vocabulary: Vocabulary) -> NotesAnswer:
     """Corrections and general statements. Raises ``LanguageModelError`` naming what the prompt lacks."""
-    words = prompt.section("what the person said")
+    words = prompt.quoted("what the person said")
     scene = prompt.scene()
     _, objects = prompt.subtask
     known = [node.label for node in scene.nodes] + list(objects)

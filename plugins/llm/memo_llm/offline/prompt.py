@@ -98,6 +98,10 @@ class Prompt:
         lines = [line[2:].strip() for line in self.section(*words).splitlines() if line.startswith("- ")]
         return [line for line in lines if line.lower() not in ("none", "nothing")]
 
+    def quoted(self, *words: str) -> str:
+        """A section's text, without the marks of a quotation."""
+        return "\n".join(re.sub(r"^> ?", "", line) for line in self.section(*words).splitlines()).strip()
+
     def entries(self, *words: str) -> list[Entry]:
         """Bulleted entries with their keys, best first."""
         return [_entry(line) for line in self.bullets(*words)]
