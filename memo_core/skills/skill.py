@@ -15,7 +15,7 @@ from typing import Any, Literal
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.skills.values import describe_type, read_value
+from memo_core.skills.values import checks_of, describe_type, read_value
 
 Kind = Literal["query", "geometry", "motion", "gripper", "perception"]
 
@@ -78,6 +78,17 @@ def skill(kind: Kind) -> Callable[[Callable[..., Any]], Skill]:
         return Skill(function.__name__, kind, function, parameters, types, doc)
 
     return declare
+
+
+def type_legend(skills: Iterable[Skill]) -> str:
+    """What the type names in the skills' signatures stand for, one a line; plain Python types need no word."""
+    found = {}
+    for one in skills:
+        for annotation in one.types.values():
+            for check in checks_of(annotation):
+                if check.name not in ("float", "int", "str", "bool"):
+                    found[check.name] = check.expected
+    return "\n".join(f"{name}: {expected}" for name, expected in found.items())
 
 
 def skill_library(skills: Iterable[Skill]) -> dict[str, Skill]:

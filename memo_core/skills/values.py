@@ -89,6 +89,10 @@ Slack = Annotated[float, Check("float", "an angle in radians, 0 to 1", _between(
 Width = Annotated[float, Check("float", "a width in metres, 0 to 0.2", _between(0.0, 0.2))]
 Force = Annotated[float, Check("float", "a force in newtons, 1 to 200", _between(1.0, 200.0))]
 Speed = Annotated[float, Check("float", "a fraction of full speed, 0.05 to 1", _between(0.05, 1.0))]
+Push = Annotated[float, Check("float", "a force in newtons, 0 to 200", _between(0.0, 200.0))]
+Distance = Annotated[float, Check("float", "a distance in metres, 0.001 to 1", _between(0.001, 1.0))]
+Short = Annotated[float, Check("float", "a distance in metres, 0.0002 to 0.03", _between(0.0002, 0.03))]
+ToolSpeed = Annotated[float, Check("float", "a speed in m/s, 0.005 to 0.2", _between(0.005, 0.2))]
 Seconds = Annotated[float, Check("float", "seconds, 0 to 30", _between(0.0, 30.0))]
 Number = Annotated[float, Check("float", "a finite number", _number)]
 Flag = Annotated[bool, Check("bool", "True or False", _flag)]
@@ -101,6 +105,14 @@ def _split(annotation: Any) -> tuple[Any, bool]:
         if len(inner) == 1:
             return inner[0], True
     return annotation, False
+
+
+def checks_of(annotation: Any) -> tuple[Check, ...]:
+    """The checks that an annotation carries, also inside ``… | None``."""
+    inner, _ = _split(annotation)
+    if typing.get_origin(inner) is not Annotated:
+        return ()
+    return tuple(meta for meta in inner.__metadata__ if isinstance(meta, Check))
 
 
 def describe_type(annotation: Any) -> str:
