@@ -107,7 +107,7 @@ def stove(name: str, place: Vector, yaw: float, friction: float = 0.3) -> Body:
         geoms=(hub, blade, mark),
         pose=Pose((*KNOB, height + 0.002)),
         joint=Hinge(
-            f"{name}/knob", (0.0, 0.0, -1.0), (0.0, 2.6), friction=friction, damping=0.05, armature=SMALL_ARMATURE
+            f"{name}/knob", (0.0, 0.0, -1.0), range=(0.0, 2.6), friction=friction, damping=0.05, armature=SMALL_ARMATURE
         ),
         mass=0.06,
     )
