@@ -50,6 +50,7 @@ class Task(ABC):
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds
     settle: float = 2.5  # simulated seconds to let pass with the arm still before ``check``
+    lesson: str = ""  # what a person who knows the trick would say, in one sentence; for reports, no model is shown it
 
     @abstractmethod
     def scene(self, rng: np.random.Generator) -> SceneDescription:
