@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from types import TracebackType
 from typing import Any
@@ -13,12 +14,24 @@ import sqlalchemy as sa
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import rows, tables, templates
+from memo_core.skillbook.clusters import Cluster, Clustered, Condensed, duplicates
+from memo_core.skillbook.condensing import ClusterLimits, condense, find_clusters
 from memo_core.skillbook.database import Database, SkillbookError
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
 from memo_core.skillbook.export import records
 from memo_core.skillbook.forget import forget_person
+from memo_core.skillbook.history import (
+    Difference,
+    Revision,
+    Version,
+    difference,
+    revisions,
+    roll_back,
+    versions,
+)
 from memo_core.skillbook.index import KeyIndex
+from memo_core.skillbook.joining import NearKeys, join, near_keys
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever
 from memo_core.skillbook.vectors import TextVectors
@@ -178,28 +191,85 @@ class Skillbook:
         if alias == target:
             return
         with self._database.write() as connection:
-            target_id = rows.key_id(connection, self._database.upsert(tables.keys), target)
-            connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == str(alias)))
-            old = connection.execute(
-                sa.select(tables.keys.c.id).where(
-                    tables.keys.c.action == alias.action, tables.keys.c.objects == rows.objects_text(alias)
-                )
-            ).scalar()
-            if old is not None and old != target_id:
-                connection.execute(sa.update(tables.entries).where(_E.key == old).values(key=target_id))
-                connection.execute(sa.update(tables.aliases).where(tables.aliases.c.key == old).values(key=target_id))
-                connection.execute(sa.delete(tables.keys).where(tables.keys.c.id == old))
-            rows.insert_plain(connection, tables.aliases, spelling=str(alias), key=target_id)
+            join(self._database, connection, alias, target)
             self._database.next_generation(connection)
 
-    def note_use(self, entry_ids: Iterable[int], success: bool) -> None:
-        """Count that entries were served to code that ran and, with ``success``, that the code was approved."""
+    def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
+        """Count that entries were served to code that ran and, with ``success``, that the code was approved.
+
+        With the ``subtask`` that the code was for, its key's own template gives way to an older version once that has
+        the better record (``memo_core.skillbook.templates``).
+        """
         ids = sorted(set(entry_ids))
         if not ids:
             return
         values = {"uses": _E.uses + 1, "confirmed_uses": _E.confirmed_uses + int(success)}
         with self._database.write() as connection:
             connection.execute(sa.update(tables.entries).where(_E.id.in_(ids)).values(**values))
+            key = rows.known_key_id(connection, _key(subtask)) if subtask is not None else None
+            if key is None:
+                return
+            there = sorted(rows.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
+            templates.count_use(connection, there, key, success)
+            if not success and templates.elect(self._database, connection, key, "record") is not None:
+                self._database.next_generation(connection)
+
+    # -- clusters ------------------------------------------------------------------------------------------------------
+    def clusters(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> list[Cluster]:
+        """What can be condensed together (``memo_core.skillbook.clusters``): keys in order, general statements last.
+        Those that are as they were clustered last are left out but with ``unchanged``. Needs the embedder."""
+        key_vectors = self._key_vectors()
+        return find_clusters(
+            self._database, key_vectors, self.settings, limits or ClusterLimits(), self._alike_together, unchanged
+        )
+
+    def condense(self, cluster: Cluster, proposal: Condensed, model: str = "") -> Clustered:
+        """Commit what became of a cluster, in one transaction. Superseded entries stay; what several people said stays
+        all of theirs. Raises ``ClusterChanged`` when it is not as it was read, ``ValueError`` for a proposal that
+        ``problem_with`` refuses; nothing is written then."""
+        return condense(self._database, cluster, proposal, model, f"cluster by {model}" if model else "cluster")
+
+    def join_duplicates(self, cluster: Cluster) -> Clustered | None:
+        """Make one entry of members that are the same words; None where there are none. Raises ``ClusterChanged``."""
+        proposal = duplicates(cluster.members)
+        return None if proposal is None else condense(self._database, cluster, proposal, "", "duplicates")
+
+    def near_keys(self) -> list[NearKeys]:
+        """Spellings that mean a key which has more entries (``memo_core.skillbook.joining``); ``add_alias`` joins them.
+        Needs the embedder."""
+        counted = Counter(entry.key for entry in self.entries() if entry.key != GLOBAL_KEY)
+        keys = sorted(counted, key=lambda key: -counted[key])
+        return near_keys(keys, self._key_vectors(), self.settings.actions)
+
+    # -- history -------------------------------------------------------------------------------------------------------
+    def history(self, key: Key | str | None = None) -> list[Revision]:
+        """Every change to the set of valid entries, oldest first, or those that touched a key's entries."""
+        with self._database.read() as connection:
+            about = None if key is None else rows.alias_rows(connection).get(str(_key(key)), _key(key))
+            return revisions(self._database, connection, about)
+
+    def versions(self, key: Key | str) -> list[Version]:
+        """The templates of a key with their records, oldest first."""
+        with self._database.read() as connection:
+            return versions(self._database, connection, rows.alias_rows(connection).get(str(_key(key)), _key(key)))
+
+    def difference(self, one: int, other: int | None = None) -> Difference:
+        """What revision ``one`` changed; with ``other``, between the book after the one and after the other. Raises
+        ``UnknownName``."""
+        with self._database.read() as connection:
+            return difference(self._database, connection, one, other)
+
+    def rollback(self, revision: int) -> Revision:
+        """Take back what a revision did, by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
+        with self._database.write() as connection:
+            new = roll_back(self._database, connection, revision)
+        return next(one for one in self.history() if one.id == new)
+
+    def sources(self, entry_ids: Iterable[int]) -> list[int]:
+        """The feedback that entries derive from, by id."""
+        with self._database.read() as connection:
+            of = tables.sources.c.entry.in_(sorted(set(entry_ids)))
+            return sorted(set(rows.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
 
     # -- asking --------------------------------------------------------------------------------------------------------
     def retrieve(self, subtask: Key | str, task: str = "", scene: str = "") -> Retrieval:
@@ -210,7 +280,7 @@ class Skillbook:
                 raise SkillbookError(
                     self.url, "was opened without an embedder or a vector store", "configure both to retrieve"
                 )
-            key_vectors = KeyVectors(self._vectors, self.settings.wording, self.settings.actions)
+            key_vectors = self._key_vectors()
             index = KeyIndex(self._store, key_vectors)
             self._retriever = Retriever(self._database, self._vectors, index, key_vectors, self.settings)
         return self._retriever.retrieve(_key(subtask))
@@ -330,6 +400,42 @@ class Skillbook:
         if not changed.rowcount:
             raise UnknownName("feedback", str(feedback_id), ())
 
+    def _key_vectors(self) -> KeyVectors:
+        if self._vectors is None:
+            raise SkillbookError(self.url, "was opened without an embedder", "configure one")
+        return KeyVectors(self._vectors, self.settings.wording, self.settings.actions)
+
+    def _alike_together(self, members: Sequence[Entry]) -> list[Entry]:
+        """In an order in which each is followed by the most similar of those left."""
+        assert self._vectors is not None
+        vectors = self._vectors.get([member.text for member in members])
+        left, order = list(range(1, len(members))), [0]
+        while left:
+            nearest = max(left, key=lambda i: float(vectors[i] @ vectors[order[-1]]))
+            left.remove(nearest)
+            order.append(nearest)
+        return [members[i] for i in order]
+
+    def _known_template(self, connection: sa.Connection, approval: int, key: Key, code: str) -> Entry | None:
+        """The template that an approval became or confirmed before, or the served one, if that is this very code."""
+        confirmed = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == approval)
+        there = rows.entries_where(connection, _E.id.in_(confirmed), _E.phase == "template")
+        processed = connection.execute(sa.select(_F.status).where(_F.id == approval)).scalar() == "processed"
+        if there and processed:
+            return there[0]
+        key_id = rows.known_key_id(connection, key)
+        return None if key_id is None else templates.served_version(connection, key_id, code)
+
+    def _approve_again(
+        self, connection: sa.Connection, approval: int, template: Entry, derived_from: Iterable[int]
+    ) -> None:
+        """The same code approved once more is no new version; it is this person's now, too."""
+        upsert = self._database.upsert(tables.sources)
+        for source in self._origins(connection, {approval, *derived_from}):
+            connection.execute(upsert.values(entry=template.id, feedback=source))
+        done = sa.update(tables.feedback).where(_F.id == approval).values(status="processed", reason="")
+        connection.execute(done)
+
     def _add(
         self,
         feedback_id: int,
@@ -351,6 +457,9 @@ class Skillbook:
             if there:
                 return tuple(there)
             upsert = self._database.upsert(tables.keys)
+            if phase == "template" and (known := self._known_template(connection, feedback_id, wanted, items[0][1])):
+                self._approve_again(connection, feedback_id, known, derived_from)
+                return (known,)
             key_ids = {
                 kind: rows.key_id(connection, upsert, GLOBAL_KEY if kind == "general" else wanted) for kind, _ in items
             }
@@ -382,6 +491,9 @@ class Skillbook:
             connection.execute(
                 sa.update(tables.feedback).where(_F.id == feedback_id).values(status="processed", reason="")
             )
+            if phase == "template":
+                [key_id] = revision_of
+                templates.succeed(connection, key_id, revision_of[key_id], added[0])
             if added:
                 self._database.next_generation(connection)
             stored = rows.entries_by_id(connection, added)

@@ -63,6 +63,8 @@ class Database:
         self._fetching = threading.Lock()
         self._reader: sa.PoolProxiedConnection | None = None
         self._prepared: dict[sa.Select[Any], tuple[str, tuple[str, ...]]] = {}
+        self._whole: bool | None = None  # whether it has all tables
+        self._names: set[str] = set()
         self._memory_lock = threading.RLock()  # the one connection of a book in memory is used by one thread at a time
 
     @property
@@ -276,6 +278,22 @@ class Database:
                 f"it has schema version {version}, this MEMO knows up to {tables.SCHEMA_VERSION}",
                 "update memo-core, or use another book",
             )
+        if int(version) < tables.SCHEMA_VERSION and not self.read_only:
+            self._add_tables()
+
+    def has(self, connection: sa.Connection, table: sa.Table) -> bool:
+        """Whether the book has a table: one of an older version that is open read-only may lack some."""
+        if self._whole is None:
+            names = set(sa.inspect(connection).get_table_names())
+            self._whole = frozenset(tables.metadata.tables) <= names
+            self._names = names
+        return self._whole or table.name in self._names
+
+    def _add_tables(self) -> None:
+        """What an older book lacks, all or nothing."""
+        with self.write() as connection:
+            tables.metadata.create_all(connection)
+            self.set_meta(connection, "schema_version", str(tables.SCHEMA_VERSION))
 
     def _create(self) -> None:
         with self._exclusive(), self._writing() as connection, connection.begin():

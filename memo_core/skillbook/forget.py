@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import time
+
 import sqlalchemy as sa
 
-from memo_core.skillbook import tables
+from memo_core.skillbook import rows, tables
 from memo_core.skillbook.entries import Forgotten
+from memo_core.skillbook.superseding import gave_way_to, restore
+from memo_core.skillbook.templates import succeed
 from memo_core.skillbook.vectors import digest
 
-_F, _E, _S, _R = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c
+_F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c
 _CHUNK = 500
 
 
@@ -23,6 +27,10 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
     doomed = list(connection.execute(sa.select(_E.id, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others))))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
+    back = [
+        entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
+    ]
+    _forget_reasons(connection, ids)
     for start in range(0, len(ids), _CHUNK):
         part = ids[start : start + _CHUNK]
         connection.execute(sa.delete(tables.sources).where(_S.entry.in_(part)))
@@ -30,6 +38,7 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
     connection.execute(sa.delete(tables.sources).where(_S.feedback.in_(theirs)))
     connection.execute(sa.update(tables.entries).where(_E.feedback.in_(theirs)).values(feedback=None))
     feedback = connection.execute(sa.delete(tables.feedback).where(_F.who == who)).rowcount
+    _bring_back(connection, sorted(set(back) - set(ids)), "what it gave way to was withdrawn")
     gone = [text for text in texts if not connection.execute(sa.select(_E.id).where(_E.text == text).limit(1)).first()]
     for start in range(0, len(gone), _CHUNK):
         digests = [digest(text) for text in gone[start : start + _CHUNK]]
@@ -40,8 +49,34 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
     return Forgotten(who, feedback, len(ids), keys), gone
 
 
+def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:
+    """A model's reasons may quote what it read: those of revisions that touched a doomed entry go."""
+    for start in range(0, len(doomed), _CHUNK):
+        touched = sa.select(_C.revision).where(_C.entry.in_(doomed[start : start + _CHUNK]))
+        connection.execute(
+            sa.update(tables.changes).where(_C.revision.in_(touched), _C.change != "joined").values(why="")
+        )
+
+
+def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None:
+    """What gave way only to something that is gone now is valid again; of templates one a key."""
+    by_key: dict[int, list[int]] = {}
+    for start in range(0, len(entries), _CHUNK):
+        where = _E.id.in_(entries[start : start + _CHUNK])
+        for entry, key in connection.execute(sa.select(_E.id, _E.key).where(where)).all():
+            by_key.setdefault(key, []).append(entry)
+    for key, mine in by_key.items():
+        revision = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
+        for entry in mine:
+            restore(connection, revision, entry, why)
+        valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+        if len(valid) > 1:
+            succeed(connection, key, revision, max(entry.id for entry in valid))
+
+
 def _drop_orphans(connection: sa.Connection) -> None:
-    used = sa.union(sa.select(_E.revision), sa.select(_E.superseded_by).where(_E.superseded_by.is_not(None)))
+    retiring = sa.select(_E.superseded_by).where(_E.superseded_by.is_not(None))
+    used = sa.union(sa.select(_E.revision), retiring, sa.select(_C.revision))
     connection.execute(sa.delete(tables.revisions).where(_R.id.not_in(used)))
     empty_keys = sa.select(tables.keys.c.id).where(tables.keys.c.id.not_in(sa.select(_E.key)))
     connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.key.in_(empty_keys)))

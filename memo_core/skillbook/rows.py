@@ -112,15 +112,22 @@ def feedback_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool
 
 def key_id(connection: sa.Connection, upsert: sa.Insert, key: Key) -> int:
     """The id of a key's row, made if missing; an alias leads to the key it stands for."""
+    found = known_key_id(connection, key)
+    if found is None:
+        connection.execute(upsert.values(action=key.action, objects=objects_text(key)))
+        found = known_key_id(connection, key)
+        assert found is not None
+    return found
+
+
+def known_key_id(connection: sa.Connection, key: Key) -> int | None:
+    """The id of a key that the book has, under this or another spelling; None for one it has not."""
     alias = connection.execute(sa.select(tables.aliases.c.key).where(tables.aliases.c.spelling == str(key))).scalar()
     if alias is not None:
         return int(alias)
-    values = {"action": key.action, "objects": objects_text(key)}
-    connection.execute(upsert.values(**values))
-    found = connection.execute(
-        sa.select(_K.id).where(_K.action == values["action"], _K.objects == values["objects"])
-    ).scalar_one()
-    return int(found)
+    where = (_K.action == key.action, _K.objects == objects_text(key))
+    found = connection.execute(sa.select(_K.id).where(*where)).scalar()
+    return None if found is None else int(found)
 
 
 def insert(connection: sa.Connection, table: sa.Table, **values: Any) -> int:

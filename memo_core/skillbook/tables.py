@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 2 has tables that 1 had not, and nothing else: opening an older book for writing adds them
 
 metadata = sa.MetaData()
 _ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
@@ -58,7 +58,7 @@ revisions = sa.Table(  # every change to the set of valid entries; rolling one b
     sa.Column("id", _ID, primary_key=True),
     sa.Column("key", sa.ForeignKey("keys.id", ondelete="SET NULL"), nullable=True, index=True),
     sa.Column("time", sa.Float, nullable=False),
-    sa.Column("reason", sa.Text, nullable=False),  # feedback, template, import, cluster, rollback
+    sa.Column("reason", sa.Text, nullable=False),  # feedback 3, template 4, cluster by offline, rollback of 7, ...
     sqlite_autoincrement=True,
 )
 
@@ -95,4 +95,32 @@ vectors = sa.Table(  # a cache; the digest of the text, so that no words are kep
     sa.Column("embedder", sa.String(200), primary_key=True),
     sa.Column("digest", sa.String(64), primary_key=True),
     sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
+)
+
+changes = sa.Table(  # what a revision did to entries that it did not bring in itself
+    "changes",
+    metadata,
+    sa.Column("revision", sa.ForeignKey("revisions.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True, index=True),
+    sa.Column("change", sa.String(20), nullable=False),  # superseded, restored, joined
+    sa.Column("why", sa.Text, nullable=False),  # of "joined": the key it was under before
+    sa.Column("because", sa.ForeignKey("entries.id", ondelete="SET NULL"), nullable=True),  # what it gave way to
+)
+
+clusterings = sa.Table(  # which state of a key was clustered last: as long as that is its state, it is passed over
+    "clusterings",
+    metadata,
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("digest", sa.String(64), nullable=False),
+    sa.Column("time", sa.Float, nullable=False),
+    sa.Column("model", sa.Text, nullable=False),
+)
+
+records = sa.Table(  # how entries did when they were served to code for one key
+    "records",
+    metadata,
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("uses", sa.Integer, nullable=False),
+    sa.Column("confirmed_uses", sa.Integer, nullable=False),
 )

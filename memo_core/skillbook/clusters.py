@@ -1,0 +1,201 @@
+"""Clusters: all corrections under one key, or the general statements, with the templates they are condensed against.
+
+What condensing may do is enforced here, whatever a model answers (``problem_with``): entries and characters never grow,
+every member is accounted for, and only what contradicts a template that was shown goes without a successor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+
+import attrs
+
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
+from memo_core.skillbook.keys import Key
+
+
+@attrs.frozen
+class RelatedTemplate:
+    """A valid template that a cluster is condensed against, by the rule of retrieval: r(cluster's key, template's key)
+    is not below the cut, and the actions are no opposites. ``score`` is r; 1 for general statements, which every
+    template is related to."""
+
+    entry: Entry
+    score: float
+
+    @property
+    def key(self) -> str:
+        return key_label(self.entry.key)
+
+    @property
+    def text(self) -> str:
+        return self.entry.text
+
+
+@attrs.frozen
+class Cluster:
+    """What is condensed together. ``part`` of ``parts``: large ones are taken in parts that a prompt can hold.
+
+    ``said_after`` are members said of code that was written with the key's own template and found fault with: they are
+    newer than it, so the template does not outweigh them. ``whole`` and ``related`` are the ids of all members of the
+    key and of all templates related to it, also those that found no room in this part.
+    """
+
+    key: Key
+    members: tuple[Entry, ...]
+    templates: tuple[RelatedTemplate, ...] = ()
+    said_after: frozenset[int] = frozenset()
+    whole: frozenset[int] = frozenset()
+    related: frozenset[int] = frozenset()
+    part: int = 1
+    parts: int = 1
+
+    @property
+    def label(self) -> str:
+        name = key_label(self.key)
+        return name if self.parts == 1 else f"{name} {self.part}/{self.parts}"
+
+    @property
+    def left_out(self) -> int:
+        """Related templates that the part does not show."""
+        return len(self.related) - len(self.templates)
+
+    @property
+    def state(self) -> str:
+        """Of the whole key; when it was clustered in this state, it need not be again."""
+        return state_digest(self.whole, self.related, self.said_after)
+
+    @property
+    def general(self) -> bool:
+        return self.key == GLOBAL_KEY
+
+    @property
+    def characters(self) -> int:
+        return sum(len(member.text) for member in self.members)
+
+
+@attrs.frozen
+class Merged:
+    """One entry of a condensed cluster and the members it derives from, by their places in the cluster from 1."""
+
+    text: str
+    of: tuple[int, ...]
+
+
+@attrs.frozen
+class Dropped:
+    """A member that goes, because it contradicts a template (its place among the cluster's templates from 1)."""
+
+    number: int
+    template: int
+    why: str = ""
+
+
+@attrs.frozen
+class Condensed:
+    """A proposal for a cluster: a model's, not yet trusted."""
+
+    entries: tuple[Merged, ...]
+    dropped: tuple[Dropped, ...] = ()
+
+    @property
+    def characters(self) -> int:
+        return sum(len(one.text) for one in self.entries)
+
+    def changes(self, cluster: Cluster) -> bool:
+        """Whether anything would be different afterwards."""
+        return bool(self.dropped) or any(not is_kept(cluster, one) for one in self.entries)
+
+
+@attrs.frozen
+class Clustered:
+    """What became of one cluster: entries and characters before and after, and the revision (None: nothing to do)."""
+
+    key: Key
+    entries_before: int
+    entries_after: int
+    characters_before: int
+    characters_after: int
+    revision: int | None = None
+    added: tuple[Entry, ...] = ()
+
+
+def is_kept(cluster: Cluster, one: Merged) -> bool:
+    """Whether an entry of a proposal is a member as it was."""
+    return len(one.of) == 1 and cluster.members[one.of[0] - 1].text == one.text
+
+
+def problem_with(cluster: Cluster, proposal: Condensed) -> str:
+    """Why a proposal cannot be taken, as one sentence for whoever made it; "" when it can.
+
+    Every member is the source of exactly one entry or dropped; entries and characters do not grow; what is dropped
+    names a template that was shown, and is not one said of code that was written with the key's own template.
+    """
+    count, shown = len(cluster.members), len(cluster.templates)
+    seen: dict[int, str] = {}
+    for where, numbers in _places(proposal):
+        for number in numbers:
+            if not 1 <= number <= count:
+                return f"{where} names number {number}; there are numbers 1 to {count}"
+            if number in seen:
+                return f"number {number} is used twice, in {seen[number]} and in {where}; each number goes to one place"
+            seen[number] = where
+    missing = [number for number in range(1, count + 1) if number not in seen]
+    if missing:
+        listed = ", ".join(map(str, missing))
+        return f'the numbers {listed} are neither in an entry\'s "from" nor dropped; account for every number'
+    for position, one in enumerate(proposal.entries, start=1):
+        if not one.text.strip():
+            return f"entry {position} has no text"
+        if not one.of:
+            return f"entry {position} derives from no number; nothing may be added that nobody said"
+    for gone in proposal.dropped:
+        if not shown:
+            return f"number {gone.number} is dropped, but there are no templates that it could contradict; keep it"
+        if not 1 <= gone.template <= shown:
+            return f"number {gone.number} is dropped for template {gone.template}; there are templates 1 to {shown}"
+        member, template = cluster.members[gone.number - 1], cluster.templates[gone.template - 1]
+        if member.id in cluster.said_after and template.entry.key == cluster.key:
+            return (
+                f"number {gone.number} is dropped for template {gone.template}, but was said of code written with that "
+                "template: it says what is wrong with it; keep it"
+            )
+    if len(proposal.entries) > count:
+        return f"there are {len(proposal.entries)} entries, more than the {count} there were"
+    if proposal.characters > cluster.characters:
+        return (
+            f"the entries have {proposal.characters} characters together, more than the {cluster.characters} there "
+            "were; say it more briefly"
+        )
+    return ""
+
+
+def duplicates(members: Sequence[Entry]) -> Condensed | None:
+    """The proposal that joins members of the same words (case, spaces and the last full stop aside); None where there
+    are none. It takes no model to see that."""
+    groups: dict[str, list[int]] = {}
+    for number, member in enumerate(members, start=1):
+        groups.setdefault(" ".join(member.text.casefold().split()).rstrip(". "), []).append(number)
+    if len(groups) == len(members):
+        return None
+    shortest = [min(numbers, key=lambda n: len(members[n - 1].text)) for numbers in groups.values()]
+    return Condensed(
+        tuple(Merged(members[n - 1].text, tuple(numbers)) for n, numbers in zip(shortest, groups.values(), strict=True))
+    )
+
+
+def state_digest(members: Iterable[int], templates: Iterable[int], said_after: Iterable[int] = ()) -> str:
+    """What a cluster looks like: entries are never changed, so their ids say it. One word for each of the three."""
+    listed = (",".join(map(str, sorted(ids))) for ids in (members, templates, said_after))
+    return ":".join(hashlib.sha256(ids.encode()).hexdigest()[:20] for ids in listed)
+
+
+def _places(proposal: Condensed) -> Iterable[tuple[str, tuple[int, ...]]]:
+    for position, one in enumerate(proposal.entries, start=1):
+        if len(set(one.of)) != len(one.of):
+            yield f"entry {position}", tuple(dict.fromkeys(one.of))
+        else:
+            yield f"entry {position}", one.of
+    for gone in proposal.dropped:
+        yield '"dropped"', (gone.number,)

@@ -1,0 +1,273 @@
+"""Finding clusters and committing what became of one: one transaction each, only if the members are still those read.
+
+What is superseded stays in the book with the reason; ``history`` shows and restores it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+import attrs
+import numpy as np
+import sqlalchemy as sa
+
+from memo_core.errors import MemoError
+from memo_core.skillbook import rows, tables
+from memo_core.skillbook.clusters import (
+    Cluster,
+    Clustered,
+    Condensed,
+    Merged,
+    RelatedTemplate,
+    is_kept,
+    problem_with,
+    state_digest,
+)
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.superseding import supersede
+from memo_core.skillbook.templates import records_of
+from memo_core.skillbook.wording import KeyVectors
+
+_E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
+_TIE = 1e-6
+
+
+@attrs.define(auto_exc=True, eq=False)
+class ClusterChanged(MemoError):
+    """The book changed while a cluster was thought about; nothing was written. Read it anew and try again."""
+
+    cluster: str
+
+    def __str__(self) -> str:
+        return f"cluster {self.cluster} has changed since it was read; nothing was written"
+
+
+@attrs.frozen
+class ClusterLimits:
+    """How much one prompt can hold."""
+
+    members: int = 40
+    template_characters: int = 24_000
+
+
+def find_clusters(
+    database: Database,
+    key_vectors: KeyVectors,
+    settings: RetrievalSettings,
+    limits: ClusterLimits,
+    order: Callable[[Sequence[Entry]], list[Entry]],
+    unchanged: bool = False,
+) -> list[Cluster]:
+    """The book's clusters, those that are as they were clustered last only with ``unchanged``. What cannot become
+    fewer or other (one member that no template is related to) is left out.
+
+    ``order`` brings a cluster's members that are alike next to each other, for one that is taken in parts.
+    """
+    with database.read() as connection:
+        valid = rows.entries_where(connection, _E.superseded_by.is_(None))
+        clustered = _clustered(database, connection)
+        records = records_of(database, connection)
+    members: dict[Key, list[Entry]] = {}
+    for entry in valid:
+        if entry.kind != "template":
+            members.setdefault(entry.key, []).append(entry)
+    templates = [entry for entry in valid if entry.kind == "template"]
+    related = _related(list(members), templates, key_vectors, settings)
+    found: list[Cluster] = []
+    for key in sorted(members, key=lambda key: (key == GLOBAL_KEY, key)):
+        mine, near = members[key], related[key]
+        faulted = [t.entry for t in near if t.entry.key == key and records.failed(t.entry.id, key)]
+        said_after = frozenset(m.id for m in mine for t in faulted if m.created > t.created)
+        cluster = Cluster(
+            key,
+            tuple(mine),
+            _within(near, limits.template_characters),
+            said_after,
+            whole=frozenset(m.id for m in mine),
+            related=frozenset(t.entry.id for t in near),
+        )
+        if (len(mine) < 2 and not near) or (clustered.get(key) == cluster.state and not unchanged):
+            continue
+        found += _parts(cluster, limits, order)
+    return found
+
+
+def condense(database: Database, cluster: Cluster, proposal: Condensed, model: str, reason: str) -> Clustered:
+    """Commit a proposal for a cluster. Returns what became of it; its last part also notes the key as clustered.
+
+    Raises ``ClusterChanged`` when the members or templates are not those that were read, ``ValueError`` for a proposal
+    that ``problem_with`` refuses (nothing is written then), ``ReadOnlyBook``.
+    """
+    problem = problem_with(cluster, proposal)
+    if problem:
+        raise ValueError(problem)
+    now = time.time()
+    with database.write() as connection:
+        key = _unchanged_key(connection, cluster)
+        revision, added = None, []
+        if proposal.changes(cluster):
+            revision = rows.insert(connection, tables.revisions, key=key, time=now, reason=reason)
+            added = _replace(connection, cluster, proposal, revision, key)
+            database.next_generation(connection)
+        if cluster.part == cluster.parts and reason != "duplicates":
+            note_clustered(connection, key, _state_now(connection, cluster, key), model)
+        stored = rows.entries_by_id(connection, added)
+    return Clustered(
+        cluster.key,
+        len(cluster.members),
+        len(proposal.entries),
+        cluster.characters,
+        proposal.characters,
+        revision,
+        tuple(stored[entry] for entry in added),
+    )
+
+
+def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
+    """The id of the cluster's key. Raises ``ClusterChanged``."""
+    read = {m.id for m in cluster.members}
+    shown = [t.entry.id for t in cluster.templates]
+    valid = rows.entries_by_id(connection, [*read, *shown])
+    there = all(entry in valid and valid[entry].superseded_by is None for entry in [*read, *shown])
+    key = connection.execute(sa.select(_E.key).where(_E.id == min(read))).scalar()
+    if not there or key is None or any(valid[entry].key != cluster.key for entry in read):
+        raise ClusterChanged(cluster.label)
+    if cluster.parts == 1:
+        now = connection.execute(
+            sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
+        )
+        if set(rows.ids_of(now)) != read:
+            raise ClusterChanged(cluster.label)
+    return int(key)
+
+
+def _replace(connection: sa.Connection, cluster: Cluster, proposal: Condensed, revision: int, key: int) -> list[int]:
+    added = []
+    for ordinal, one in enumerate(proposal.entries):
+        if is_kept(cluster, one):
+            continue
+        made_of = [cluster.members[number - 1] for number in one.of]
+        entry = _merged_entry(connection, made_of, one, revision, key, ordinal)
+        added.append(entry)
+        for member in made_of:
+            supersede(connection, revision, member.id, f"merged into {entry}", entry)
+    for gone in proposal.dropped:
+        template = cluster.templates[gone.template - 1]
+        why = gone.why.strip() or f"contradicts template {template.entry.id}"
+        supersede(connection, revision, cluster.members[gone.number - 1].id, why, template.entry.id)
+    return added
+
+
+def _merged_entry(
+    connection: sa.Connection, made_of: Sequence[Entry], one: Merged, revision: int, key: int, ordinal: int
+) -> int:
+    """What several people said stays all of theirs; its uses are the most that any of its sources had, since they were
+    mostly served together."""
+    scenes = {member.scene for member in made_of}
+    entry = rows.insert(
+        connection,
+        tables.entries,
+        kind=made_of[0].kind,
+        key=key,
+        text=one.text,
+        scene=scenes.pop() if len(scenes) == 1 else "",
+        feedback=None,
+        phase="cluster",
+        ordinal=ordinal,
+        revision=revision,
+        superseded_by=None,
+        uses=max(member.uses for member in made_of),
+        confirmed_uses=max(member.confirmed_uses for member in made_of),
+        created=max(member.created for member in made_of),
+    )
+    origins = sa.select(_S.feedback).where(_S.entry.in_([member.id for member in made_of])).distinct()
+    for source in sorted(rows.ids_of(connection.execute(origins))):
+        rows.insert_plain(connection, tables.sources, entry=entry, feedback=source)
+    return entry
+
+
+# -- which were clustered already --------------------------------------------------------------------------------------
+
+
+def _clustered(database: Database, connection: sa.Connection) -> dict[Key, str]:
+    if not database.has(connection, tables.clusterings):
+        return {}
+    query = sa.select(_K.action, _K.objects, _C.digest).join(tables.keys, _C.key == _K.id)
+    return {rows.key_of(action, objects): digest for action, objects, digest in connection.execute(query)}
+
+
+def note_clustered(connection: sa.Connection, key: int, digest: str, model: str) -> None:
+    """Pass over a key for as long as its state is this one."""
+    connection.execute(sa.delete(tables.clusterings).where(_C.key == key))
+    rows.insert_plain(connection, tables.clusterings, key=key, digest=digest, time=time.time(), model=model)
+
+
+def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
+    """The state that the cluster's own changes made; what came in from elsewhere meanwhile is not of it."""
+    query = sa.select(_E.id).where(
+        _E.key == key,
+        _E.kind != "template",
+        _E.superseded_by.is_(None),
+        sa.or_(_E.id.in_(cluster.whole), _E.phase == "cluster"),
+    )
+    members = rows.ids_of(connection.execute(query))
+    newest = {entry.id for entry in rows.entries_by_id(connection, members).values()}
+    return state_digest(newest, cluster.related, cluster.said_after & newest)
+
+
+# -- relations and parts -----------------------------------------------------------------------------------------------
+
+
+def _related(
+    keys: list[Key], templates: list[Entry], key_vectors: KeyVectors, settings: RetrievalSettings
+) -> dict[Key, list[RelatedTemplate]]:
+    """By key, nearest first. General statements are related to all templates, the best proven first."""
+    found: dict[Key, list[RelatedTemplate]] = {key: [] for key in keys}
+    proven = sorted(templates, key=lambda t: (-t.confirmed_uses, -t.created, -t.id))
+    if GLOBAL_KEY in found:
+        found[GLOBAL_KEY] = [RelatedTemplate(template, 1.0) for template in proven]
+    own = [key for key in keys if key != GLOBAL_KEY]
+    if not own or not templates:
+        return found
+    theirs = list(dict.fromkeys(template.key for template in templates))
+    (a, b), (c, d) = key_vectors.get(own), key_vectors.get(theirs)
+    first, second = settings.weights
+    scores = (first * (a @ c.T) + second * (b @ d.T)) / (first + second)
+    actions = settings.actions
+    of_key = {key: [t for t in proven if t.key == key] for key in theirs}
+    for i, key in enumerate(own):
+        for j in np.argsort(-scores[i], kind="stable"):
+            if scores[i, j] < settings.cut - _TIE:
+                break
+            if not actions.opposite(key.action, theirs[j].action):
+                found[key] += [RelatedTemplate(template, float(scores[i, j])) for template in of_key[theirs[j]]]
+    return found
+
+
+def _within(templates: Sequence[RelatedTemplate], characters: int) -> tuple[RelatedTemplate, ...]:
+    """As many as have room, the first in any case."""
+    shown: list[RelatedTemplate] = []
+    for template in templates:
+        characters -= len(template.text)
+        if characters < 0 and shown:
+            break
+        shown.append(template)
+    return tuple(shown)
+
+
+def _parts(
+    cluster: Cluster, limits: ClusterLimits, order: Callable[[Sequence[Entry]], list[Entry]]
+) -> Iterable[Cluster]:
+    if len(cluster.members) <= limits.members:
+        return [cluster]
+    ordered = order(cluster.members)
+    count = -(-len(ordered) // limits.members)
+    size = -(-len(ordered) // count)
+    return [
+        attrs.evolve(cluster, members=tuple(ordered[i * size : (i + 1) * size]), part=i + 1, parts=count)
+        for i in range(count)
+    ]

@@ -1,0 +1,250 @@
+"""What every revision changed, the book as it was after any of them, and taking one back.
+
+Nothing that is superseded is deleted, so each of these is a matter of looking. A rollback is a revision of its own and
+can be rolled back as well.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.errors import MemoError, UnknownName
+from memo_core.skillbook import rows, tables
+from memo_core.skillbook.clusters import state_digest
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import Entry
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.superseding import restore, supersede
+from memo_core.skillbook.templates import records_of
+
+_E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
+_CHUNK = 500
+
+
+@attrs.frozen
+class Change:
+    """What a revision did to an entry: ``added``, ``superseded``, ``restored``, or ``joined`` from the key ``why``."""
+
+    change: str
+    entry: Entry
+    why: str = ""
+    because: int | None = None  # the entry it gave way to
+
+
+@attrs.frozen
+class Revision:
+    """One change to the set of valid entries."""
+
+    id: int
+    time: float  # s since the epoch
+    reason: str
+    key: Key | None  # None when the key is gone
+    changes: tuple[Change, ...]
+
+    def count(self, change: str) -> int:
+        return sum(one.change == change for one in self.changes)
+
+
+@attrs.frozen
+class Version:
+    """A template and how it did for its own key: ``state`` is served, superseded or rolled back."""
+
+    entry: Entry
+    state: str
+    uses: int
+    confirmed_uses: int
+
+
+@attrs.frozen
+class Difference:
+    """Entries valid at one time and not at the other, oldest first."""
+
+    removed: tuple[Entry, ...]
+    added: tuple[Entry, ...]
+
+
+@attrs.define(auto_exc=True, eq=False)
+class CannotRollBack(MemoError):
+    """Something later rests on what a revision did. ``later`` are revisions to roll back first."""
+
+    revision: int
+    problem: str
+    later: tuple[int, ...] = ()
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        listed = ", ".join(map(str, self.later))
+        first = f"; roll back {listed} before it, in this order" if self.later else ""
+        return f"revision {self.revision} cannot be rolled back: {self.problem}{first}"
+
+
+def revisions(database: Database, connection: sa.Connection, key: Key | None = None) -> list[Revision]:
+    """All revisions, oldest first, or those that touched a key's entries."""
+    changed = _changes(database, connection)
+    entries = {entry.id: entry for entry in rows.entries_where(connection)}
+    by_revision: dict[int, list[Change]] = {}
+    for entry in entries.values():
+        by_revision.setdefault(entry.revision, []).append(Change("added", entry))
+    for row in changed:
+        by_revision.setdefault(row.revision, []).append(Change(row.change, entries[row.entry], row.why, row.because))
+    query = sa.select(_R.id, _R.time, _R.reason, _K.action, _K.objects).join(tables.keys, _R.key == _K.id, isouter=True)
+    found = []
+    for row in connection.execute(query.order_by(_R.id)):
+        about = rows.key_of(row.action, row.objects) if row.objects is not None else None
+        one = Revision(row.id, row.time, row.reason, about, tuple(by_revision.get(row.id, ())))
+        if key is None or about == key or any(change.entry.key == key for change in one.changes):
+            found.append(one)
+    return found
+
+
+def versions(database: Database, connection: sa.Connection, key: Key) -> list[Version]:
+    """The templates of a key with their records, oldest first."""
+    mine = [
+        entry
+        for entry in rows.entries_where(connection, _E.kind == "template", _K.action == key.action)
+        if entry.key == key
+    ]
+    records = records_of(database, connection, [entry.id for entry in mine])
+    succeeded = {(row.revision, row.entry) for row in _changes(database, connection) if row.because is not None}
+    found = []
+    for entry in mine:
+        gone = "superseded" if (entry.superseded_by, entry.id) in succeeded else "rolled back"
+        uses, confirmed = records.record(entry.id, key)
+        found.append(Version(entry, "served" if entry.superseded_by is None else gone, uses, confirmed))
+    return found
+
+
+def difference(database: Database, connection: sa.Connection, one: int, other: int | None = None) -> Difference:
+    """What ``one`` changed; with ``other``, from the book as it was after ``one`` to the book as it was after
+    ``other``. Raises ``UnknownName``."""
+    for revision in (one, other):
+        if revision is not None:
+            _check(connection, revision)
+    before, after = (one - 1, one) if other is None else (one, other)
+    entries = rows.entries_where(connection)
+    changed = _changes(database, connection)
+    was, now = _valid_after(before, entries, changed), _valid_after(after, entries, changed)
+    return Difference(
+        tuple(entry for entry in entries if entry.id in was - now),
+        tuple(entry for entry in entries if entry.id in now - was),
+    )
+
+
+def roll_back(database: Database, connection: sa.Connection, revision: int) -> int:
+    """Take back what a revision did, inside a write transaction; the new revision's id.
+
+    Raises ``UnknownName``, ``CannotRollBack`` when later revisions rest on it or it was rolled back already.
+    """
+    _check(connection, revision)
+    added = rows.entries_where(connection, _E.revision == revision)
+    mine = connection.execute(sa.select(tables.changes).where(_C.revision == revision)).all()
+    entries = rows.entries_by_id(connection, [row.entry for row in mine])
+    _check_untouched(connection, revision, added, mine, entries)
+    key = connection.execute(sa.select(_R.key).where(_R.id == revision)).scalar()
+    new = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason=f"rollback of {revision}")
+    for entry in added:
+        supersede(connection, new, entry.id, f"rollback of {revision}")
+    for row in mine:
+        if row.change == "superseded":
+            restore(connection, new, row.entry, f"rollback of {revision}")
+        elif row.change == "restored":
+            supersede(connection, new, row.entry, f"rollback of {revision}")
+    _part(database, connection, new, [row for row in mine if row.change == "joined"])
+    if key is not None:
+        _leave_as_it_is(connection, key)
+    database.next_generation(connection)
+    return new
+
+
+def _check(connection: sa.Connection, revision: int) -> None:
+    known = rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id)))
+    if revision not in known:
+        raise UnknownName("revision", str(revision), tuple(map(str, known[-20:])))
+
+
+def _check_untouched(
+    connection: sa.Connection,
+    revision: int,
+    added: Sequence[Entry],
+    mine: Sequence[sa.Row],
+    entries: dict[int, Entry],
+) -> None:
+    """Raises ``CannotRollBack`` unless everything that the revision touched is still as it left it."""
+    retired = {entry.id: entry.superseded_by for entry in [*added, *entries.values()]}
+    left: list[int] = [entry.id for entry in added] + [row.entry for row in mine if row.change != "joined"]
+    ids = [*left, *(row.entry for row in mine if row.change == "joined")]
+    if not ids:
+        raise CannotRollBack(revision, "it changed no entry that is still there")
+    touched = {by for entry in left if (by := retired[entry]) is not None and by != revision}
+    for start in range(0, len(ids), _CHUNK):
+        where = (_C.entry.in_(ids[start : start + _CHUNK]), _C.revision > revision)
+        touched |= set(rows.ids_of(connection.execute(sa.select(_C.revision).where(*where))))
+    if not touched:
+        return
+    reasons = {row.id: row.reason for row in connection.execute(sa.select(_R.id, _R.reason).where(_R.id.in_(touched)))}
+    standing = {later for later in touched if not _undone(connection, later)}
+    own = [later for later in standing if reasons[later] == f"rollback of {revision}"]
+    if own:
+        raise CannotRollBack(revision, f"it was already, by revision {max(own)}")
+    standing -= {later for later in standing for one in touched if reasons[later] == f"rollback of {one}"}
+    if standing:
+        raise CannotRollBack(revision, "later ones changed its entries again", tuple(sorted(standing, reverse=True)))
+
+
+def _undone(connection: sa.Connection, revision: int) -> bool:
+    """Whether a revision was rolled back, and that not rolled back itself."""
+    query = sa.select(_R.id).where(_R.reason == f"rollback of {revision}")
+    return any(not _undone(connection, later) for later in rows.ids_of(connection.execute(query)))
+
+
+def _part(database: Database, connection: sa.Connection, new: int, joined: list[sa.Row]) -> None:
+    """Give entries back to the key they were under before it was joined to another."""
+    for spelling in {row.why for row in joined}:
+        connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == spelling))
+    for row in joined:
+        where = _E.id == row.entry
+        query = sa.select(_K.action, _K.objects, _E.key).join(tables.keys, _E.key == _K.id).where(where)
+        there = connection.execute(query).one()
+        back = rows.key_id(connection, database.upsert(tables.keys), Key.parse(row.why))
+        connection.execute(sa.update(tables.entries).where(where).values(key=back))
+        record = (tables.records.c.entry == row.entry, tables.records.c.key == there.key)
+        connection.execute(sa.update(tables.records).where(*record).values(key=back))
+        was = str(rows.key_of(there.action, there.objects))
+        rows.insert_plain(
+            connection, tables.changes, revision=new, entry=row.entry, change="joined", why=was, because=None
+        )
+
+
+def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
+    """What somebody took back is not clustered again until something else changes."""
+    where = tables.clusterings.c.key == key
+    state = connection.execute(sa.select(tables.clusterings.c.digest).where(where)).scalar()
+    if state is None:
+        return
+    valid = sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
+    members = state_digest(rows.ids_of(connection.execute(valid)), ()).split(":")[0]
+    rest = state.partition(":")[2]
+    connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))
+
+
+def _changes(database: Database, connection: sa.Connection) -> list[sa.Row]:
+    if not database.has(connection, tables.changes):
+        return []
+    return list(connection.execute(sa.select(tables.changes).order_by(_C.revision, _C.entry)))
+
+
+def _valid_after(revision: int, entries: list[Entry], changed: list[sa.Row]) -> set[int]:
+    valid = {entry.id for entry in entries if entry.revision <= revision}
+    for row in changed:
+        if row.revision > revision or row.change == "joined":
+            continue
+        if row.change == "superseded":
+            valid.discard(row.entry)
+        else:
+            valid.add(row.entry)
+    return valid

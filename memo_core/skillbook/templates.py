@@ -1,0 +1,120 @@
+"""Versions of templates: one under each key is served, the others stay in the book with their record.
+
+Code that a person approved becomes the new version, for it worked last and has in it whatever was corrected before. A
+version whose code is found fault with gives way to an older one with a better record: the share of approvals,
+(confirmed uses + 1) / (uses + 1), counting the approval that made it; of equals the newest. Only what happened to
+subtasks of the template's own key counts: that it did not fit something else says nothing against it.
+"""
+
+from __future__ import annotations
+
+import ast
+import time
+from collections.abc import Callable, Iterable
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.skillbook import rows, tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import Entry
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.superseding import restore, supersede
+
+_E, _R, _K, _C = tables.entries.c, tables.records.c, tables.keys.c, tables.changes.c
+
+
+@attrs.frozen
+class Records:
+    """How often entries were served to code for one key, and how often that was approved."""
+
+    of: dict[tuple[int, Key], tuple[int, int]]
+
+    def record(self, entry: int, key: Key) -> tuple[int, int]:
+        """(uses, confirmed uses)."""
+        return self.of.get((entry, key), (0, 0))
+
+    def failed(self, entry: int, key: Key) -> bool:
+        """Whether code for ``key`` that the entry was served to was found fault with."""
+        uses, confirmed = self.record(entry, key)
+        return uses > confirmed
+
+    def share(self, entry: Entry) -> float:
+        """Of approvals under the entry's own key, the one that made it counted."""
+        uses, confirmed = self.record(entry.id, entry.key)
+        return (confirmed + 1) / (uses + 1)
+
+
+def records_of(database: Database, connection: sa.Connection, entries: Iterable[int] | None = None) -> Records:
+    """Of all entries, or of some."""
+    if not database.has(connection, tables.records):
+        return Records({})
+    query = sa.select(_R.entry, _K.action, _K.objects, _R.uses, _R.confirmed_uses).join(tables.keys, _R.key == _K.id)
+    if entries is not None:
+        query = query.where(_R.entry.in_(list(entries)))
+    return Records(
+        {
+            (entry, rows.key_of(action, objects)): (uses, confirmed)
+            for entry, action, objects, uses, confirmed in connection.execute(query)
+        }
+    )
+
+
+def count_use(connection: sa.Connection, entries: Iterable[int], key: int, success: bool) -> None:
+    """Add one use for a key to entries' records, inside a write transaction."""
+    for entry in entries:
+        where = (_R.entry == entry, _R.key == key)
+        values = {"uses": _R.uses + 1, "confirmed_uses": _R.confirmed_uses + int(success)}
+        changed = connection.execute(sa.update(tables.records).where(*where).values(**values))
+        if not changed.rowcount:
+            rows.insert_plain(connection, tables.records, entry=entry, key=key, uses=1, confirmed_uses=int(success))
+
+
+def same_code(one: str, other: str) -> bool:
+    """Whether two functions differ in nothing but comments and layout."""
+    try:
+        return ast.dump(ast.parse(one)) == ast.dump(ast.parse(other))
+    except (SyntaxError, ValueError, RecursionError):
+        return one.split() == other.split()
+
+
+def served_version(connection: sa.Connection, key: int, code: str) -> Entry | None:
+    """The valid version under a key that is this very code."""
+    valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    return next((entry for entry in valid if same_code(entry.text, code)), None)
+
+
+def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> None:
+    """Let the version ``newest`` take the place of the others under its key, inside a write transaction."""
+    valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    for entry in valid:
+        if entry.id != newest:
+            supersede(connection, revision, entry.id, f"newer version {newest}", newest)
+
+
+def elect(database: Database, connection: sa.Connection, key: int, reason: str) -> int | None:
+    """Serve the best version under a key, inside a write transaction; one that somebody rolled back is no candidate.
+    Returns the revision, or None where nothing had to change."""
+    every = rows.entries_where(connection, _E.key == key, _E.kind == "template")
+    gave_way = sa.select(_C.revision, _C.entry).where(
+        _C.entry.in_([entry.id for entry in every]), _C.change == "superseded", _C.because.is_not(None)
+    )
+    outdone = {(row.revision, row.entry) for row in connection.execute(gave_way)}
+    valid = [entry for entry in every if entry.superseded_by is None]
+    candidates = [entry for entry in every if entry in valid or (entry.superseded_by, entry.id) in outdone]
+    if not valid:
+        return None
+    best = max(candidates, key=_merit(records_of(database, connection, [entry.id for entry in candidates])))
+    if valid == [best]:
+        return None
+    revision = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason=reason)
+    for entry in valid:
+        if entry.id != best.id:
+            supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)
+    if best not in valid:
+        restore(connection, revision, best.id, "the best record")
+    return revision
+
+
+def _merit(records: Records) -> Callable[[Entry], tuple[float, float, int]]:
+    return lambda entry: (records.share(entry), entry.created, entry.id)
