@@ -97,7 +97,8 @@ class MotionError(SkillError):
     """A motion that cannot be made (before anything moved) or did not arrive (``reached`` says by how much).
 
     ``cause`` is one of ``unreachable``, ``joint-limit``, ``self-collision``, ``collision``, ``workspace``,
-    ``no-branch`` (no continuous arm configuration along the path) and ``not-arrived``.
+    ``no-branch`` (no continuous arm configuration along the path), ``not-arrived``, ``no-contact`` (nothing was felt
+    where something should have been) and ``force`` (more was felt than the arm may press with).
     """
 
     cause: str = "unreachable"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cattrs
 import numpy as np
 
 from memo_core.arm.attachment import Attachment, bars, grasped, movable
 from memo_core.arm.collision import obstacles_of
+from memo_core.arm.force import SEARCH_SPEED, STRAY, ForceMotion, Pressed, spiral
 from memo_core.arm.motion import MotionPlanner, Plan, World
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, MotionError, Stopped
@@ -46,6 +47,8 @@ class ArmControl(Control):
         self._lag = np.array(link.servo_lag) if len(link.servo_lag) else np.zeros(self._kinematics.count)
         self._scene: SceneGraph | None = None
         self._attachment = Attachment()
+        self._force = ForceMotion(link, self._kinematics, description.max_contact_force)
+        self._tare = np.zeros(3)  # N, felt when the hand was last free
 
     # -- perception --------------------------------------------------------------------------------------------------
     def scene(self) -> SceneGraph:
@@ -161,6 +164,81 @@ class ArmControl(Control):
         except Stopped:
             raise Stopped("waiting") from None
 
+    # -- force -------------------------------------------------------------------------------------------------------
+    def contact_force(self) -> list[float]:
+        return [float(v) for v in self._force.force() - self._tare]
+
+    def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
+        skill = "move_until_contact"
+        self._check_force(skill, force)
+        start = self._start(skill)
+        before = self.tool_pose()
+        along = np.asarray(direction)
+        here = self._kinematics.pose(start)
+        goal = Pose(tuple(np.asarray(here.position) + distance * along), here.orientation)
+        plan = self._planner.guarded(skill, start, [goal], speed, self._world(), None)
+        self._tare = self._force.force()
+        touched = self._force.until_contact(skill, plan.trajectory.targets, along, force, self._tare)
+        moved = float((np.asarray(self.tool_pose().position) - before.position) @ along)
+        self._carried_to(before)
+        if not touched:
+            self._settle(skill, plan.trajectory.targets[-1])
+            problem = f"nothing was felt within {100 * distance:.1f} cm"
+            raise MotionError(skill, problem, cause="no-contact")
+        return moved
+
+    def press(self, direction: list[float], force: float, seconds: float) -> float:
+        start = self._start("press")
+        rows = np.repeat(start[None], max(1, math.ceil(seconds / self._link.control_period)), axis=0)
+        return self._pressed("press", rows, direction, force, None).mean_force
+
+    def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
+        start = self._start(skill)
+        poses = _poses(path, self._kinematics.pose(start))
+        plan = self._planner.guarded(skill, start, poses, speed, self._world(), self.scene().table_height)
+        return self._pressed(skill, plan.trajectory.targets, direction, force, None).mean_force
+
+    def spiral_search(
+        self, direction: list[float], radius: float, force: float, depth: float, pitch: float
+    ) -> list[float]:
+        skill = "spiral_search"
+        start = self._start(skill)
+        here = self._kinematics.pose(start)
+        poses = [Pose(tuple(one), here.orientation) for one in spiral(here, direction, radius, pitch)]
+        plan = self._planner.guarded(skill, start, poses, SEARCH_SPEED, self._world(), None)
+        done = self._pressed(skill, plan.trajectory.targets, direction, force, lambda shift: shift >= depth)
+        if not done.stopped_early:
+            problem = f"no place was found within {1000 * radius:.1f} mm where it goes in {1000 * depth:.1f} mm deeper"
+            raise MotionError(skill, f"{problem}; the deepest was {1000 * done.deepest:.1f} mm", cause="no-contact")
+        return list(self.tool_pose().position)
+
+    def _pressed(
+        self,
+        skill: str,
+        targets: Array,
+        direction: list[float],
+        force: float,
+        until: Callable[[float], bool] | None,
+    ) -> Pressed:
+        self._check_force(skill, force)
+        along = np.asarray(direction)
+        self._planner.check_shifted(skill, targets, along * STRAY)
+        before = self.tool_pose()
+        try:
+            return self._force.along(skill, targets, along, force, self._tare, until)
+        finally:
+            self._carried_to(before)
+
+    def _check_force(self, skill: str, force: float) -> None:
+        most = self._description.max_contact_force
+        if force > most:
+            given = f"{force:.0f} N is more than this arm may press with"
+            raise InvalidArgument(f"{skill}(force)", given, f"at most {most:.0f} N")
+
+    def _carried_to(self, before: Pose) -> None:
+        """What the hand carries has gone with it from where the tool was."""
+        self._attachment = self._attachment.moved_along(self.tool_pose().matrix @ before.inverse().matrix)
+
     # -- checkpoints -------------------------------------------------------------------------------------------------
     def state(self) -> bytes:
         """What ``restore`` takes back: the scene as last seen (without images) and what is held. JSON in UTF-8."""
@@ -173,13 +251,15 @@ class ArmControl(Control):
                 "observation": cattrs.unstructure([seen.end_effector, seen.gripper_width, seen.holding]),
                 "rest": [self._scene.table_height, self._scene.label, self._scene.time],
             }
-        return json.dumps({"scene": scene, "attachment": cattrs.unstructure(self._attachment)}).encode()
+        held = cattrs.unstructure(self._attachment)
+        return json.dumps({"scene": scene, "attachment": held, "tare": self._tare.tolist()}).encode()
 
     def restore(self, state: bytes) -> None:
         """Raises ``InvalidArgument`` for bytes that ``state`` did not give."""
         try:
             memory = json.loads(state)
             self._attachment = cattrs.structure(memory["attachment"], Attachment)
+            self._tare = np.array([float(v) for v in memory["tare"]])
             scene = memory["scene"]
             if scene is None:
                 self._scene = None
@@ -223,6 +303,8 @@ class ArmControl(Control):
         self._send_all(skill, plan.trajectory.targets)
         self._settle(skill, plan.trajectory.targets[-1])
         self._attachment = self._attachment.moved_along(plan.carried)
+        if tolerance is _FREE_TOLERANCE and self._link.feels_force:
+            self._tare = self._force.force()
         distance, angle = self.tool_pose().distance(plan.goal)
         if distance > tolerance[0] or angle > tolerance[1]:
             problem = (

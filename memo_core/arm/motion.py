@@ -80,28 +80,54 @@ class MotionPlanner:
         checker = self._checker(world, start)
         failure: tuple[Blocked, CartesianPath] | None = None
         for path, tilts in self._options([goal, *then], _grasp([goal, *then], world), slack, None):
-            search = BranchSearch(self.kinematics, path, checker, None, 0.0, "free", start)
-            goals: list[Array] = []
-            blocked = search.prepare(tilts)
-            while blocked is None and len(goals) < _STARTS:
-                found = search.best()
-                if isinstance(found, Blocked):
-                    blocked = found
+            ahead, pushed = checker, frozenset[str]()
+            for _ in range(3):
+                found = self._start_of(path, tilts, ahead, checker, start, speed, world)
+                if isinstance(found, Plan):
+                    return found
+                # Met only by what is to follow: it will give way there, as it does in ``follow``.
+                more = self._pushed(found, path, world) - pushed if found.s > 0 else frozenset()
+                if not more:
                     break
-                goals.append(found.joints[:, 0])
-                search.exclude(found.joints[:, 0])
-                plan = self._clear_route(checker, start, goals[-1:], speed, world, nodes=0)
-                if plan is not None:
-                    return plan
-            if goals:
-                plan = self._route(checker, start, goals, speed, world)
-                if plan is not None:
-                    return plan
-                blocked = Blocked(0.0, "collision", self._obstructing(checker, start, goals[0]))
-            assert blocked is not None
-            failure = _further(failure, (blocked, path))
+                pushed |= more
+                left = [one for one in world.obstacles if one.node not in pushed]
+                ahead = self._checker(attrs.evolve(world, obstacles=left), start)
+            failure = _further(failure, (found, path))
         assert failure is not None
         raise self._reasons.error(skill, failure[0], failure[1], 0.0, start, slack)
+
+    def _start_of(
+        self,
+        path: CartesianPath,
+        tilts: Array,
+        ahead: Checker,
+        checker: Checker,
+        start: Array,
+        speed: float,
+        world: World,
+    ) -> Plan | Blocked:
+        """A way to the path's first pose in a configuration from which the rest can be followed. ``ahead`` knows what
+        is in the way of that rest, ``checker`` what is in the way until it begins."""
+        search = BranchSearch(self.kinematics, path, ahead, None, 0.0, "free", start)
+        goals: list[Array] = []
+        blocked = search.prepare(tilts)
+        while blocked is None and len(goals) < _STARTS:
+            found = search.best()
+            if isinstance(found, Blocked):
+                blocked = found
+                break
+            goals.append(found.joints[:, 0])
+            search.exclude(found.joints[:, 0])
+            plan = self._clear_route(checker, start, goals[-1:], speed, world, nodes=0)
+            if plan is not None:
+                return plan
+        if goals:
+            plan = self._route(checker, start, goals, speed, world)
+            if plan is not None:
+                return plan
+            blocked = Blocked(0.0, "collision", self._obstructing(checker, start, goals[0]))
+        assert blocked is not None
+        return blocked
 
     def _options(
         self, poses: Sequence[Pose], grasp: int | None, slack: float, tilt: float | None
@@ -201,7 +227,7 @@ class MotionPlanner:
 
     def _line(self, path: CartesianPath, start: Array) -> Array | None:
         """Joints (n, M) along a short path from a configuration (n,), or None where they do not go on."""
-        s = path.grid(0.01)
+        s = np.unique(np.concatenate([path.grid(0.01), path.knots]))
         rotation, position = path.at(s)
         joints = np.empty((self.kinematics.count, len(s)))
         joints[:, 0] = start
@@ -328,6 +354,38 @@ class MotionPlanner:
                 if np.linalg.norm(np.maximum(outside, 0.0), axis=1).min() < _MEETS:
                     return group
         return frozenset()
+
+    # -- under force -------------------------------------------------------------------------------------------------
+    def guarded(
+        self, skill: str, start: Array, poses: Sequence[Pose], linear: float, world: World, table: float | None
+    ) -> Plan:
+        """Straight pieces through ``poses`` at ``linear`` m/s, from joints (n,), for a motion that ends or gives way
+        where it feels something: only the arm itself is in its way. ``table`` (m) as in ``follow``, None where the
+        path may lead into what is to be touched. Raises ``MotionError``."""
+        floor = -np.inf if table is None else table
+        self._reasons.check_workspace(skill, poses, floor)
+        path = CartesianPath([self.kinematics.pose(start), *poses])
+        alone = attrs.evolve(world, obstacles=())
+        joints = self._line(path, start)
+        checker = self._checker(alone, start)
+        if joints is None or any(checker.collides(one, "contact") for one in joints.T[1:]):
+            plan = self.follow(skill, start, poses, (), 0.0, 1.0, alone, floor, False)
+            joints = np.column_stack([start, plan.trajectory.targets.T])
+        trajectory = time_path(self.kinematics, joints, Speed(0.6, linear, max(0.3, 6 * linear)), self.period)
+        carried = path.pose(path.length).matrix @ np.linalg.inv(path.pose(0.0).matrix)
+        return Plan(trajectory, self.kinematics.pose(trajectory.targets[-1]), carried)
+
+    def check_shifted(self, skill: str, targets: Array, shift: Array) -> None:
+        """Raises ``MotionError`` unless the first and last of the targets (T, n) can be reached shifted by (3,) m."""
+        ends = targets[[0, -1]].T
+        rotation, position = self.kinematics.forward(ends)
+        found = self.kinematics.solve(ends, rotation, position + shift[:, None])
+        if not found.solved.all():
+            where = "start" if not found.solved[0] else "end"
+            far = f"{100 * np.linalg.norm(shift):.0f} cm further along the direction"
+            raise MotionError(
+                skill, f"the arm cannot give way there: {far} from the path's {where} is out of its reach"
+            )
 
     def joint_line(self, start: Array, goal: Array) -> Trajectory:
         """Slowly along the straight joint line, minding nothing: for following where the arm already is."""

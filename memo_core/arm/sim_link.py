@@ -7,6 +7,8 @@ from base64 import b85decode, b85encode
 
 import numpy as np
 
+from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.wrench import WrenchEstimate
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.robot import RobotDescription
@@ -20,6 +22,7 @@ class SimulatorLink(Link):
     """Joint-level access to the robot in a built simulator. Its checkpoint holds the simulator's and the targets."""
 
     can_restore = True
+    feels_force = True
 
     def __init__(self, simulator: Simulator, description: RobotDescription) -> None:
         super().__init__(description)
@@ -30,6 +33,7 @@ class SimulatorLink(Link):
         self._stopped = self._stop.is_set
         self._command = simulator.command_joints
         self._tick = simulator.tick
+        self._wrench = WrenchEstimate(Kinematics(description), simulator.control_period)
         self._targets: Array = simulator.joint_positions().copy()
         self._command(self._targets)
 
@@ -47,6 +51,16 @@ class SimulatorLink(Link):
 
     def holding(self) -> bool:
         return self.simulator.gripper_effort() > _HOLDING_FORCE
+
+    def contact_wrench(self) -> Array:
+        simulator = self.simulator
+        return self._wrench.at(
+            simulator.time,
+            simulator.joint_positions(),
+            simulator.joint_velocities(),
+            simulator.joint_accelerations(),
+            simulator.joint_torques(),
+        )
 
     def send(self, targets: Array) -> None:
         if self._stopped():
@@ -70,7 +84,11 @@ class SimulatorLink(Link):
         return self.simulator.time
 
     def checkpoint(self) -> bytes:
-        state = {"targets": [float(v) for v in self._targets], "world": b85encode(self.simulator.checkpoint()).decode()}
+        state = {
+            "targets": [float(v) for v in self._targets],
+            "felt": self._wrench.state(),
+            "world": b85encode(self.simulator.checkpoint()).decode(),
+        }
         return json.dumps(state).encode()
 
     def restore(self, checkpoint: bytes) -> None:
@@ -78,6 +96,7 @@ class SimulatorLink(Link):
         try:
             state = json.loads(checkpoint)
             targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])
+            self._wrench.recall([float(v) for v in state["felt"]])
         except (ValueError, KeyError, TypeError) as error:
             raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
         if targets.shape != (len(self.description.joints),):

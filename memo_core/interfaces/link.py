@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 
-from memo_core.errors import Stopped
+from memo_core.errors import BackendUnavailable, Stopped
 from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.pose import Array
 
@@ -19,6 +19,7 @@ class Link(ABC):
 
     control_period: float = 0.01  # s between two sends
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
+    feels_force: bool = False  # whether it has a ``contact_wrench``
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:
@@ -59,6 +60,12 @@ class Link(ABC):
     @abstractmethod
     def holding(self) -> bool:
         """Whether something is between the fingers and pressed."""
+
+    def contact_wrench(self) -> Array:
+        """Force (N) over torque (Nm) that the world, gravity on what is held included, exerts on the tool at its
+        centre, base axes, shape (6,); the arm's own weight and motion are taken off. A slowly drifting bias is
+        allowed. Raises ``BackendUnavailable`` for a robot that feels no forces."""
+        raise BackendUnavailable("robot", self.description.name, "its link feels no forces", "one that does")
 
     @abstractmethod
     def send(self, targets: Array) -> None:

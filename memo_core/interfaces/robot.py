@@ -69,6 +69,7 @@ class RobotDescription:
     home: tuple[float, ...] = ()  # rad, one per joint
     allowed_contacts: tuple[tuple[str, str], ...] = ()  # pairs of links that may touch (neighbours always may)
     reach: float = 0.855  # m from the first joint's axis
+    max_contact_force: float = 60.0  # N the hand may press with; more than this felt ends a guarded motion
     mesh_folder: str | None = None  # where the URDF's package:// or relative mesh files lie
 
     @property

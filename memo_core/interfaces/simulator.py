@@ -102,8 +102,12 @@ class Simulator(WorldState):
 
     @abstractmethod
     def joint_torques(self) -> Array:
-        """Torques the actuators apply now (Nm), gravity compensation included, shape (n,). From them, the arm's own
-        weight and motion taken off, is estimated what the hand feels."""
+        """Torques the actuators apply now (Nm), gravity compensation included, shape (n,). What they do beyond
+        carrying and moving the arm itself is what the hand feels."""
+
+    @abstractmethod
+    def joint_accelerations(self) -> Array:
+        """rad/s2 in the last physics step, at the moment of ``joint_torques``, shape (n,)."""
 
     @abstractmethod
     def gripper_width(self) -> float:

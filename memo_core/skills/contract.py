@@ -6,27 +6,35 @@ Plugins add skills through the same hook.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
 from memo_core.errors import InvalidArgument
-from memo_core.scene.pose import multiply_quaternions, quaternion_from_axis_angle, quaternion_from_rotation
-from memo_core.skills.control import Control
-from memo_core.skills.skill import Skill, skill
+from memo_core.scene.pose import Pose, multiply_quaternions, quaternion_from_axis_angle, quaternion_from_rotation
+from memo_core.skills.control import Control, Waypoints
+from memo_core.skills.skill import Skill, skill, type_legend
 from memo_core.skills.values import (
     Angle,
     Direction,
+    Distance,
     Force,
     Name,
     Orientation,
     Path,
     Position,
+    Push,
     Seconds,
+    Short,
     Slack,
     Speed,
+    ToolSpeed,
     Width,
 )
+
+_TURNING_STEP = 0.15  # rad between two poses of a turn
+_TURNING_SPEED = 0.1  # m/s, which for a turn in place means 0.6 rad/s
 
 # -- what is there ---------------------------------------------------------------------------------------------------
 
@@ -242,12 +250,26 @@ def align_from_side(
 
 
 @skill("motion")
-def rotate_gripper(control: Control, angle: Angle) -> None:
-    """Turn the hand in place about its approach axis by angle (rad, right-handed about the approach direction)."""
+def rotate_gripper(control: Control, angle: Angle, push: Push = 0.0) -> None:
+    """Turn the hand in place about its approach axis by angle (rad, right-handed about the approach direction),
+    pressing along it with push (N) meanwhile."""
     pose = control.tool_pose()
-    approach = tuple(pose.rotation[:, 2])
-    turned = multiply_quaternions(quaternion_from_axis_angle(approach, angle), pose.orientation)
-    control.follow_path([(list(pose.position), list(turned))], None, 0.0, 0.5)
+    approach = [float(v) for v in pose.rotation[:, 2]]
+    path = _turned(pose.position, pose.orientation, pose.position, approach, angle)
+    if push > 0:
+        control.press_along("rotate_gripper", path, approach, push, _TURNING_SPEED)
+    else:
+        control.follow_path(path, None, 0.0, 0.5)
+
+
+@skill("motion")
+def turn_about(control: Control, pivot: Position, axis: Direction, angle: Angle, speed: Speed = 0.5) -> None:
+    """Carry the hand, and what it holds, on a circle about the axis (base frame) through pivot by angle (rad,
+    right-handed), the hand turning with it: for tilting and pouring about a rim, turning a lever, opening a lid."""
+    pose = control.tool_pose()
+    control.follow_path(
+        _turned(pose.position, pose.orientation, pivot, _unit("turn_about(axis)", axis), angle), None, 0.0, speed
+    )
 
 
 @skill("motion")
@@ -262,6 +284,75 @@ def wait(control: Control, seconds: Seconds) -> None:
     control.wait(seconds)
 
 
+# -- force -----------------------------------------------------------------------------------------------------------
+
+
+@skill("query")
+def get_contact_force(control: Control) -> list:
+    """Force [fx, fy, fz] (N, base frame) that the world exerts on the hand now, without what it felt when it was last
+    free (a held object's weight): pressing down on a table, fz is above 0."""
+    return control.contact_force()
+
+
+@skill("motion")
+def move_until_contact(
+    control: Control, direction: Direction, distance: Distance, force: Force = 5.0, speed: ToolSpeed = 0.03
+) -> float:
+    """Move straight along direction until a force (N) is felt against it, stop there; returns the metres moved. speed
+    is in m/s; slow is gentle. Raises MotionError when nothing was felt within distance (m)."""
+    return control.move_until_contact(_unit("move_until_contact(direction)", direction), distance, force, speed)
+
+
+@skill("motion")
+def press(control: Control, direction: Direction, force: Force, seconds: Seconds = 1.0) -> float:
+    """Press along direction with a force (N) for some seconds, going up to 3 cm to find something; returns the mean
+    force (N). Raises MotionError when nothing holds against it."""
+    return control.press(_unit("press(direction)", direction), force, seconds)
+
+
+@skill("motion")
+def press_along(control: Control, path: Path, direction: Direction, force: Force, speed: ToolSpeed = 0.05) -> float:
+    """Follow a path as follow_path does, pressing along direction with a force (N) all the way: the hand gives way
+    along direction, up to 3 cm off the path, and keeps to it otherwise. For wiping, pushing something home, following a
+    surface. speed is in m/s. Returns the mean force (N); raises MotionError when contact is lost."""
+    return control.press_along("press_along", path, _unit("press_along(direction)", direction), force, speed)
+
+
+@skill("motion")
+def spiral_search(
+    control: Control,
+    direction: Direction,
+    radius: Short,
+    force: Force = 5.0,
+    depth: Short = 0.003,
+    pitch: Short = 0.001,
+) -> Position:
+    """Press along direction with a force (N) while circling outwards up to radius (m), turns pitch (m) apart, until the
+    hand drops by depth (m): for finding a hole or a fit. Returns the hand's position then; raises MotionError, back in
+    the middle, when it never dropped."""
+    return control.spiral_search(_unit("spiral_search(direction)", direction), radius, force, depth, pitch)
+
+
+def _unit(where: str, direction: list[float]) -> list[float]:
+    length = math.sqrt(sum(v * v for v in direction))
+    if length < 1e-9:
+        raise InvalidArgument(where, "it has no length", "a direction such as [0, 0, -1]")
+    return [v / length for v in direction]
+
+
+def _turned(
+    position: Sequence[float], orientation: Sequence[float], pivot: Sequence[float], axis: list[float], angle: float
+) -> Waypoints:
+    """Poses on the way of a hand that is turned by ``angle`` (rad) about an axis, fine enough for straight pieces."""
+    path: Waypoints = []
+    count = max(1, math.ceil(abs(angle) / _TURNING_STEP))
+    for number in range(1, count + 1):
+        part = quaternion_from_axis_angle(axis, angle * number / count)
+        moved = Pose((0.0, 0.0, 0.0), part).apply(np.asarray(position) - np.asarray(pivot)) + np.asarray(pivot)
+        path.append(([float(v) for v in moved], list(multiply_quaternions(part, tuple(orientation)))))
+    return path
+
+
 def _orientation(approach: list[float], closing: list[float]) -> list[float]:
     """Quaternion of a tool frame with z = approach and y = closing (unit, orthogonal)."""
     z, y = np.asarray(approach), np.asarray(closing)
@@ -272,5 +363,6 @@ BUILTIN_SKILLS: tuple[Skill, ...] = tuple(value for value in list(globals().valu
 
 
 def documentation(skills: dict[str, Any]) -> str:
-    """The prompt's documentation of a skill library, in the order of declaration."""
-    return "\n\n".join(one.documentation() for one in skills.values())
+    """The prompt's documentation of a skill library: what the type names mean, then the skills as they are declared."""
+    parts = [type_legend(skills.values()), *(one.documentation() for one in skills.values())]
+    return "\n\n".join(part for part in parts if part)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+from memo_core.errors import MotionError
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Pose
 
@@ -56,6 +57,32 @@ class Control(ABC):
     @abstractmethod
     def go_home(self) -> None: ...
 
+    # -- force: directions are unit vectors in the base frame; a robot that feels nothing leaves these as they are -----
+    def contact_force(self) -> list[float]:
+        """Force (N) that the world exerts on the hand, [fx, fy, fz], without what was felt when last free."""
+        raise _unfelt("get_contact_force")
+
+    def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
+        """Straight at ``speed`` (m/s) until ``force`` (N) is felt against ``direction``; returns the metres moved.
+        Raises ``MotionError`` (``no-contact``) after ``distance`` (m)."""
+        raise _unfelt("move_until_contact")
+
+    def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
+        """Press with ``force`` (N) in ``direction`` while the hand follows ``path`` in all others at ``speed`` (m/s);
+        returns the mean force (N). Raises ``MotionError`` (``no-contact``, ``force``) in the name of ``skill``."""
+        raise _unfelt(skill)
+
+    def press(self, direction: list[float], force: float, seconds: float) -> float:
+        """Press without going anywhere; returns the mean force (N)."""
+        raise _unfelt("press")
+
+    def spiral_search(
+        self, direction: list[float], radius: float, force: float, depth: float, pitch: float
+    ) -> list[float]:
+        """Press while circling outwards to ``radius`` (m), turns ``pitch`` (m) apart, until the hand drops by ``depth``
+        (m); returns its position then. Raises ``MotionError`` (``no-contact``) when it did not drop."""
+        raise _unfelt("spiral_search")
+
     @abstractmethod
     def wait(self, seconds: float) -> None: ...
 
@@ -67,3 +94,7 @@ class Control(ABC):
 
     def restore(self, state: bytes) -> None:
         """Back to what ``state`` gave."""
+
+
+def _unfelt(skill: str) -> MotionError:
+    return MotionError(skill, "this robot feels no forces", cause="force")

@@ -17,6 +17,7 @@ from memo_core.scene.pose import Pose
 from memo_core.skills.control import Control, Waypoints
 
 STROKE = 0.08  # m
+_GIVES_WAY = 0.03  # m that pressing goes to find something
 
 
 @attrs.define
@@ -39,6 +40,7 @@ class FakeControl(Control):
     on_command: Callable[[str], None] | None = None
     time: float = 0.0  # s
     _seen: tuple[Node, ...] = attrs.field(init=False)
+    _felt: tuple[float, ...] = attrs.field(init=False, default=(0.0, 0.0, 0.0))
     _latched: bool = attrs.field(init=False, default=False)
 
     def __attrs_post_init__(self) -> None:
@@ -155,6 +157,72 @@ class FakeControl(Control):
         self._command("wait")
         self.time += seconds
 
+    # -- force: everything solid is hard, and only what the hand is pressed on pushes back -----------------------------
+    def contact_force(self) -> list[float]:
+        return list(self._felt)
+
+    def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
+        end = [p + distance * d for p, d in zip(self.pose.position, direction, strict=True)]
+        if math.hypot(*end) > self.reach:
+            self._refuse("move_until_contact", [(end, None)])
+        self._command("move_until_contact")
+        free = min(self._free_way(direction), distance)
+        self._go([p + free * d for p, d in zip(self.pose.position, direction, strict=True)], None, 2 * speed)
+        if free >= distance:
+            raise MotionError(
+                "move_until_contact", f"nothing was felt within {100 * distance:.1f} cm", cause="no-contact"
+            )
+        self._felt = tuple(-force * d for d in direction)
+        return free
+
+    def press(self, direction: list[float], force: float, seconds: float) -> float:
+        self._press("press", direction, force)
+        self.time += seconds
+        return force
+
+    def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
+        self._refuse(skill, path)
+        self._press(skill, direction, force)
+        for position, orientation in path:
+            self._go(position, orientation, 2 * speed)
+        self._felt = tuple(-force * d for d in direction)
+        return force
+
+    def spiral_search(
+        self, direction: list[float], radius: float, force: float, depth: float, pitch: float
+    ) -> list[float]:
+        self._press("spiral_search", direction, force)
+        raise MotionError("spiral_search", f"no place was found within {1000 * radius:.1f} mm", cause="no-contact")
+
+    def _press(self, skill: str, direction: list[float], force: float) -> None:
+        self._command(skill)
+        if (free := self._free_way(direction)) > _GIVES_WAY:
+            raise MotionError(skill, f"nothing to press against within {100 * _GIVES_WAY:.0f} cm", cause="no-contact")
+        self._go([p + free * d for p, d in zip(self.pose.position, direction, strict=True)], None, 0.1)
+        self._felt = tuple(-force * d for d in direction)
+
+    def _free_way(self, direction: list[float]) -> float:
+        """m that the hand can go along a unit direction before it meets the table or a thing's box."""
+        nearest = math.inf
+        if direction[2] < -1e-9:
+            nearest = (self.pose.position[2] - self.floor) / -direction[2]
+        for node in self.nodes:
+            if node.kind == "space" or node.id == self.held:
+                continue
+            turned = node.pose.inverse()
+            start = turned.apply(self.pose.position).tolist()
+            along = (turned.rotation @ direction).tolist()
+            enters, leaves = 0.0, math.inf
+            for at, step, extent in zip(start, along, node.size, strict=True):
+                if abs(step) < 1e-9:
+                    enters = math.inf if abs(at) > extent / 2 else enters
+                    continue
+                bounds = sorted(((-extent / 2 - at) / step, (extent / 2 - at) / step))
+                enters, leaves = max(enters, bounds[0]), min(leaves, bounds[1])
+            if enters <= leaves:
+                nearest = min(nearest, enters)
+        return max(nearest, 0.0)
+
     def _refuse(self, skill: str, path: Waypoints) -> None:
         for position, _ in path:
             shown = "[" + ", ".join(f"{v:.3f}" for v in position) + "]"
@@ -165,6 +233,7 @@ class FakeControl(Control):
 
     def _go(self, position: list[float], orientation: list[float] | None, speed: float) -> None:
         start = self.pose.position
+        self._felt = (0.0, 0.0, 0.0)
         self.time += math.dist(start, position) / (0.5 * speed)
         target = (position[0], position[1], position[2])
         self.pose = Pose(target, tuple(orientation) if orientation is not None else self.pose.orientation)

@@ -109,6 +109,7 @@ class MujocoSimulator(Simulator):
         self._arm_qpos = self._qpos[first_qpos : first_qpos + len(world.arm_qpos)]
         self._arm_qvel = self._qvel[first_dof : first_dof + len(world.arm_dof)]
         self._arm_torque = self.data.qfrc_actuator[first_dof : first_dof + len(world.arm_dof)]
+        self._arm_qacc = self.data.qacc[first_dof : first_dof + len(world.arm_dof)]
         self._arm_ctrl = self._ctrl[self._arm]
         self._fingers = [int(address) for address in world.finger_qpos]
         self._servo = world.finger_servo
@@ -188,6 +189,9 @@ class MujocoSimulator(Simulator):
 
     def joint_torques(self) -> Array:
         return self._arm_torque.copy()
+
+    def joint_accelerations(self) -> Array:
+        return self._arm_qacc.copy()
 
     def gripper_width(self) -> float:
         qpos = self._qpos

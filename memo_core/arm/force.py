@@ -1,0 +1,254 @@
+"""Motions that feel: until something is touched, and along a path while pressing.
+
+Both follow a joint path that was planned before anything moved. A guarded motion brakes where it feels its force.
+Pressing is admittance control in one direction (Seraji, "Adaptive admittance control", ICRA 1994): the path is shifted
+along the pressing direction at a speed proportional to what is missing of the force, (f - felt) / b, with the damping b
+chosen from how stiff the contact was found to be; in all other directions the path is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.trajectory import stopping
+from memo_core.arm.wrench import ToolDynamics
+from memo_core.errors import MotionError, Stopped
+from memo_core.interfaces.link import Link
+from memo_core.scene.pose import Array, Pose
+
+SEARCH_SPEED = 0.01  # m/s of a spiral search
+STRAY = 0.03  # m by which pressing may leave the path along its direction
+_SEEK_SPEED = 0.015  # m/s towards what is to be pressed on
+_TOUCHED = 0.6  # share of the force from which on something is touched
+_CORRECTION_SPEED = 0.03  # m/s, most that the force may shift the path by
+_BANDWIDTH = 10.0  # 1/s of the force loop
+_SLOPE_SPEED = 0.02  # m/s, most of it that is learnt
+_DAMPING = (150.0, 4000.0)  # N s/m, bounds of b
+_LOST = 0.2  # share of the force below which contact counts as lost
+_PATIENCE = 0.4  # s of lost contact, or of too much force, that end a motion
+_SETTLE = 0.3  # s in which a force is reached after contact
+_NULLSPACE = 0.2  # share of the way back to the planned posture a tick
+_OVERLOAD_TICKS = 3
+_EASE_TICKS = 12
+
+
+@attrs.frozen(eq=False)
+class Pressed:
+    """What pressing along a path came to: mean force (N) and how far the path was shifted at its end (m)."""
+
+    mean_force: float
+    offset: float
+    deepest: float  # m, most it was shifted by
+    stopped_early: bool
+
+
+class ForceMotion:
+    """Runs planned joint paths (T, n) under force. ``limit`` is the most that may be felt (N)."""
+
+    def __init__(self, link: Link, kinematics: Kinematics, limit: float) -> None:
+        self._link = link
+        self._kinematics = kinematics
+        self._dynamics = ToolDynamics(kinematics)
+        self._limit = limit
+        self._period = link.control_period
+        self._lag = np.array(link.servo_lag) if len(link.servo_lag) else np.zeros(kinematics.count)
+        self._fastest = kinematics.velocity * self._period
+        self._last = self._before = np.zeros(kinematics.count)
+
+    def force(self) -> Array:
+        """Felt now (N), base frame, shape (3,)."""
+        return self._link.contact_wrench()[:3]
+
+    # -- until something is felt -------------------------------------------------------------------------------------
+    def until_contact(self, skill: str, targets: Array, direction: Array, force: float, bias: Array) -> bool:
+        """Follow targets (T, n) until ``force`` (N) is felt against a unit direction, come to rest there and ease off
+        to that force. False when the path ended before. Raises ``MotionError`` (``force``) and ``Stopped``."""
+        self._begin()
+        try:
+            for row in targets:
+                self._send(row, row - self._last)
+                felt = self.force() - bias
+                if -felt @ direction >= force:
+                    break
+                if np.linalg.norm(felt) > self._limit:
+                    self._ease()
+                    raise self._overloaded(skill, felt)
+            else:
+                return False
+            # The servo has run ahead of the arm by what it lags: ease off from where the arm is.
+            self._ease()
+            loop = _Loop(direction, force, bias, _DAMPING[1] / 2)
+            self._along(skill, np.repeat(self._last[None], round(_SETTLE / self._period), axis=0), loop, None)
+        except Stopped:
+            self._brake(skill)
+        return True
+
+    # -- along a path ------------------------------------------------------------------------------------------------
+    def along(
+        self,
+        skill: str,
+        targets: Array,
+        direction: Array,
+        force: float,
+        bias: Array,
+        until: Callable[[float], bool] | None = None,
+    ) -> Pressed:
+        """Press with ``force`` (N) in a unit direction while following targets (T, n). The hand first goes at most
+        ``STRAY`` along the direction until it touches something. ``until`` is asked every tick with the shift (m) since
+        then and ends the motion early. Raises ``MotionError`` (``no-contact``, ``force``) and ``Stopped``."""
+        self._begin()
+        loop = _Loop(direction, force, bias, 1200.0)
+        try:
+            self._seek(skill, loop)
+            settle = np.repeat(targets[:1], round(_SETTLE / self._period), axis=0)
+            self._along(skill, settle, loop, None)
+            loop.restart()
+            early = self._along(skill, targets, loop, until)
+        except Stopped:
+            self._brake(skill)
+        return Pressed(loop.mean, loop.offset - loop.surface, loop.deepest - loop.surface, early)
+
+    def _seek(self, skill: str, loop: _Loop) -> None:
+        """Go along the direction until something is touched; how fast the force then rises tells how stiff it is."""
+        start = self._last.copy()
+        first: tuple[float, float] | None = None
+        while (felt := loop.felt(self.force())) < _TOUCHED * loop.force:
+            if felt > 0.15 * loop.force and first is None:
+                first = (felt, loop.offset)
+            if loop.offset > STRAY:
+                raise MotionError(
+                    skill,
+                    f"nothing to press against within {100 * STRAY:.0f} cm: {max(felt, 0.0):.1f} N were felt of "
+                    f"{loop.force:.1f} N",
+                    cause="no-contact",
+                )
+            loop.offset += _SEEK_SPEED * self._period
+            self._shifted(start, np.zeros_like(start), loop)
+        if first is not None and loop.offset - first[1] > 1e-4:
+            stiffness = (felt - first[0]) / (loop.offset - first[1])
+            loop.damping = float(np.clip(stiffness / _BANDWIDTH, *_DAMPING))
+
+    def _along(self, skill: str, targets: Array, loop: _Loop, until: Callable[[float], bool] | None) -> bool:
+        lost = over = 0
+        before = targets[0]
+        for row in targets:
+            force = self.force()
+            felt = loop.felt(force)
+            loop.step(felt, self._period)
+            self._shifted(row, row - before, loop)
+            before = row
+            over = over + 1 if np.linalg.norm(force - loop.bias) > self._limit else 0
+            lost = lost + 1 if felt < _LOST * loop.force else 0
+            if over > _OVERLOAD_TICKS:
+                self._ease()
+                raise self._overloaded(skill, force - loop.bias)
+            if lost * self._period > _PATIENCE or loop.offset - loop.surface > STRAY:
+                raise MotionError(
+                    skill,
+                    f"contact was lost: {max(felt, 0.0):.1f} N were felt of {loop.force:.1f} N",
+                    cause="no-contact",
+                )
+            if until is not None and until(loop.offset - loop.surface):
+                return True
+        return False
+
+    # -- commands ----------------------------------------------------------------------------------------------------
+    def _begin(self) -> None:
+        self._last = self._before = self._link.joint_targets()
+
+    def _send(self, joints: Array, lead: Array) -> None:
+        """Command joints (n,), ahead by the servo's lag times ``lead`` (n,), their planned change in this tick."""
+        self._link.send(joints + lead / self._period * self._lag)
+        self._before, self._last = self._last, joints
+
+    def _shifted(self, row: Array, change: Array, loop: _Loop) -> None:
+        """One tick of a planned row (n,) shifted by the loop's offset: a Newton step of the inverse kinematics."""
+        rotation, position = self._dynamics.placement(row)
+        joints = self._last + change
+        turned, placed = self._dynamics.placement(joints)
+        error = np.empty(6)
+        error[:3] = position + loop.offset * loop.direction - placed
+        error[3:] = 0.5 * np.cross(turned.T, rotation.T).sum(axis=0)
+        jacobian = self._dynamics.jacobian(joints)
+        square = jacobian @ jacobian.T + 1e-6 * np.eye(6)
+        posture = _NULLSPACE * (row - joints)
+        step = posture + jacobian.T @ np.linalg.solve(square, error - jacobian @ posture)
+        wanted = np.clip(joints + step, self._kinematics.lower, self._kinematics.upper)
+        self._send(self._last + np.clip(wanted - self._last, -self._fastest, self._fastest), change)
+
+    def _ease(self) -> None:
+        """Come to rest, no longer pressing: the targets end where the arm is."""
+        for row in stopping(self._kinematics, self._before, self._last, self._period):
+            self._send(row, np.zeros_like(row))
+        ahead = self._last
+        here = self._link.joint_positions()
+        for part in np.linspace(0.0, 1.0, _EASE_TICKS + 1)[1:]:
+            share = part**3 * (10 - 15 * part + 6 * part**2)  # least jerk
+            self._send(ahead + share * (here - ahead), np.zeros_like(here))
+
+    def _overloaded(self, skill: str, felt: Array) -> MotionError:
+        most = f"{self._limit:.0f} N this arm may press with"
+        return MotionError(skill, f"{np.linalg.norm(felt):.0f} N were felt, more than the {most}", cause="force")
+
+    def _brake(self, skill: str) -> None:
+        self._link.halt(stopping(self._kinematics, self._before, self._last, self._period))
+        raise Stopped(skill) from None
+
+
+@attrs.define
+class _Loop:
+    """State of the force loop: ``offset`` (m) along ``direction``, ``surface`` where contact was found."""
+
+    direction: Array
+    force: float  # N wanted
+    bias: Array  # N felt while free
+    damping: float  # N s/m
+    offset: float = 0.0
+    slope: float = 0.0  # m/s at which the surface recedes, as learnt
+    surface: float = 0.0
+    deepest: float = 0.0
+    total: float = 0.0
+    ticks: int = 0
+
+    def felt(self, force: Array) -> float:
+        """Pressing force (N): what is felt against the direction."""
+        return float(-(force - self.bias) @ self.direction)
+
+    def step(self, felt: float, period: float) -> None:
+        missing = (self.force - felt) / self.damping
+        # The integral follows a surface not parallel to the path; a quarter of the bandwidth is critical damping.
+        slope = float(np.clip(self.slope + missing * _BANDWIDTH / 4 * period, -_SLOPE_SPEED, _SLOPE_SPEED))
+        if abs(missing) < _CORRECTION_SPEED:
+            self.slope = slope
+        self.offset += float(np.clip(missing, -_CORRECTION_SPEED, _CORRECTION_SPEED) + self.slope) * period
+        self.deepest = max(self.deepest, self.offset)
+        self.total += felt
+        self.ticks += 1
+
+    def restart(self) -> None:
+        self.surface = self.deepest = self.offset
+        self.total, self.ticks = 0.0, 0
+
+    @property
+    def mean(self) -> float:
+        return self.total / max(self.ticks, 1)
+
+
+def spiral(centre: Pose, direction: Sequence[float], radius: float, pitch: float) -> list[Array]:
+    """Points (3,) on an Archimedean spiral about a pose's position, across ``direction``, out to ``radius`` (m), and
+    the centre again at its end."""
+    along = np.asarray(direction)
+    side = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    side /= np.linalg.norm(side)
+    other = np.cross(along, side)
+    points = []
+    angle = 0.0
+    while pitch * angle / (2 * np.pi) < radius:
+        r = pitch * angle / (2 * np.pi)
+        points.append(np.asarray(centre.position) + r * (np.cos(angle) * side + np.sin(angle) * other))
+        angle += min(0.5, 0.001 / max(r, 0.0005))
+    return [*points[1:], np.asarray(centre.position)]

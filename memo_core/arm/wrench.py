@@ -1,0 +1,111 @@
+"""What the hand feels, estimated from joint torques.
+
+The generalised force of contact is what the rigid-body equation leaves over, tau_ext = M(q) ddq + C(q, dq) dq + g(q) -
+tau with tau the actuators' torques, and the wrench F at the tool its least-squares solution of J^T F = tau_ext (survey:
+Haddadin, De Luca, Albu-Schäffer, "Robot Collisions", T-RO 2017). Accelerations must be those of the moment at which the
+torques are read: a servo answers each new target within a few milliseconds, so that differences of velocities over a
+control period say something else (off by 72 N s/m times the hand's speed for a stiff arm, measured).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from memo_core.arm.kinematics import Kinematics
+from memo_core.scene.pose import Array
+
+_FILTER = 0.01  # s, time constant
+_DAMPING = 1e-6  # keeps the solution finite where the arm is singular
+
+
+class ToolDynamics:
+    """Tool placement, Jacobian and inverse dynamics of one configuration, quick enough for every control period."""
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        import pinocchio as pin
+
+        description = kinematics.description
+        self._pin = pin
+        self._model = model = pin.Model(kinematics.model)
+        joints = [model.joints[number] for number in kinematics.joint_ids]
+        self._places = [(joint.idx_q, joint.nq) for joint in joints]
+        self._speeds = np.array([joint.idx_v for joint in joints], dtype=np.intp)
+        for joint, described in zip(joints, description.joints, strict=True):
+            model.armature[joint.idx_v] = described.armature
+        frame = model.frames[model.getFrameId(description.tool_link)]
+        offset = pin.SE3(description.tool_offset.rotation, np.array(description.tool_offset.position))
+        placement = frame.placement * offset
+        self._frame = model.addFrame(pin.Frame("memo/tool", frame.parentJoint, placement, pin.FrameType.OP_FRAME))
+        self._data = model.createData()
+        self._neutral = pin.neutral(model)
+
+    def jacobian(self, joints: Array) -> Array:
+        """Of the tool's origin in base axes, linear over angular, shape (6, n), for joints (n,)."""
+        pin = self._pin
+        q = self._full(joints)
+        whole = pin.computeFrameJacobian(
+            self._model, self._data, q, self._frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        return np.asarray(whole)[:, self._speeds]
+
+    def placement(self, joints: Array) -> tuple[Array, Array]:
+        """Rotation (3, 3) and position (3,) of the tool in the base frame."""
+        pin = self._pin
+        pin.framesForwardKinematics(self._model, self._data, self._full(joints))
+        found = self._data.oMf[self._frame]
+        return found.rotation.copy(), found.translation.copy()
+
+    def torques(self, joints: Array, velocities: Array, accelerations: Array) -> Array:
+        """Joint torques (n,) that make the free arm move like this (Nm), gravity included."""
+        speed, change = np.zeros(self._model.nv), np.zeros(self._model.nv)
+        speed[self._speeds], change[self._speeds] = velocities, accelerations
+        return self._pin.rnea(self._model, self._data, self._full(joints), speed, change)[self._speeds]
+
+    def _full(self, joints: Array) -> Array:
+        q = self._neutral.copy()
+        for (place, size), angle in zip(self._places, joints, strict=True):
+            if size == 1:
+                q[place] = angle
+            else:
+                q[place : place + 2] = np.cos(angle), np.sin(angle)
+        return q
+
+
+class WrenchEstimate:
+    """The estimate over time. ``state`` and ``recall`` make it part of a checkpoint."""
+
+    def __init__(self, kinematics: Kinematics, period: float) -> None:
+        self._dynamics = ToolDynamics(kinematics)
+        self._period = period
+        self._share = 1.0 - np.exp(-period / _FILTER)
+        self._time: float | None = None
+        self._wrench = np.zeros(6)
+
+    def at(self, time: float, joints: Array, velocities: Array, accelerations: Array, torques: Array) -> Array:
+        """Force (N) over torque (Nm) on the tool at its centre, base axes, shape (6,). An arm with fewer than six
+        joints feels forces only. Asked again after a pause, the filter starts anew."""
+        since = np.inf if self._time is None else time - self._time
+        if 0.0 <= since < self._period / 2:
+            return self._wrench.copy()
+        left = self._dynamics.torques(joints, velocities, accelerations) - torques
+        jacobian = self._dynamics.jacobian(joints)
+        if len(joints) < 6:
+            jacobian = jacobian[:3]
+        square = jacobian @ jacobian.T
+        raw = np.zeros(6)
+        raw[: len(jacobian)] = np.linalg.solve(square + _DAMPING * np.eye(len(square)), jacobian @ left)
+        running = 0.0 < since < 1.5 * self._period
+        self._wrench = self._wrench + self._share * (raw - self._wrench) if running else raw
+        self._time = time
+        return self._wrench.copy()
+
+    def state(self) -> list[float]:
+        """JSON numbers that ``recall`` takes back."""
+        return [*self._wrench.tolist(), *([] if self._time is None else [self._time])]
+
+    def recall(self, state: list[float]) -> None:
+        """Raises ``ValueError`` for numbers that are not a state."""
+        if len(state) not in (6, 7):
+            raise ValueError(f"{len(state)} numbers")
+        self._wrench = np.array(state[:6])
+        self._time = state[6] if len(state) > 6 else None
