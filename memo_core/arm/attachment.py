@@ -111,7 +111,7 @@ def movable(scene: SceneGraph) -> dict[str, frozenset[str]]:
 def _between_fingers(scene: SceneGraph, before: Attachment, tool: Pose) -> Node | None:
     found: list[tuple[float, float, str, Node]] = []
     for node in scene.nodes:
-        if node.kind in ("space", "fixture"):
+        if node.kind in ("space", "fixture", "heap"):
             continue
         local = before.moved.get(node.id, node.pose).inverse().apply(np.asarray(tool.position))
         outside = float(np.linalg.norm(np.maximum(np.abs(local) - np.asarray(node.size) / 2, 0.0)))

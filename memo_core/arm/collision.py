@@ -82,7 +82,7 @@ def obstacles_of(
             spaces.setdefault(node.part_of, []).append(node)
     found = []
     for node in scene.nodes:
-        if node.kind == "space" or node.id in left_out or min(node.size) <= 0:
+        if node.kind in ("space", "heap") or node.id in left_out or min(node.size) <= 0:
             continue
         pose = moved.get(node.id, node.pose)
         if node.id in spaces:

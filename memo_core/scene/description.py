@@ -133,7 +133,8 @@ class Body:
     """A rigid body, its joint to its parent (None: fixed), and the bodies attached to it.
 
     ``label`` is what a person calls it; an empty label means it is not an object by itself (perception passes over it,
-    but not over its parts and children).
+    but not over its parts and children). Many small bodies that a person has one word for (marbles, salt) carry that
+    word as ``heap`` and no label: perception sees them as one thing, wherever most of them lie together.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Body:
     cavities: tuple[Cavity, ...] = ()
     bodies: tuple[Body, ...] = ()
     fixture: bool = False  # furniture: seen, but not something one picks up
+    heap: str = ""
 
 
 @attrs.frozen

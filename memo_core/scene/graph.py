@@ -22,7 +22,8 @@ class Node:
     pose: Pose  # of the box's centre, in the base frame
     size: tuple[float, float, float]  # m, full extents along the node's own axes
     part_of: str | None = None  # id of the object it is a part of
-    kind: str = "object"  # "object", "fixture", "part" (door, handle, cap), "space" (a visible inside)
+    # "object", "fixture", "part" (door, handle, cap), "space" (a visible inside), "heap" (grains seen as one thing)
+    kind: str = "object"
     opening: tuple[float, float, float] | None = None  # of a "space": outward direction of its open side, base frame
     confidence: float = 1.0
     time: float = 0.0  # s, when it was last seen

@@ -60,7 +60,7 @@ def side(a: Node, b: Node) -> str:
 def containment(nodes: Sequence[Node]) -> list[Relation]:
     """``in`` relations: what lies in a visible inside is in the thing whose inside it is."""
     found = []
-    for thing in _things(nodes):
+    for thing in [*_things(nodes), *_heaps(nodes)]:
         spaces = [n for n in nodes if n.kind == "space" and n.part_of != thing.id and contains(n, thing.pose.position)]
         if spaces:
             innermost = min(spaces, key=lambda space: math.prod(space.size))
@@ -71,7 +71,7 @@ def containment(nodes: Sequence[Node]) -> list[Relation]:
 def support(nodes: Sequence[Node], table_height: float, held: Collection[str] = ()) -> list[Relation]:
     """``on`` relations between objects, fixtures and the table. What is held is on nothing."""
     found = []
-    for thing in _things(nodes):
+    for thing in [*_things(nodes), *_heaps(nodes)]:
         if thing.id in held:
             continue
         below = [
@@ -85,6 +85,15 @@ def support(nodes: Sequence[Node], table_height: float, held: Collection[str] = 
         elif abs(thing.bounds()[0][2] - table_height) <= TOUCHING_M:
             found.append(Relation(thing.id, "on", TABLE))
     return found
+
+
+def apart_from_containers(supports: Sequence[Relation], inside: Sequence[Relation]) -> list[Relation]:
+    """Of the ``on`` relations those worth saying: what is in something is on nothing but what is in there with it."""
+    holders: dict[str, set[str | None]] = {}
+    for relation in inside:
+        holders.setdefault(relation.subject, set()).add(relation.object)
+    none: set[str | None] = set()
+    return [r for r in supports if r.subject not in holders or holders[r.subject] & holders.get(r.object or "", none)]
 
 
 def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = ()) -> list[Relation]:
@@ -119,3 +128,7 @@ def held_thing(nodes: Sequence[Node], tool_centre: Sequence[float] | Array) -> N
 
 def _things(nodes: Sequence[Node]) -> list[Node]:
     return [node for node in nodes if node.kind == "object"]
+
+
+def _heaps(nodes: Sequence[Node]) -> list[Node]:
+    return [node for node in nodes if node.kind == "heap"]

@@ -19,6 +19,7 @@ from memo_core.scene.description import Body, Cavity, Free, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_perception.boxes import body_box
+from memo_perception.heaps import Heap, heap_node, heaps
 from memo_perception.settings import GroundTruthSettings
 
 
@@ -57,6 +58,7 @@ class GroundTruth(Perception):
         self._context: PerceptionContext | None = None
         self._things: list[_Seen] = []
         self._closings: list[_Closing] = []
+        self._heaps: tuple[Heap, ...] = ()
         self._labels: dict[str, str] = {}
 
     def start(self, context: PerceptionContext) -> None:
@@ -71,6 +73,7 @@ class GroundTruth(Perception):
         self._context = context
         self._things = list(_visible_things(context.scene))
         self._closings = list(_closings(context.scene, self._things))
+        self._heaps = heaps(context.scene)
         self._labels = {}
 
     def look(self) -> SceneGraph:
@@ -107,7 +110,7 @@ class GroundTruth(Perception):
                 time=time,
             )
             for thing in visible
-        )
+        ) + tuple(self._heap_nodes(shut, poses, exact))
         return SceneGraph(
             nodes,
             tuple(self._relations(nodes)),
@@ -143,6 +146,18 @@ class GroundTruth(Perception):
             return True
         centre = (poses[thing.body.name] * thing.pose).position
         return any(_around(cavity, poses[cavity.body.name], centre) for cavity in shut if _may_hide(cavity, thing))
+
+    def _heap_nodes(self, shut: list[_Seen], poses: dict[str, Pose], exact: bool) -> Iterator[Node]:
+        simulator = self._started().simulator
+        assert simulator is not None
+        insides = [(cavity, poses[cavity.body.name]) for cavity in shut]
+        for heap in self._heaps:
+            grains = {name: simulator.body_pose(name) for name in heap.bodies}
+            node = heap_node(
+                heap, grains, lambda at: any(_around(cavity, pose, at) for cavity, pose in insides), simulator.time
+            )
+            if node is not None:
+                yield node if exact else attrs.evolve(node, pose=self._misplaced(node.pose))
 
     def _noticed(self, visible: list[_Seen]) -> list[_Seen]:
         if not self.settings.dropout:
@@ -185,7 +200,8 @@ class GroundTruth(Perception):
             yield Relation(held.id, "held")
         held_ids = {held.id} if held else set()
         inside = relations.containment(nodes)
-        on = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids)
+        supports = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids)
+        on = relations.apart_from_containers(supports, inside)
         yield from inside
         yield from on
         related = [(r.subject, r.object) for r in [*inside, *on] if r.object]

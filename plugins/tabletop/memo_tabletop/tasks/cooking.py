@@ -71,7 +71,9 @@ class CookTheFood(Task):
             return Outcome(done, f"the food {'is' if done else 'is not'} in the pan")
         if action in TURNING:
             angle = world.joint_position("stove/knob")
-            return Outcome(angle >= ON_RAD, f"the knob is turned by {math.degrees(angle):.0f} degrees", {"knob_rad": angle})
+            return Outcome(
+                angle >= ON_RAD, f"the knob is turned by {math.degrees(angle):.0f} degrees", {"knob_rad": angle}
+            )
         return None
 
     def _off_burner(self, world: WorldState) -> float:
@@ -81,7 +83,11 @@ class CookTheFood(Task):
 
     def _on_burner(self, world: WorldState) -> bool:
         at = world.body_pose("stove").inverse().apply(np.asarray(world.body_pose("pan").position))
-        stands = judging.upright(world, "pan") and abs(at[2] - STOVE_SIZE[2]) < 0.02 and judging.touches(world, "pan", "stove")
+        stands = (
+            judging.upright(world, "pan")
+            and abs(at[2] - STOVE_SIZE[2]) < 0.02
+            and judging.touches(world, "pan", "stove")
+        )
         return stands and self._off_burner(world) <= ON_BURNER * BURNER_RADIUS
 
     def _in_pan(self, world: WorldState) -> bool:

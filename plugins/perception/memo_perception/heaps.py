@@ -1,0 +1,71 @@
+"""Many small bodies seen as one thing: cereal in a can, salt on food. It is where most of them lie together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import attrs
+import numpy as np
+
+from memo_core.scene.description import SceneDescription
+from memo_core.scene.graph import Node
+from memo_core.scene.pose import Array, Pose
+
+TOGETHER = 3.0  # diameters between neighbours that still lie together
+
+
+@attrs.frozen
+class Heap:
+    """Grains with one word for them: names of their bodies and the largest one's radius (m)."""
+
+    label: str
+    bodies: tuple[str, ...]
+    radius: float
+
+    @property
+    def id(self) -> str:
+        return f"heap/{self.label}"
+
+
+def heaps(scene: SceneDescription) -> tuple[Heap, ...]:
+    """All heaps of a scene, in the order of their first grains."""
+    found: dict[str, list[tuple[str, float]]] = {}
+    for body, _ in scene.walk():
+        if body.heap:
+            radius = max((max(geom.size) for geom in body.geoms), default=0.0)
+            found.setdefault(body.heap, []).append((body.name, radius))
+    return tuple(
+        Heap(label, tuple(name for name, _ in grains), max(radius for _, radius in grains))
+        for label, grains in found.items()
+    )
+
+
+def heap_node(
+    heap: Heap, poses: Mapping[str, Pose], hidden: Callable[[tuple[float, float, float]], bool], time: float
+) -> Node | None:
+    """An upright box around the grains that lie together most, of those that are not hidden; None when all are."""
+    places = [poses[name].position for name in heap.bodies if not hidden(poses[name].position)]
+    if not places:
+        return None
+    points = _largest_group(np.asarray(places), 2 * heap.radius * TOGETHER)
+    low, high = points.min(axis=0) - heap.radius, points.max(axis=0) + heap.radius
+    size = tuple(float(v) for v in high - low)
+    return Node(heap.id, heap.label, Pose(tuple(float(v) for v in (low + high) / 2)), size, kind="heap", time=time)  # type: ignore[arg-type]
+
+
+def _largest_group(points: Array, reach: float) -> Array:
+    """The most points (N, 3) that are linked by steps of at most ``reach`` (m)."""
+    near = np.linalg.norm(points[:, None] - points[None], axis=2) <= reach
+    left = np.ones(len(points), dtype=bool)
+    best = np.zeros(0, dtype=int)
+    while left.any():
+        group = np.zeros(len(points), dtype=bool)
+        front = np.zeros(len(points), dtype=bool)
+        front[np.argmax(left)] = True
+        while front.any():
+            group |= front
+            front = near[front].any(axis=0) & ~group
+        left &= ~group
+        if group.sum() > len(best):
+            best = np.flatnonzero(group)
+    return points[best]
