@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from memo_core.scene.description import Body, Camera, Cavity, Colour, Free, Geom, Material, Part, Vector
 from memo_core.scene.hollow import cup as cup_geoms
@@ -162,3 +165,15 @@ def cameras(target: Vector) -> tuple[Camera, ...]:
         Camera("front", look_at((x - 0.95, y - 1.05, z + 0.62), middle), 0.75),
         Camera("overview", look_at((x - 0.75, y + 1.15, z + 0.95), middle), 0.8),
     )
+
+
+def scatter(rng: np.random.Generator, count: int, low: Sequence[float], high: Sequence[float], apart: float) -> list:
+    """``count`` places (x, y) in a rectangle (m), no two nearer to each other than ``apart``."""
+    while True:
+        places: list[np.ndarray] = []
+        for _ in range(50 * count):
+            place = rng.uniform(low, high)
+            if all(np.linalg.norm(place - other) > apart for other in places):
+                places.append(place)
+            if len(places) == count:
+                return [(float(x), float(y)) for x, y in places]
