@@ -27,10 +27,22 @@ class RunStarted(Event):
 
 
 @attrs.frozen
+class RunResumed(Event):
+    """A run that was cut off goes on, in another process. ``subtask`` is empty where one is to be planned."""
+
+    run: str
+    part: int  # 2 is the first after the beginning
+    subtask: str
+    attempt: int
+    kept_calls: int  # answers of models that need not be asked again
+
+
+@attrs.frozen
 class SubtaskStarted(Event):
     subtask: str  # "OPEN(microwave)"
     number: int  # 1 is the first of the run
     attempt: int
+    take: int = 1  # of the attempt: one that nobody judged may begin again, after a stop or in a resumed run
 
 
 @attrs.frozen
@@ -44,6 +56,7 @@ class ModelCalled(Event):
     abandoned: bool = False
     not_understood: tuple[str, ...] = ()
     note: str = ""  # how the answer came about, where that is not by asking
+    problem: str = ""  # why there is no answer; the tokens are then what the call cost all the same
 
 
 @attrs.frozen

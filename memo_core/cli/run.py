@@ -51,7 +51,8 @@ def command(
         experiment = recorded(experiment, registry, record)
     if replay is not None:
         experiment = replayed(experiment, registry, replay)
-    report = run_experiment(experiment, registry, out, listener=Narrator(), view=view)
+    narrator = Narrator()
+    report = run_experiment(experiment, registry, out, listener=narrator, view=view, on_text=narrator.on_text)
     if json:
         print_json(report.summary())
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from rich.console import Console
 from rich.markup import escape
@@ -39,12 +40,34 @@ class Narrator:
         self._code = code
         self._skills = skills
         self._lock = threading.Lock()
+        self._writing = ""  # the phase whose answer is on the screen, unfinished
+        self._shown_while_written = ""  # the last that was
 
     def __call__(self, event: Event) -> None:
         tell = getattr(self, f"_on_{type(event).__name__}", None)
         if tell is not None:
             with self._lock:
+                self._end_of_piece()
                 tell(event)
+
+    @property
+    def on_text(self) -> Callable[[str, str], None] | None:
+        """Shows what a model is writing, as it comes (phase, piece); None where nobody looks: no terminal."""
+        return self._piece if self.console.is_terminal else None
+
+    def _piece(self, phase: str, text: str) -> None:
+        with self._lock:
+            self._shown_while_written = phase
+            if self._writing != phase:
+                self._end_of_piece()
+                self.console.print(f"  [dim]{escape(phase)}:[/]", end=" ")
+                self._writing = phase
+            self.console.print(escape(text), style="dim", end="", soft_wrap=True)
+
+    def _end_of_piece(self) -> None:
+        if self._writing:
+            self._writing = ""
+            self.console.print()
 
     def heading(self, words: str) -> None:
         """A line between the chapters of a longer story."""
@@ -66,6 +89,8 @@ class Narrator:
             words += f", {event.prompt_tokens} + {event.completion_tokens} tokens"
         if event.cost:
             words += f", ${event.cost:.4f}"
+        if event.problem:
+            words += f", no answer: {event.problem}"
         self.say(words + (", abandoned" if event.abandoned else ""), "dim")
         if event.note:
             self.say(f"  {event.note}", "dim")
@@ -88,7 +113,7 @@ class Narrator:
             self.say(f"  not served: {key} (r {score:.2f}, {rule})", "dim")
 
     def _on_CodeWritten(self, event: CodeWritten) -> None:
-        if self._code:
+        if self._code and self._shown_while_written != "code":
             colours = Syntax("", "python", theme="ansi_dark", background_color="default")
             # Long lines are left to the terminal: a Syntax would cut them off at its edge.
             self.console.print(colours.highlight(event.code.rstrip("\n")), soft_wrap=True)

@@ -25,7 +25,8 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event, Retrieved
-from memo_core.interfaces.llm import Answer, Request
+from memo_core.interfaces.llm import Answer, Request, Usage
+from memo_core.redaction import Redactor
 
 
 class RunFolder:
@@ -40,6 +41,7 @@ class RunFolder:
         except OSError as error:
             raise InvalidArgument("out", f"{path} cannot be made: {error.strerror}", "a folder to write to") from error
         self.path = path
+        self._redact = Redactor.of_environment()
         self._lock = threading.Lock()
         self._events = (path / "events.jsonl").open("a", encoding="utf-8")
         self._calls = 0
@@ -53,7 +55,7 @@ class RunFolder:
 
     def write(self, name: str, content: str | bytes) -> Path:
         """A whole file, on disk when this returns; never half of it."""
-        return write_whole(self.path / name, content)
+        return write_whole(self.path / name, self._redact(content) if isinstance(content, str) else content)
 
     def write_json(self, name: str, value: Any) -> Path:
         return self.write(name, json_text(value))
@@ -65,7 +67,7 @@ class RunFolder:
 
     def event(self, event: Event) -> None:
         """Append one event. Flushed to the system at once; the lines survive the end of this process."""
-        line = json.dumps({"event": type(event).__name__, **plain(event)}, ensure_ascii=False)
+        line = self._redact(json.dumps({"event": type(event).__name__, **plain(event)}, ensure_ascii=False))
         with self._lock:
             if self._events.closed:
                 return
@@ -76,7 +78,9 @@ class RunFolder:
             self.write_json(f"retrieved/{self._retrieved:02d}-{file_name(event.subtask)}.json", event)
 
     # -- the journal of a method (memo_core.policy.session.Journal) ------------------------------------------------
-    def model_call(self, request: Request, answer: Answer | None, problem: str, abandoned: bool) -> str:
+    def model_call(
+        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
+    ) -> str:
         with self._lock:
             self._calls += 1
             name = f"calls/{self._calls:03d}-{file_name(request.phase)}.json"
@@ -91,6 +95,7 @@ class RunFolder:
             "abandoned": abandoned,
             "problem": problem,
             "answer": None if answer is None else attrs.asdict(answer),
+            "usage": None if usage is None else attrs.asdict(usage),  # of a call without an answer
             "messages": messages,
         }
         self.write_json(name, kept)

@@ -9,7 +9,7 @@ from memo_core.events import Event, Problem
 from memo_core.experiment.folder import RunFolder, file_name
 from memo_core.experiment.video import Recording, save_picture
 from memo_core.experiment.world import World
-from memo_core.interfaces.llm import Answer, Request
+from memo_core.interfaces.llm import Answer, Request, Usage
 from memo_core.policy.settings import RunSettings
 
 
@@ -26,8 +26,10 @@ class WorldJournal:
         self._subtask = ""
         self._film: Recording | None = None
 
-    def model_call(self, request: Request, answer: Answer | None, problem: str, abandoned: bool) -> str:
-        return self._folder.model_call(request, answer, problem, abandoned)
+    def model_call(
+        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
+    ) -> str:
+        return self._folder.model_call(request, answer, problem, abandoned, usage)
 
     def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:
         return self._folder.code(subtask, attempt, repair, code)

@@ -22,6 +22,7 @@ from memo_core.interfaces.llm import LanguageModel
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
+from memo_core.policy.budget import Budget
 from memo_core.policy.method import Method
 from memo_core.policy.prompt_files import Prompts
 from memo_core.policy.session import RunResult, Session, SubtaskResult
@@ -30,6 +31,8 @@ from memo_core.policy.stopping import StopSwitch
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
+
+LATE_CALLS_S = 1.0  # a call that was given up has so long to say what it cost before the run is summed up
 
 
 @attrs.frozen(eq=False)
@@ -49,7 +52,9 @@ class RunReport:
     sim_s: float
     prompt_tokens: int
     completion_tokens: int
-    cost: float | None
+    cost: float | None  # US dollars, of the calls whose price is known
+    calls: int = 0  # of models: those asked again, given up or failed included
+    calls_unpriced: int = 0
     ended_by_person: bool = False
 
     @property
@@ -82,6 +87,8 @@ class RunReport:
             "prompt_tokens": self.prompt_tokens,
             "completion_tokens": self.completion_tokens,
             "cost": self.cost,
+            "calls": self.calls,
+            "calls_unpriced": self.calls_unpriced,
             "folder": str(self.folder),
         }
 
@@ -107,9 +114,11 @@ def run_experiment(
     out: Path,
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
 ) -> RunReport:
     """Do the experiment's task once, in a new folder under ``out``. ``listener`` hears every event (a console);
-    ``view`` opens the simulator's viewer. Call it in the main thread: it owns the signals meanwhile.
+    ``view`` opens the simulator's viewer; ``on_text`` hears (phase, piece) while models write. Call it in the main
+    thread: it owns the signals meanwhile.
 
     Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
     """
@@ -129,7 +138,7 @@ def run_experiment(
         prompts=prompts_of(experiment),
     )
     folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
-    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view)
+    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
 
 
 def perform(
@@ -141,11 +150,13 @@ def perform(
     config: dict[str, Any],
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
 ) -> RunReport:
     """Open the cast, do the task, close everything, and keep it in ``folder``. Raises ``MemoError`` only for what keeps
     the run from beginning."""
     run = f"{task.name}-{uuid.uuid4().hex[:8]}"
     account = _Account()
+    budget = Budget.of(cast.settings, run)
     bystander = registry.listen(listener, "console") if listener else None
 
     def emit(event: Event) -> None:
@@ -164,12 +175,14 @@ def perform(
     try:
         if cast.teacher is not None:
             cast.teacher.open()
-        supervisor.run(lambda: _work(cast, run, seed, folder, emit, stop, supervisor, ended, view))
+        supervisor.run(lambda: _work(cast, run, seed, folder, emit, stop, supervisor, ended, view, budget, on_text))
     except Stopped:
         ended.problem = "ended by a person"
     except MemoError as error:
         ended.problem = str(error)
     finally:
+        budget.wait(LATE_CALLS_S)
+        budget.close()
         report = RunReport(
             run=run,
             folder=folder.path,
@@ -185,6 +198,8 @@ def perform(
             prompt_tokens=account.prompt_tokens,
             completion_tokens=account.completion_tokens,
             cost=account.cost,
+            calls=account.calls,
+            calls_unpriced=account.calls_unpriced,
             ended_by_person=supervisor.ending,
         )
         emit(_run_ended(report))
@@ -214,12 +229,16 @@ class _Account:
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost: float | None = None
+    calls: int = 0
+    calls_unpriced: int = 0
     subtasks: list[SubtaskResult] = attrs.field(factory=list)
 
     def note(self, event: Event) -> None:
         if isinstance(event, SubtaskEnded):
             self.subtasks.append(SubtaskResult(event.subtask, event.status, event.attempts))  # type: ignore[arg-type]
         if isinstance(event, ModelCalled):
+            self.calls += 1
+            self.calls_unpriced += event.cost is None and event.prompt_tokens > 0
             self.prompt_tokens += event.prompt_tokens
             self.completion_tokens += event.completion_tokens
             if event.cost is not None:
@@ -236,10 +255,13 @@ def _work(
     supervisor: Supervisor,
     ended: _Ended,
     view: bool,
+    budget: Budget,
+    on_text: Callable[[str, str], None] | None,
 ) -> None:
     """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
     cast.llm.open()
     try:
+        budget.open(cast.llm)
         if cast.book is not None:
             cast.book.open()
         cast.sandbox.open()
@@ -263,6 +285,8 @@ def _work(
                 seed=seed,
                 ending=lambda: supervisor.ending,
                 prompts=cast.prompts,
+                budget=budget,
+                on_text=on_text,
             )
             try:
                 ended.result = cast.method.run(session)

@@ -6,6 +6,10 @@ from typing import Literal
 
 import attrs
 
+from memo_core.errors import InvalidArgument
+
+_not_negative = attrs.validators.optional(attrs.validators.ge(0))
+
 
 @attrs.frozen
 class RunSettings:
@@ -38,6 +42,35 @@ class RunSettings:
             "help": "times a model is asked again, with the reason, after an answer that is not what was asked for"
         },
     )
+    retries: int = attrs.field(
+        default=3,
+        validator=attrs.validators.ge(0),
+        metadata={"help": "times a model is called again after a rate limit, a server error or a cut connection"},
+    )
+    retry_wait_s: float = attrs.field(
+        default=1.0,
+        validator=attrs.validators.ge(0.0),
+        metadata={"help": "seconds before the first of these, doubled each time; never less than the server asks for"},
+    )
+    max_cost: float | None = attrs.field(
+        default=None,
+        validator=_not_negative,
+        metadata={"help": "US dollars for language models after which a run ends, with everything saved"},
+    )
+    max_tokens: int | None = attrs.field(
+        default=None,
+        validator=_not_negative,
+        metadata={"help": "the same in tokens, of questions and answers together"},
+    )
+    study_ledger: str = attrs.field(
+        default="", metadata={"help": "a file in which all runs of a study write what they spend; they may run at once"}
+    )
+    study_max_cost: float | None = attrs.field(
+        default=None, validator=_not_negative, metadata={"help": "US dollars of all runs that share study_ledger"}
+    )
+    study_max_tokens: int | None = attrs.field(
+        default=None, validator=_not_negative, metadata={"help": "tokens of all runs that share study_ledger"}
+    )
     settle_s: float = attrs.field(
         default=1.0,
         validator=attrs.validators.ge(0.0),
@@ -57,3 +90,7 @@ class RunSettings:
     video_width: int = attrs.field(
         default=640, validator=attrs.validators.ge(64), metadata={"help": "pixels; the height is three quarters of it"}
     )
+
+    def __attrs_post_init__(self) -> None:
+        if not self.study_ledger and (self.study_max_cost is not None or self.study_max_tokens is not None):
+            raise InvalidArgument("study_ledger", "a study's limit without its ledger", "a file, such as study.ledger")

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from memo_core.errors import MemoError
-from memo_core.interfaces.llm import Answer, Request
+from memo_core.interfaces.llm import Answer, Request, Usage
 from memo_core.policy.method import Method
 from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings
@@ -44,7 +44,9 @@ def check_method(make: Make) -> None:
 
 
 class _NoJournal:
-    def model_call(self, request: Request, answer: Answer | None, problem: str, abandoned: bool) -> str:
+    def model_call(
+        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
+    ) -> str:
         return ""
 
     def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:

@@ -1,0 +1,165 @@
+"""The ledger of a study: every call of every run that shares it, in one SQLite file.
+
+A call is written down before it is made and completed after it, so that a run that is killed in between leaves a trace,
+and so that runs in several processes see what the others are about to spend.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.errors import MemoError
+from memo_core.interfaces.llm import Usage
+
+_WAIT_S = 30.0  # for other processes that write
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS calls (
+    id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT NOT NULL,
+    model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT 0, cost REAL
+)
+"""
+_SUMS = """
+SELECT count(*), coalesce(sum(prompt_tokens), 0), coalesce(sum(completion_tokens), 0), coalesce(sum(cost), 0.0),
+       coalesce(sum(cost IS NULL AND ended IS NOT NULL AND prompt_tokens > 0), 0), coalesce(sum(ended IS NULL), 0)
+FROM calls
+"""
+
+
+@attrs.frozen
+class Spent:
+    """Sums over calls. ``cost`` (US dollars) is of those with a known price, ``unpriced`` counts the others;
+    ``unfinished`` those that began and of which nothing was heard since (their questions' tokens are estimates)."""
+
+    calls: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost: float = 0.0
+    unpriced: int = 0
+    unfinished: int = 0
+
+    @property
+    def tokens(self) -> int:
+        return self.prompt_tokens + self.completion_tokens
+
+    def plus(self, usage: Usage | None) -> Spent:
+        """With one more call, which cost ``usage``; None: it was refused, and cost nothing."""
+        if usage is None:
+            return attrs.evolve(self, calls=self.calls + 1)
+        return attrs.evolve(
+            self,
+            calls=self.calls + 1,
+            prompt_tokens=self.prompt_tokens + usage.prompt_tokens,
+            completion_tokens=self.completion_tokens + usage.completion_tokens,
+            cost=self.cost + (usage.cost or 0.0),
+            unpriced=self.unpriced + (usage.cost is None),
+        )
+
+    def said(self) -> str:
+        """In words."""
+        words = f"{self.tokens} tokens and ${self.cost:.4f} in {self.calls} call{'s' * (self.calls != 1)}"
+        words += f", {self.unpriced} of unknown price" if self.unpriced else ""
+        return words + (f", {self.unfinished} unfinished" if self.unfinished else "")
+
+
+@attrs.define(auto_exc=True, eq=False)
+class LedgerError(MemoError):
+    """The ledger cannot be read or written."""
+
+    path: Path
+    problem: str
+
+    def __str__(self) -> str:
+        return f"the study's ledger {self.path}: {self.problem}"
+
+
+class Ledger:
+    """One file, used by any number of threads and processes. Every call returns when it is on disk."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection: sqlite3.Connection | None = None
+        self._lock = threading.RLock()
+
+    def open(self) -> None:
+        """Idempotent; makes the file where there is none. Raises ``LedgerError``."""
+        with self._lock:
+            if self._connection is not None:
+                return
+            try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                connection = sqlite3.connect(self.path, _WAIT_S, isolation_level=None, check_same_thread=False)
+                connection.execute("PRAGMA synchronous=FULL")
+                connection.execute(_SCHEMA)
+            except (OSError, sqlite3.Error) as error:
+                raise LedgerError(self.path, str(error)) from error
+            self._connection = connection
+
+    def close(self) -> None:
+        """Idempotent; a call that ends later opens it again for a moment."""
+        with self._lock:
+            connection, self._connection = self._connection, None
+            if connection is not None:
+                connection.close()
+
+    def spent(self) -> Spent:
+        """By everyone."""
+        with self._writing() as connection:
+            return _sums(connection)
+
+    def runs(self) -> list[tuple[str, Spent]]:
+        """By each run, in the order of their first calls."""
+        query = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
+        with self._writing() as connection:
+            return [(run, Spent(*sums)) for run, *sums in connection.execute(query)]
+
+    def begin(self, run: str, phase: str, model: str, prompt_tokens: int, check: Callable[[Spent], None]) -> int:
+        """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
+        more may be; between its look and the line nobody else gets in."""
+        with self._writing() as connection:
+            check(_sums(connection))
+            inserted = connection.execute(
+                "INSERT INTO calls (begun, run, phase, model, prompt_tokens) VALUES (?, ?, ?, ?, ?)",
+                (time.time(), run, phase, model, prompt_tokens),
+            )
+            return int(inserted.lastrowid or 0)
+
+    def end(self, line: int, usage: Usage | None) -> None:
+        """Complete a call's line; ``usage`` None where nothing was spent."""
+        usage = usage or Usage()
+        with self._writing() as connection:
+            connection.execute(
+                "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ? WHERE id = ?",
+                (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, line),
+            )
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        with self._lock:
+            was_open = self._connection is not None
+            self.open()
+            connection: Any = self._connection
+            try:
+                connection.execute("BEGIN IMMEDIATE")
+                try:
+                    yield connection
+                except BaseException:
+                    connection.execute("ROLLBACK")
+                    raise
+                connection.execute("COMMIT")
+            except sqlite3.Error as error:
+                raise LedgerError(self.path, str(error)) from error
+            finally:
+                if not was_open:
+                    self.close()
+
+
+def _sums(connection: sqlite3.Connection) -> Spent:
+    return Spent(*connection.execute(_SUMS).fetchone())
