@@ -7,8 +7,9 @@ from typing import Any
 
 import mujoco
 
-from memo_core.arm.urdf import Urdf, UrdfJoint, UrdfLink, UrdfShape, read_urdf
-from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.arm.fitting import check_fits, may_touch
+from memo_core.arm.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.robot import GripperDescription, RobotDescription
 from memo_core.scene.description import Geom, Material
 from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, add_shape, surface
@@ -30,7 +31,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
     Raises ``InvalidArgument`` when the URDF and the description do not fit together.
     """
     urdf = read_urdf(robot.urdf, robot.mesh_folder)
-    _check(urdf, robot)
+    check_fits(urdf, robot, "mujoco")
     bits = (2, 3 if self_collision else 1)
     children: dict[str, list[UrdfJoint]] = {}
     for joint in urdf.joints:
@@ -44,7 +45,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
             _add_link(spec, parent, urdf.links[joint.child], joint, robot, bits)
             stack.append(joint.child)
     if self_collision:
-        for first, second in _may_touch(urdf, robot):
+        for first, second in may_touch(urdf, robot):
             spec.add_exclude(bodyname1=PREFIX + first, bodyname2=PREFIX + second)
     for described in robot.joints:
         spec.add_actuator(
@@ -60,25 +61,6 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
         )
     if robot.gripper.finger_joints:
         _add_gripper(spec, robot.gripper)
-
-
-def _check(urdf: Urdf, robot: RobotDescription) -> None:
-    for name in (*robot.joint_names, *robot.gripper.finger_joints):
-        urdf.joint(name)
-    for name in (*robot.gripper.pads, robot.tool_link):
-        if name not in urdf.links:
-            raise InvalidArgument(f"robot {robot.name!r}", f"its URDF has no link {name!r}", ", ".join(urdf.links))
-    driven = {*robot.joint_names, *robot.gripper.finger_joints}
-    loose = [joint.name for joint in urdf.joints if joint.kind != "fixed" and joint.name not in driven]
-    if loose:
-        problem = f"nothing drives the URDF's joints {', '.join(loose)}"
-        raise InvalidArgument(
-            f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed"
-        )
-    if robot.gripper.kind == "vacuum":
-        raise BackendUnavailable("simulator", "mujoco", "it has no vacuum grippers yet", "use a parallel gripper")
-    if len(robot.home) != len(robot.joints):
-        raise InvalidArgument(f"robot {robot.name!r}", f"home has {len(robot.home)} values", f"{len(robot.joints)}")
 
 
 def _add_link(
@@ -166,24 +148,6 @@ def _add_gripper(spec: mujoco.MjSpec, gripper: GripperDescription) -> None:
         forcelimited=True,
         forcerange=(-gripper.max_force, gripper.max_force),
     )
-
-
-def _may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
-    """Pairs of links that do not collide: joined ones (what is rigidly fixed counts as one) and those allowed."""
-    group = {urdf.root: urdf.root}
-    pairs: set[tuple[str, str]] = set()
-    joined: list[tuple[str, str]] = []
-    for joint in urdf.joints:
-        group[joint.child] = group[joint.parent] if joint.kind == "fixed" else joint.child
-        joined.append((group[joint.parent], group[joint.child]))
-    for first, second in joined:
-        for one in group:
-            for other in group:
-                if group[one] == first and group[other] == second and one != other:
-                    pairs.add((one, other) if one < other else (other, one))
-    for first, second in robot.allowed_contacts:
-        pairs.add((first, second) if first < second else (second, first))
-    return pairs
 
 
 def _seen(link: UrdfLink) -> tuple[UrdfShape, ...]:

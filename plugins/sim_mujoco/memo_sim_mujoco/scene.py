@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
 from memo_core.errors import InvalidArgument
-from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
+from memo_core.scene.building import FLOOR_DEPTH, check_scene, check_size, default_table, joined_pairs, masses
+from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription
 from memo_core.scene.pose import Pose
 from memo_sim_mujoco.settings import MujocoSettings
 
 MESH_FILES = (".stl", ".obj", ".msh")
-DENSITY = 500.0  # kg/m3, of bodies that state no mass
 SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
-FLOOR_DEPTH = 0.75  # m below the table's top
 # Dry friction on a small inertia creeps with MuJoCo's defaults; these hold still.
 FRICTION_SOLREF = (0.004, 1.0)
 FRICTION_SOLIMP = (0.999, 0.999, 0.001, 0.5, 2.0)
@@ -35,18 +33,17 @@ _SHAPES = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "mesh": mujoco.mjtGeom.mjGEOM_MESH,
 }
-_SIZES = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "mesh": 1}
 
 
 def add_scene(spec: mujoco.MjSpec, scene: SceneDescription) -> None:
     """Add all bodies, joints, latches and cameras. Raises ``InvalidArgument`` naming the body that is wrong."""
-    check_names(scene)
+    check_scene(scene)
     spec.option.gravity = (0.0, 0.0, -scene.gravity)
     if all(body.name != "table" for body, _ in scene.walk()):
-        _add_table(spec, scene.table_height)
+        _add_body(spec, spec.worldbody, default_table(scene.table_height))
     for body in scene.bodies:
         _add_body(spec, spec.worldbody, body)
-    for first, second in _joined_pairs(scene):
+    for first, second in joined_pairs(scene):
         spec.add_exclude(bodyname1=first, bodyname2=second)
     for number, latch in enumerate(scene.latches):
         _add_latch(spec, number, latch)
@@ -61,31 +58,6 @@ def add_scene(spec: mujoco.MjSpec, scene: SceneDescription) -> None:
         )
 
 
-def check_names(scene: SceneDescription) -> None:
-    """Names must be unique, and ``robot/`` and ``floor`` are taken."""
-    bodies: set[str] = set()
-    joints: set[str] = set()
-    for body, _ in scene.walk():
-        if not body.name or body.name in bodies or body.name in ("world", "floor") or body.name.startswith("robot/"):
-            raise InvalidArgument(
-                "scene", f"two bodies, or one and the house, are called {body.name!r}", "unique names"
-            )
-        bodies.add(body.name)
-        if isinstance(body.joint, (Hinge, Slide)):
-            if body.joint.name in joints or body.joint.name.startswith("robot/"):
-                raise InvalidArgument("scene", f"two joints are called {body.joint.name!r}", "unique names")
-            joints.add(body.joint.name)
-    for latch in scene.latches:
-        if latch.joint not in joints:
-            known = ", ".join(sorted(joints)) or "none"
-            raise InvalidArgument(
-                "scene", f"a latch is on the joint {latch.joint!r}, which does not exist", f"one of {known}"
-            )
-    cameras = [camera.name for camera in scene.cameras]
-    if len(set(cameras)) != len(cameras):
-        raise InvalidArgument("scene", "two cameras have the same name", "unique names")
-
-
 def surface(material: Material) -> dict[str, Any]:
     """Contact parameters of a material. Where two meet, MuJoCo takes the larger friction and dimension; the softer one
     decides how soft the contact is."""
@@ -96,13 +68,6 @@ def surface(material: Material) -> dict[str, Any]:
         "solimp": SOLIMP,
         "solmix": (material.softness_s / 0.005) ** 2,
     }
-
-
-def check_size(geom: Geom, where: str) -> None:
-    """Raise ``InvalidArgument`` unless the size fits the shape."""
-    if len(geom.size) != _SIZES[geom.shape] or min(geom.size) <= 0:
-        expected = f"{_SIZES[geom.shape]} positive numbers"
-        raise InvalidArgument(where, f"a {geom.shape} of size {geom.size}", expected)
 
 
 def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: Any) -> None:
@@ -136,15 +101,9 @@ def _add_mesh(spec: mujoco.MjSpec, file: str | None, scale: tuple[float, ...], w
 
 def _add_body(spec: mujoco.MjSpec, parent: Any, body: Body) -> None:
     where = f"scene body {body.name!r}"
-    if body.joint is not None and not body.geoms:
-        raise InvalidArgument(where, "moves but has no geoms", "at least one geom, or no joint")
-    if isinstance(body.joint, Free) and parent.name != "world":
-        raise InvalidArgument(where, f"moves freely but is attached to {parent.name!r}", "a body of the scene itself")
-    for geom in body.geoms:
-        check_size(geom, where)
     added = parent.add_body(name=body.name, pos=body.pose.position, quat=body.pose.orientation)
     _add_joint(added, body)
-    for geom, mass in zip(body.geoms, masses(body), strict=True):
+    for geom, mass in zip(body.geoms, masses(body, mesh_volume), strict=True):
         contype, conaffinity = SCENE_BITS if geom.collides else (0, 0)
         add_shape(
             spec, added, geom, where, mass=mass, contype=contype, conaffinity=conaffinity, **surface(geom.material)
@@ -160,13 +119,6 @@ def _add_joint(added: Any, body: Body) -> None:
     if isinstance(joint, Free):
         added.add_joint(name=f"{body.name}/free", type=mujoco.mjtJoint.mjJNT_FREE)
         return
-    where = f"joint {joint.name!r}"
-    if math.sqrt(sum(v * v for v in joint.axis)) < 1e-9:
-        raise InvalidArgument(where, "its axis has no length", "a direction such as (0, 0, 1)")
-    if joint.range[0] >= joint.range[1]:
-        raise InvalidArgument(where, f"its range {joint.range} is empty", "(lower, upper)")
-    if not joint.range[0] <= joint.initial <= joint.range[1]:
-        raise InvalidArgument(where, f"starts at {joint.initial}, outside {joint.range}", "a start inside its range")
     hinge = isinstance(joint, Hinge)
     added.add_joint(
         name=joint.name,
@@ -188,8 +140,6 @@ def _add_joint(added: Any, body: Body) -> None:
 
 def _add_latch(spec: mujoco.MjSpec, number: int, latch: Latch) -> None:
     """A weak position servo on the joint; the simulator switches it off where the catch does not reach."""
-    if latch.width <= 0 or latch.effort <= 0:
-        raise InvalidArgument(f"latch on {latch.joint!r}", "has no width or effort", "both more than 0")
     stiffness = 4.0 * latch.effort / latch.width
     spec.add_actuator(
         name=f"latch/{number}",
@@ -204,67 +154,13 @@ def _add_latch(spec: mujoco.MjSpec, number: int, latch: Latch) -> None:
     )
 
 
-def masses(body: Body) -> tuple[float, ...]:
-    """Mass of each geom (kg): stated ones as they are; the rest of the body's mass, or density 500 kg/m3, by volume.
-
-    Decoration (geoms that do not collide) weighs nothing unless it says so or there is nothing else.
-    """
-    volumes = [_volume(geom) if geom.mass is None and geom.collides else 0.0 for geom in body.geoms]
-    if sum(volumes) == 0.0:
-        volumes = [_volume(geom) if geom.mass is None else 0.0 for geom in body.geoms]
-    stated = sum(geom.mass for geom in body.geoms if geom.mass is not None)
-    density = DENSITY
-    if body.mass is not None and sum(volumes) > 0:
-        if body.mass <= stated:
-            problem = f"weighs {body.mass} kg, its geoms alone {stated} kg"
-            raise InvalidArgument(f"scene body {body.name!r}", problem, "more than its geoms state, or no mass")
-        density = (body.mass - stated) / sum(volumes)
-    scale = 1.0
-    if body.mass is not None and sum(volumes) == 0 and stated > 0:
-        scale = body.mass / stated
-    return tuple(
-        density * volume if geom.mass is None else geom.mass * scale
-        for geom, volume in zip(body.geoms, volumes, strict=True)
-    )
-
-
-def _volume(geom: Geom) -> float:
-    """m3."""
-    size = geom.size
-    if geom.shape == "box":
-        return size[0] * size[1] * size[2]
-    if geom.shape == "cylinder":
-        return math.pi * size[0] ** 2 * size[1]
-    if geom.shape == "sphere":
-        return 4 / 3 * math.pi * size[0] ** 3
-    if geom.shape == "capsule":
-        return math.pi * size[0] ** 2 * size[1] + 4 / 3 * math.pi * size[0] ** 3
-    return _mesh_volume(str(geom.mesh)) * size[0] ** 3
-
-
 @functools.lru_cache(maxsize=256)
-def _mesh_volume(file: str) -> float:
+def mesh_volume(file: str) -> float:
+    """What a mesh file encloses (m3)."""
     probe = mujoco.MjSpec()
     name = _add_mesh(probe, file, (1.0, 1.0, 1.0), f"mesh {file!r}")
     probe.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=1.0)
     return float(probe.compile().body_mass[1])
-
-
-def _joined_pairs(scene: SceneDescription) -> Iterator[tuple[str, str]]:
-    """Bodies on the two sides of a hinge or slide, with what is rigidly attached to either: these do not collide."""
-    group: dict[str, str] = {}
-    joined: list[tuple[str, str]] = []
-    for body, parent in scene.walk():
-        group[body.name] = group[parent.name] if parent is not None and body.joint is None else body.name
-        if parent is not None and isinstance(body.joint, (Hinge, Slide)):
-            joined.append((group[parent.name], body.name))
-    members: dict[str, list[str]] = {}
-    for name, root in group.items():
-        members.setdefault(root, []).append(name)
-    for first, second in joined:
-        for one in members[first]:
-            for other in members[second]:
-                yield one, other
 
 
 def add_look(spec: mujoco.MjSpec, scene: SceneDescription, settings: MujocoSettings) -> None:
@@ -312,16 +208,3 @@ def add_look(spec: mujoco.MjSpec, scene: SceneDescription, settings: MujocoSetti
         conaffinity=SCENE_BITS[1],
         **surface(Material()),
     )
-
-
-def _add_table(spec: mujoco.MjSpec, height: float) -> None:
-    """The table that every scene stands on unless it brings a body called ``table``: top 1.6 x 1.6 m."""
-    table = spec.worldbody.add_body(name="table", pos=(0.45, 0.0, height))
-    bits = {"contype": SCENE_BITS[0], "conaffinity": SCENE_BITS[1]}
-    top = Geom("box", (1.6, 1.6, 0.04), Pose((0.0, 0.0, -0.02)), (0.80, 0.69, 0.54, 1.0))
-    add_shape(spec, table, top, "table", **bits, **surface(top.material))
-    legs = FLOOR_DEPTH - 0.04
-    for x in (-0.72, 0.72):
-        for y in (-0.72, 0.72):
-            leg = Geom("box", (0.06, 0.06, legs), Pose((x, y, -0.04 - legs / 2)), (0.55, 0.56, 0.58, 1.0))
-            add_shape(spec, table, leg, "table", contype=0, conaffinity=0)

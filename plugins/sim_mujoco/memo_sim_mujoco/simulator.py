@@ -18,6 +18,7 @@ import numpy as np
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
 from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.scene.building import families
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.mechanisms import Mechanisms
 from memo_core.scene.pose import Array, Pose
@@ -91,7 +92,7 @@ class MujocoSimulator(Simulator):
         world = build_world(scene, robot, self.settings)
         self._world = world
         self._cameras = {camera.name: (number, camera) for number, camera in enumerate(scene.cameras)}
-        self._families = _families(scene, world)
+        self._families = _families(scene, world.body_ids)
         self._bind(world)
         self._limits = JointLimits(self.model)
         self.mechanisms = Mechanisms(scene, self, self)
@@ -435,10 +436,7 @@ class MujocoSimulator(Simulator):
             self._viewer.sync()
 
 
-def _families(scene: SceneDescription, world: Any) -> dict[str, frozenset[int]]:
-    """Every body's id with those of its children."""
-    families = {name: {index} for name, index in world.body_ids.items()}
-    pairs = [(body.name, parent.name) for body, parent in scene.walk() if parent is not None]
-    for child, parent in reversed(pairs):
-        families[parent] |= families[child]
-    return {name: frozenset(ids) for name, ids in families.items()}
+def _families(scene: SceneDescription, ids: dict[str, int]) -> dict[str, frozenset[int]]:
+    """Every body's id, robot links too, with those of its children."""
+    names = {name: frozenset((name,)) for name in ids} | families(scene)
+    return {name: frozenset(ids[one] for one in members) for name, members in names.items()}
