@@ -10,7 +10,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Latch, Material, Part, Slide, Vector
+from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Latch, Part, Slide, Vector
 from memo_core.scene.hollow import shell
 from memo_core.scene.pose import Pose
 from memo_tabletop.furniture import DARK, STEEL, WHITE
@@ -94,7 +94,7 @@ KNOB = (0.07, -0.12)  # m, axis in the stove's frame
 def stove(name: str, place: Vector, yaw: float, friction: float = 0.3) -> Body:
     """A flat cooker with one burner on the left and a knob with a blade on its right; the blade points away from the
     robot while the burner is off. ``friction`` (Nm) is the knob's; its hinge joint is called ``NAME/knob``."""
-    depth, width, height = STOVE_SIZE
+    depth, _, height = STOVE_SIZE
     top = Geom("box", STOVE_SIZE, Pose((depth / 2, 0.0, height / 2)), WHITE)
     disc = Geom("cylinder", (BURNER_RADIUS, 0.003), Pose((*BURNER, height + 0.0015)), BLACK)
     ring = Geom("cylinder", (BURNER_RADIUS * 0.7, 0.0004), Pose((*BURNER, height + 0.003)), RED, collides=False)

@@ -6,9 +6,11 @@ Grains are bodies of their own without a label; ``heap`` says what they are call
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
+from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import Body, Cavity, Colour, Free, Geom, Material, Vector
 from memo_core.scene.hollow import cup
 from memo_core.scene.pose import Pose
@@ -61,3 +63,14 @@ def vessel(
     )
     geoms = cup(apothem, height, wall, sides, colour)
     return Body(name, geoms, Pose.from_yaw(place, yaw), Free(), mass=mass, label=name, cavities=(hollow,))
+
+
+def contained(world: WorldState, vessel: str, apothem: float, height: float, names: Iterable[str]) -> tuple[str, ...]:
+    """Those of the grains whose middle lies within a vessel, up to its rim (m)."""
+    frame = world.body_pose(vessel).inverse()
+    found = []
+    for name in names:
+        x, y, z = frame.apply(np.asarray(world.body_pose(name).position))
+        if math.hypot(x, y) < apothem and 0.0 < z < height:
+            found.append(name)
+    return tuple(found)

@@ -91,10 +91,9 @@ class CookTheFood(Task):
         return stands and self._off_burner(world) <= ON_BURNER * BURNER_RADIUS
 
     def _in_pan(self, world: WorldState) -> bool:
-        """Whether it rests in the pan: it touches it, and its middle is over the pan's floor and not above the rim by more
-        than half its own size."""
+        """Whether it rests in the pan: it touches it, and its middle is over the pan's floor, hardly above the rim."""
         at = world.body_pose("pan").inverse().apply(np.asarray(world.body_pose("food").position))
-        over = math.hypot(at[0], at[1]) < PAN_APOTHEM and 0.0 < at[2] < PAN_HEIGHT
+        over = math.hypot(at[0], at[1]) < PAN_APOTHEM and 0.0 < at[2] < PAN_HEIGHT + 0.005
         return over and judging.touches(world, "food", "pan")
 
     @property
