@@ -64,7 +64,8 @@ def test_code_without_a_fence_or_with_one_left_open_is_read():
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("I cannot do that.", "no Python code"),
+        ("I have done that.", "no Python code"),
+        ("I cannot do that.", "declines to answer"),
         ("```python\nmove_to(\n```", "line 1"),
         ("```python\ndef f():\n    wait(1)\n```", "calls nothing"),
         ("```python\nx = 1\n```", "calls nothing"),
@@ -128,7 +129,7 @@ def test_a_template_is_one_documented_function():
         ("def f():\n    '''x'''\n    wait(1)\n", "no parameters"),
         ("def f(name):\n    '''x'''\n    move_to([0.45, 0.1, -0.2])\n", r"\[0.45, 0.1, -0.2\] is a hard-coded"),
         ("def f(name):\n    '''x'''\n    move_to(get_position(name), (0.7, 0.0, 0.7, 0.1))\n", "hard-coded"),
-        ("def f(name:\n", "parses"),
+        ("def f(name:\n", "does not parse"),
     ],
 )
 def test_a_template_that_is_none_says_why(code, reason):

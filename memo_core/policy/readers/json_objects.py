@@ -1,0 +1,99 @@
+"""JSON objects in what a model says: strict JSON first, then the ways in which models get it slightly wrong."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+MOST = 50  # braces that are tried as the beginning of an object
+_QUOTES = str.maketrans({"\u201c": '"', "\u201d": '"', "\u201e": '"', "\u2018": "'", "\u2019": "'"})
+
+
+def json_objects(text: str) -> Iterator[dict[str, Any]]:
+    """Every JSON object in a text, fenced or not, outermost first, then those within. Python's literals (single quotes,
+    trailing commas), comments, typographic quotes and keys without quotes are understood; an object that breaks off is
+    not completed."""
+    at = text.find("{")
+    for _ in range(MOST):
+        if at < 0:
+            return
+        value, end = _object_at(text, at)
+        if value is not None:
+            yield value
+            yield from _within(value)
+        at = text.find("{", end)
+
+
+def _within(value: Any) -> Iterator[dict[str, Any]]:
+    for item in value.values() if isinstance(value, dict) else value:
+        if isinstance(item, dict):
+            yield item
+        if isinstance(item, (dict, list)):
+            yield from _within(item)
+
+
+def _object_at(text: str, at: int) -> tuple[dict[str, Any] | None, int]:
+    """The object that begins at a brace and where to look on; None where there is none."""
+    try:
+        value, end = json.JSONDecoder(strict=False).raw_decode(text, at)
+        return (value, end) if isinstance(value, dict) else (None, at + 1)
+    except (ValueError, RecursionError):
+        pass
+    for end in _closings(text, at):
+        value = _lenient(text[at:end])
+        if value is not None:
+            return value, end
+    return None, at + 1
+
+
+def _closings(text: str, at: int) -> Iterator[int]:
+    """Where the object may end: at the brace that balances the first one, outside of double quotes or anywhere."""
+    for respect_quotes in (True, False):
+        depth, quoted, escaped = 0, False, False
+        for i in range(at, len(text)):
+            character = text[i]
+            if escaped:
+                escaped = False
+            elif character == "\\":
+                escaped = True
+            elif character == '"' and respect_quotes:
+                quoted = not quoted
+            elif not quoted and character in "{}":
+                depth += 1 if character == "{" else -1
+                if depth == 0:
+                    yield i + 1
+                    break
+
+
+def _lenient(fragment: str) -> dict[str, Any] | None:
+    uncommented = re.sub(r"(^|[,\[{])([ \t]*)(?://|#)[^\n]*", r"\1", fragment, flags=re.MULTILINE)
+    uncommented = re.sub(r"/\*.*?\*/", "", uncommented, flags=re.DOTALL)
+    keyed = re.sub(r"([{,]\s*)([A-Za-z_][A-Za-z_ ]*?)\s*:", r'\1"\2":', uncommented)
+    for attempt in dict.fromkeys((fragment, uncommented, keyed)):
+        for spelling in dict.fromkeys((attempt, attempt.translate(_QUOTES))):
+            value = _parsed(spelling)
+            if value is not None:
+                return value
+    return None
+
+
+def _parsed(fragment: str) -> dict[str, Any] | None:
+    for spelling in (fragment, re.sub(r",(\s*[\]}])", r"\1", fragment)):
+        try:
+            value = json.loads(spelling, strict=False)
+            return value if isinstance(value, dict) else None
+        except (ValueError, RecursionError):
+            continue
+    literal = re.sub(r"\b(true|false|null)\b(?=\s*[,\]}])", _python_word, fragment)
+    try:
+        value = ast.literal_eval(literal)
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError):
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def _python_word(match: re.Match[str]) -> str:
+    return {"true": "True", "false": "False", "null": "None"}[match.group()]
