@@ -35,6 +35,13 @@ def tasks(settings: TabletopSettings):
     )
 
 
+def quirks(settings: TabletopSettings):
+    """Things with a trick to them; in pairs of a training and a held-out task."""
+    from memo_tabletop.quirks.suite import quirk_tasks
+
+    return quirk_tasks()
+
+
 @hookimpl
 def memo_task_suites():
     return [
@@ -46,5 +53,12 @@ def memo_task_suites():
             TabletopSettings,
             demo=Demo(taught="put-the-food-in-the-microwave", transfer="put-the-food-in-the-oven"),
             default=True,
-        )
+        ),
+        Backend(
+            "suite",
+            "quirks",
+            "doors, drawers, caps, buttons with a trick that no picture shows",
+            quirks,
+            TabletopSettings,
+        ),
     ]

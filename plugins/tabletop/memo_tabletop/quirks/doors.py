@@ -1,0 +1,171 @@
+"""Doors on an upright edge that do not just swing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from memo_core.interfaces.simulator import WorldState
+from memo_core.interfaces.task import Outcome
+from memo_core.scene.description import Body, Colour, SceneDescription, Vector
+from memo_core.scene.mechanisms import Mechanism
+from memo_tabletop import judging
+from memo_tabletop.furniture import DARK, STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
+from memo_tabletop.quirks.code import quirk_code
+from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle
+from memo_tabletop.quirks.latches import half_way_catch, lifted_bolt, push_latch
+from memo_tabletop.quirks.task import QuirkTask
+from memo_tabletop.things import cameras
+
+OPENING = math.radians(88)
+
+
+class OpenADoor(QuirkTask):
+    """Success: the door stands open so far that a hand reaches straight in, still and let go."""
+
+    thing: str  # "cupboard"
+    size: Vector = (0.30, 0.36, 0.34)  # depth, width, height
+    place: tuple[float, float] = (0.70, 0.0)
+    hinge = DoorHinge("left", math.radians(110))
+    handle = Handle(length=0.16, distance=0.045, inset=0.03, height=0.20)
+    colours: tuple[Colour, Colour] = (WHITE, DARK)
+
+    def furniture(self, rng: np.random.Generator) -> Body:
+        x, y = np.asarray(self.place) + rng.uniform(-0.02, 0.02, 2)
+        yaw = rng.uniform(-math.radians(5), math.radians(5))
+        return self.changed(cabinet(self.thing, (x, y, 0.0), yaw, self.size, self.hinge, self.handle, *self.colours))
+
+    def changed(self, fixture: Body) -> Body:
+        """The cabinet with what is particular about it."""
+        return fixture
+
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return ()
+
+    @property
+    def joint(self) -> str:
+        return f"{self.thing}/hinge"
+
+    def scene(self, rng: np.random.Generator) -> SceneDescription:
+        fixture = self.furniture(rng)
+        x, y, _ = fixture.pose.position
+        return SceneDescription((fixture,), cameras((x, y, 0.25)), mechanisms=self.mechanisms())
+
+    def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        angle = world.joint_position(self.joint)
+        width = judging.passage(angle, self.size[1] - 2 * WALL, self.size[1])
+        measures = {"door_rad": angle, "passage_m": width}
+        if width < judging.HAND_PASSAGE_M:
+            how = "is shut" if angle < math.radians(3) else f"lets only {max(width, 0):.2f} m through"
+            return Outcome(False, f"the {self.thing} door {how}", measures)
+        if not judging.released(world, f"{self.thing}/door"):
+            return Outcome(False, "the robot still touches the door", measures)
+        if abs(world.joint_velocity(self.joint)) > judging.AT_REST_RAD_S:
+            return Outcome(False, "the door is still moving", measures)
+        return Outcome(True, f"the {self.thing} stands open, {width:.2f} m wide", measures)
+
+    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
+        return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None
+
+    @property
+    def plain_attempt(self) -> str:
+        return quirk_code(using=("open_door",), calls=f'open_door("{self.thing}", {OPENING})\n')
+
+
+class OpenTheCupboard(OpenADoor):
+    """A push latch: pushed in by 4 mm at the bar, the door springs open by itself."""
+
+    name = "open-the-cupboard"
+    instruction = "open the cupboard"
+    quirk = "push in first"
+    lesson = "Push the cupboard door in first, then it springs open by itself."
+    thing = "cupboard"
+    handle = Handle(length=0.12, distance=0.045, inset=0.03, height=0.22)
+    colours = (WOOD, WOOD)
+
+    def changed(self, fixture: Body) -> Body:
+        joint = {"range": (-0.02, self.hinge.opens_to), "stiffness": 0.55, "rest": 2.5, "friction": 0.1}
+        return with_joint(fixture, **joint)
+
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return push_latch(self.joint, lowest=-0.02, pushed=-0.012)
+
+    @property
+    def reference_solution(self) -> str:
+        return quirk_code("geometry", "push_open", calls=f'push_open("{self.thing}")\n')
+
+
+class OpenTheLocker(OpenADoor):
+    """A bolt that the handle draws: it must be lifted before the door can be pulled."""
+
+    name = "open-the-locker"
+    instruction = "open the locker"
+    quirk = "lift the handle"
+    lesson = "You have to lift the locker's handle up before you pull the door."
+    thing = "locker"
+    colours = (STEEL, STEEL)
+
+    def changed(self, fixture: Body) -> Body:
+        return with_lifting_handle(fixture, 0.03)
+
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return lifted_bolt(self.thing, self.joint, play=0.012)
+
+    @property
+    def reference_solution(self) -> str:
+        return quirk_code("geometry", "swing", "lift_and_open", calls=f'lift_and_open("{self.thing}")\n')
+
+
+class OpenTheWardrobe(OpenADoor):
+    """The door catches half-way; eased back and pulled a second time it comes free."""
+
+    name = "open-the-wardrobe"
+    instruction = "open the wardrobe"
+    split = "held-out"
+    quirk = "sticks half-way"
+    lesson = "The wardrobe door sticks halfway, let it come back a little and pull a second time."
+    thing = "wardrobe"
+    size = (0.30, 0.36, 0.50)
+    place = (0.72, 0.05)
+    hinge = DoorHinge("left", math.radians(115))
+    handle = Handle(length=0.20, distance=0.045, inset=0.03, height=0.30)
+    colours = (WOOD, WOOD)
+
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return half_way_catch(self.joint, stop=0.68, strain=0.06, hard=0.12, stiffness=60.0)
+
+    @property
+    def reference_solution(self) -> str:
+        return quirk_code("geometry", "swing", "second_pull", calls=f'open_door_twice("{self.thing}", 0.72)\n')
+
+
+class OpenTheMedicineCabinet(OpenADoor):
+    """The bar sits 10 cm from the hinge, on its side of the door."""
+
+    name = "open-the-medicine-cabinet"
+    instruction = "open the medicine cabinet"
+    quirk = "hinge on the handle's side"
+    lesson = "The hinge is on the same side as the handle, so swing it around that edge."
+    thing = "medicine cabinet"
+    handle = Handle(length=0.16, distance=0.045, inset=0.26, height=0.20)
+    colours = (WHITE, WHITE)
+
+    @property
+    def reference_solution(self) -> str:
+        return quirk_code("geometry", "swing", "near_hinge", calls=f'open_near_hinge("{self.thing}")\n')
+
+
+class OpenTheFreezer(OpenTheMedicineCabinet):
+    """The same on a taller thing, the other way round."""
+
+    name = "open-the-freezer"
+    instruction = "open the freezer"
+    split = "held-out"
+    thing = "freezer"
+    size = (0.30, 0.36, 0.50)
+    place = (0.72, 0.05)
+    hinge = DoorHinge("right", math.radians(115))
+    handle = Handle(length=0.20, distance=0.045, inset=0.26, height=0.30)
+    colours = (WHITE, STEEL)
