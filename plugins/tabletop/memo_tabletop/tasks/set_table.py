@@ -12,7 +12,7 @@ from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.monitors import Mishaps, Moved
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PLATE_RADIUS, cameras, cutlery, plate
+from memo_tabletop.things import PLATE_RADIUS, cameras, cutlery, plate, scatter
 
 PIECES = {"fork": 1.0, "knife": -1.0, "spoon": -1.0}  # which side of the plate: +1 left
 NEAREST_M, FARTHEST_M = PLATE_RADIUS, PLATE_RADIUS + 0.12  # of a piece's middle from the plate's, sideways
@@ -31,17 +31,8 @@ class SetTheTable(Task):
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         x, y = np.array([0.52, 0.14]) + rng.uniform(-0.03, 0.03, 2)
-        # somewhere on the right, in any order, one beside the other
-        order = rng.permutation(list(PIECES))
-        pieces = [
-            cutlery(
-                str(name),
-                (0.44 + rng.uniform(-0.03, 0.03), -0.20 - 0.085 * i + rng.uniform(-0.008, 0.008), 0.001),
-                rng.uniform(-0.35, 0.35),
-            )
-            for i, name in enumerate(order)
-        ]
-        pieces.sort(key=lambda body: body.name)
+        places = scatter(rng, 3, (0.38, -0.42), (0.56, -0.12), 0.13)
+        pieces = [cutlery(n, (*at, 0.001), rng.uniform(-0.6, 0.6)) for n, at in zip(PIECES, places, strict=True)]
         return SceneDescription((plate("plate", (x, y, 0.001)), *pieces), cameras((0.5, 0.0, 0.05)))
 
     def monitors(self) -> tuple[Monitor, ...]:
