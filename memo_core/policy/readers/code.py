@@ -33,10 +33,11 @@ def read_code(text: str) -> str:
 def _candidates(blocks: Sequence[str]) -> list[str]:
     """What may be meant, best first."""
     whole = [code for code in blocks if calls_something(code)]
-    half = max((len(code) for code in whole), default=0) / 2
-    alone = [code for code in reversed(whole) if len(code) >= half and not _uses(code, blocks)]
-    alone += [code for code in sorted(whole, key=len, reverse=True) if code not in alone and not _uses(code, blocks)]
-    return [*alone, "\n".join(blocks), *sorted(whole, key=len, reverse=True)]
+    by_length = sorted(whole, key=len, reverse=True)
+    if any(_uses(code, blocks) for code in whole):
+        return ["\n".join(blocks), *by_length]
+    enough = len(by_length[0]) / 2 if by_length else 0
+    return [*(code for code in reversed(whole) if len(code) >= enough), *by_length, "\n".join(blocks)]
 
 
 def _uses(code: str, blocks: Sequence[str]) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 MOST = 50  # braces that are tried as the beginning of an object
+LAST = 5  # closing braces that are tried as its end
 _QUOTES = str.maketrans({"\u201c": '"', "\u201d": '"', "\u201e": '"', "\u2018": "'", "\u2019": "'"})
 
 
@@ -50,7 +51,8 @@ def _object_at(text: str, at: int) -> tuple[dict[str, Any] | None, int]:
 
 
 def _closings(text: str, at: int) -> Iterator[int]:
-    """Where the object may end: at the brace that balances the first one, outside of double quotes or anywhere."""
+    """Where the object may end: at the brace that balances the first one, outside of double quotes or anywhere; else at
+    the last ones there are, since braces may stand in quotes of either kind."""
     for respect_quotes in (True, False):
         depth, quoted, escaped = 0, False, False
         for i in range(at, len(text)):
@@ -66,6 +68,8 @@ def _closings(text: str, at: int) -> Iterator[int]:
                 if depth == 0:
                     yield i + 1
                     break
+    braces = [match.end() for match in re.finditer("}", text[at:])]
+    yield from (at + end for end in reversed(braces[-LAST:]))
 
 
 def _lenient(fragment: str) -> dict[str, Any] | None:
