@@ -6,7 +6,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import attrs
@@ -22,6 +22,7 @@ from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile", "xinference", "docker_model_runner")
+_REJECTED = (400, 415, 422, 501)  # what servers say to a field that they do not know
 _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clients insist on one
 
 
@@ -205,44 +206,45 @@ class LiteLLMModel(LanguageModel):
     ) -> Answer:
         """In the worker thread: ask in the best manner that the server takes. What it does not take is remembered for
         as long as this is open."""
-        manners = tuple(self._manners(request, on_piece is not None))
+        streaming = on_piece is not None and "stream" not in self._refused
+        manners = self._manners(request, streaming)
         for manner in manners:
             line.reset()
-            try:
-                self._ask(request, manner, spoken, on_piece)
-            except Exception:
-                if manner == manners[-1] or line.status not in (400, 415, 422, 501) or spoken.words:
-                    raise
-                continue
-            if manner.stream and not spoken.words and "json" in line.headers.get("content-type", ""):
+            problem = self._ask(request, manner, line, spoken, on_piece)
+            as_json = line.status == 200 and "json" in line.headers.get("content-type", "")
+            if manner.stream and as_json and not spoken.words:
                 self._refused.add("stream")  # it answered, but not as a stream: what it said is lost
-                continue
-            self._refused |= {
-                name for name in ("schema", "count") if getattr(manners[0], name) and not getattr(manner, name)
-            }
-            break
+                return self._put(request, line, spoken, None, started)
+            if problem is None:
+                self._refused |= {
+                    what for what in ("schema", "count") if getattr(manners[0], what) > getattr(manner, what)
+                }
+                break
+            if manner == manners[-1] or line.status not in _REJECTED or spoken.words:
+                raise problem
         took = time.monotonic() - started
         text = self._redact(spoken.words)
         return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name)
 
-    def _manners(self, request: Request, streaming: bool) -> Iterator[_Manner]:
+    def _manners(self, request: Request, streaming: bool) -> tuple[_Manner, ...]:
+        """The best first. Where the server rejects one, the next is tried."""
         schema = (
             request.response_schema is not None
             and self._settings.schema == "auto"
             and "schema" not in self._refused
             and "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
         )
-        stream = streaming and "stream" not in self._refused
-        count = stream and "count" not in self._refused
-        manners = [_Manner(schema, stream, count)]
-        manners += [_Manner(schema, stream, False)] if count else []
-        manners += [_Manner(False, stream, count)] if schema else []
-        manners += [_Manner(False, stream, False)] if schema and count else []
-        yield from manners
-        if stream:
-            yield _Manner(False, False, False)
+        count = streaming and "count" not in self._refused
+        return tuple(
+            _Manner(with_schema, streaming, with_count)
+            for with_schema in ((True, False) if schema else (False,))
+            for with_count in ((True, False) if count else (False,))
+        )
 
-    def _ask(self, request: Request, manner: _Manner, spoken: Spoken, on_piece: Callable[[str], None] | None) -> None:
+    def _ask(
+        self, request: Request, manner: _Manner, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None
+    ) -> Exception | None:
+        """Ask once; what the answer is goes into ``spoken``, what went wrong is returned."""
         settings = self._settings
         given: dict[str, Any] = {
             "model": settings.model,
@@ -264,11 +266,17 @@ class LiteLLMModel(LanguageModel):
         ):
             if value is not None:
                 given[name] = value
-        response = self._litellm.completion(**given)
-        if manner.stream:
-            read_stream(response, spoken, on_piece or (lambda piece: None))
-        else:
-            read_whole(response, spoken)
+        try:
+            response = self._litellm.completion(**given)
+            if manner.stream:
+                read_stream(response, spoken, on_piece or (lambda piece: None))
+            else:
+                read_whole(response, spoken)
+        except Exception as error:
+            if isinstance(error, ConnectionError):
+                line.failed = error
+            return error
+        return None
 
     # -- what went wrong -----------------------------------------------------------------------------------------------
     def _model(self) -> str:

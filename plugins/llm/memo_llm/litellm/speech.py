@@ -69,14 +69,20 @@ def read_whole(response: Any, spoken: Spoken) -> None:
         raise ValueError("it holds no choices")
     choice = response.choices[0]
     spoken.text = choice.message.content or ""
-    spoken.refusal = getattr(choice.message, "refusal", None) or ""
+    spoken.refusal = _refusal(choice.message)
     spoken.finish = choice.finish_reason or ""
     spoken.usage = getattr(response, "usage", None)
     spoken.model = response.model or ""
 
 
+def _refusal(said: Any) -> str:
+    kept = getattr(said, "provider_specific_fields", None) or {}
+    return getattr(said, "refusal", None) or kept.get("refusal") or ""
+
+
 def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str], None]) -> None:
-    """An answer in pieces; ``spoken`` always holds what has come so far."""
+    """An answer in pieces; ``spoken`` always holds what has come so far. Raises ``ConnectionError`` where the server
+    stopped without having said why the answer ends: litellm would call that a "stop"."""
     for chunk in chunks:
         spoken.model = getattr(chunk, "model", None) or spoken.model
         spoken.usage = getattr(chunk, "usage", None) or spoken.usage
@@ -84,8 +90,10 @@ def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str],
             continue
         choice = chunk.choices[0]
         spoken.finish = choice.finish_reason or spoken.finish
-        spoken.refusal += getattr(choice.delta, "refusal", None) or ""
+        spoken.refusal += _refusal(choice.delta)
         piece = choice.delta.content or ""
         if piece:
             spoken.text += piece
             on_piece(piece)
+    if getattr(chunks, "received_finish_reason", spoken.finish) is None:
+        raise ConnectionError("the stream ended before the answer did")
