@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,11 @@ INSIDE_PART_M = 0.005
 MOUNTING_SHARE = 0.05  # a geom below this share of the body's volume that touches a part is the part's mounting
 
 
-def body_box(body: Body) -> tuple[Pose, tuple[float, float, float]] | None:
+def body_box(body: Body, moved: Mapping[str, Pose] | None = None) -> tuple[Pose, tuple[float, float, float]] | None:
     """(pose of the box's centre in the body's frame, full extents), without what belongs to the body's parts; with
-    unlabelled pieces that are fixed to it. None when the body has no geoms."""
-    pieces = list(_pieces(body, Pose(), body.parts))
+    unlabelled pieces that are fixed to it, and those of ``moved`` (name -> pose in the body's frame) that move on their
+    own. None when the body has no geoms."""
+    pieces = list(_pieces(body, Pose(), body.parts, moved or {}))
     if not pieces:
         return None
     total = sum(float(np.prod(high - low)) for low, high in pieces)
@@ -29,14 +30,21 @@ def body_box(body: Body) -> tuple[Pose, tuple[float, float, float]] | None:
     return Pose(tuple((low + high) / 2)), tuple(float(v) for v in high - low)  # type: ignore[return-value]
 
 
-def _pieces(body: Body, pose: Pose, parts: Sequence[Part]):
+def loose_pieces(body: Body) -> tuple[str, ...]:
+    """Names of the unlabelled bodies attached to this one that move on their own: the wall of a can that gives way."""
+    return tuple(c.name for c in body.bodies if c.joint is not None and not c.label and not c.parts and not c.bodies)
+
+
+def _pieces(body: Body, pose: Pose, parts: Sequence[Part], moved: Mapping[str, Pose]):
     # What nothing can touch is decoration, unless there is nothing else to see.
     solid = [geom for geom in body.geoms if geom.collides] or body.geoms
     for geom in solid:
         yield geom_bounds(geom, pose)
     for child in body.bodies:
         if child.joint is None and not child.label and not child.parts:
-            yield from _pieces(child, pose * child.pose, parts)
+            yield from _pieces(child, pose * child.pose, parts, {})
+        elif child.name in moved:
+            yield from _pieces(child, moved[child.name], parts, {})
 
 
 def _belongs_to_part(piece: tuple[Array, Array], parts: Sequence[Part], total: float) -> bool:

@@ -18,7 +18,7 @@ from memo_core.scene import relations
 from memo_core.scene.description import Body, Cavity, Free, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
-from memo_perception.boxes import body_box
+from memo_perception.boxes import body_box, loose_pieces
 from memo_perception.heaps import Heap, heap_node, heaps
 from memo_perception.settings import GroundTruthSettings
 
@@ -38,6 +38,7 @@ class _Seen:
     droppable: str | None = None  # id of the free object it belongs to
     lineage: tuple[str, ...] = ()  # names of its body and that body's ancestors
     door: str | None = None  # of a cavity: name of the body that closes it
+    pieces: tuple[str, ...] = ()  # bodies without a name of their own that belong to it and move: its box is theirs too
 
 
 @attrs.frozen
@@ -98,12 +99,13 @@ class GroundTruth(Perception):
             visible = self._noticed(visible)
         seen_as = poses if exact else {name: self._misplaced(pose) for name, pose in poses.items()}
         time = simulator.time
+        boxes = {thing.id: self._box(thing, poses) for thing in visible}
         nodes = tuple(
             Node(
                 id=thing.id,
                 label=self._label(thing),
-                pose=seen_as[thing.body.name] * thing.pose,
-                size=thing.size,
+                pose=seen_as[thing.body.name] * boxes[thing.id][0],
+                size=boxes[thing.id][1],
                 part_of=thing.part_of,
                 kind=thing.kind,
                 opening=_turned(seen_as[thing.body.name], thing.cavity.opening) if thing.cavity else None,
@@ -132,6 +134,16 @@ class GroundTruth(Perception):
             self._labels = dict(memory["labels"])
         except (ValueError, KeyError, TypeError) as error:
             raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
+
+    def _box(self, thing: _Seen, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:
+        """Its box in its body's frame: as described, or with its loose pieces where they are now."""
+        if not thing.pieces:
+            return thing.pose, thing.size
+        simulator = self._started().simulator
+        assert simulator is not None
+        back = poses[thing.body.name].inverse()
+        moved = {name: back * simulator.body_pose(name) for name in thing.pieces}
+        return body_box(thing.body, moved) or (thing.pose, thing.size)
 
     # -- what is visible ----------------------------------------------------------------------------------------------
 
@@ -252,7 +264,8 @@ def _body_thing(body: Body, owner: str | None, loose: str | None) -> _Seen:
         raise InvalidArgument(f"scene body {body.name!r}", "a label but no geoms: it cannot be seen", "geoms")
     independent = owner is None or isinstance(body.joint, Free)
     kind = "fixture" if independent and body.fixture else "object" if independent else "part"
-    return _Seen(body.name, body.label, kind, body, *box, None if independent else owner, None, loose)
+    part_of = None if independent else owner
+    return _Seen(body.name, body.label, kind, body, *box, part_of, None, loose, pieces=loose_pieces(body))
 
 
 def _unique(id: str, body: Body, taken: set[str]) -> str:
