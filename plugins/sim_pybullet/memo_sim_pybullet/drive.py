@@ -1,0 +1,146 @@
+"""What drives joints in Bullet: the arm's position servos, the gripper, springs and catches of the scene.
+
+A servo of gains kp, kv pulls with kp (q* - q) - kv dq/dt. Integrated explicitly that is unstable at 2 ms on a light
+wrist, so Bullet's velocity motor, an implicit constraint, does it: it wants the velocity kp/kv (q* - q) at which the
+servo's torque vanishes, and may use the torque that the servo has when it is held, kp |q* - q|, or that damps, kv
+|dq/dt|. Free, the joint lags kv/kp seconds behind its target; held, it pushes as hard as the servo; it never overshoots.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.scene.description import Latch
+from memo_core.scene.pose import Array
+from memo_sim_pybullet.world import World
+
+# The gripper's servo on the opening, critically damped for two fingers of 0.5 kg.
+_FINGER_STIFFNESS = 8000.0  # N/m
+_FINGER_DAMPING = 90.0  # N s/m
+
+
+class RobotDrive:
+    """Servos of the arm and the gripper, with gravity compensated. ``push`` is called before every physics step."""
+
+    def __init__(self, client: Any, world: World) -> None:
+        import pybullet
+
+        self._client, self._body = client, world.robot_body
+        self._velocity, self._torque = pybullet.VELOCITY_CONTROL, pybullet.TORQUE_CONTROL
+        self._arm, self._fingers = world.arm, world.fingers
+        self._joints = [*world.arm, *world.fingers]
+        self._count = len(world.arm)
+        # Bullet numbers degrees of freedom in the order of its links.
+        moving = [
+            index for index in range(client.getNumJoints(self._body)) if client.getJointInfo(self._body, index)[3] > -1
+        ]
+        self._order = [moving.index(index) for index in self._joints]
+        self._moving = moving
+        joints = world.robot.joints
+        self._kp = np.array([joint.kp for joint in joints])
+        self._kv = np.array([joint.kv for joint in joints])
+        self._effort = np.array([joint.effort for joint in joints])
+        self.targets = np.array(world.robot.home, dtype=float)
+        self.speeds_before = np.zeros(self._count)  # rad/s, before the last step
+        self.opening = 0.0  # m, the gripper's set point
+        self.force = world.robot.gripper.max_force
+        self._gravity: list[float] = [0.0] * len(self._joints)
+        self._still = [0.0] * len(moving)
+
+    def states(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and motor torques of arm and fingers now."""
+        states = self._client.getJointStates(self._body, self._joints)
+        return (
+            np.array([state[0] for state in states]),
+            np.array([state[1] for state in states]),
+            np.array([state[3] for state in states]),
+        )
+
+    def compensate(self) -> None:
+        """Compute the torques that carry the robot's own weight; once a tick is enough."""
+        states = self._client.getJointStates(self._body, self._moving)
+        torques = self._client.calculateInverseDynamics(
+            self._body, [state[0] for state in states], self._still, self._still
+        )
+        self._gravity = [torques[index] for index in self._order]
+
+    @property
+    def gravity(self) -> Array:
+        """Nm, of the arm's joints."""
+        return np.array(self._gravity[: self._count])
+
+    def push(self) -> None:
+        states = self._client.getJointStates(self._body, self._joints)
+        count = self._count
+        position = np.array([state[0] for state in states])
+        speed = np.array([state[1] for state in states[:count]])
+        self.speeds_before = speed
+        error = self.targets - position[:count]
+        wanted = (self._kp * error / self._kv).tolist()
+        limit = np.minimum(np.maximum(self._kp * np.abs(error), self._kv * np.abs(speed)), self._effort).tolist()
+        if self._fingers:
+            gap = self.opening - float(position[count:].sum())
+            share = gap / len(self._fingers) * _FINGER_STIFFNESS / _FINGER_DAMPING
+            strength = min(_FINGER_STIFFNESS * abs(gap), self.force)
+            wanted += [share] * len(self._fingers)
+            limit += [strength] * len(self._fingers)
+        client = self._client
+        client.setJointMotorControlArray(
+            self._body, self._joints, self._velocity, targetVelocities=wanted, forces=limit
+        )
+        client.setJointMotorControlArray(self._body, self._joints, self._torque, forces=self._gravity)
+
+
+@attrs.define(eq=False)
+class _Spring:
+    body: int
+    index: int
+    stiffness: float
+    rest: float
+    catches: tuple[Latch, ...]
+
+
+class SceneDrive:
+    """Springs and catches. ``push`` is called before every physics step and costs nothing where there are none."""
+
+    def __init__(self, client: Any, world: World, latches: tuple[Latch, ...]) -> None:
+        import pybullet
+
+        self._client, self._torque = client, pybullet.TORQUE_CONTROL
+        self._joints = world.joints
+        self._catches: dict[str, tuple[Latch, ...]] = {}
+        for latch in latches:
+            self._catches[latch.joint] = (*self._catches.get(latch.joint, ()), latch)
+        self._springs = {
+            name: _Spring(joint.body, joint.index, joint.spec.stiffness, joint.spec.rest, self._catches.get(name, ()))
+            for name, joint in world.joints.items()
+        }
+        self._choose()
+
+    def _choose(self) -> None:
+        self._active = tuple(one for one in self._springs.values() if one.stiffness or one.catches)
+
+    def spring(self, joint: str, stiffness: float, rest: float) -> None:
+        """Raises ``KeyError``."""
+        found = self._springs[joint]
+        found.stiffness, found.rest = stiffness, rest
+        self._choose()
+
+    def limit(self, joint: str, lower: float, upper: float) -> None:
+        """Raises ``KeyError``."""
+        found = self._springs[joint]
+        self._client.changeDynamics(found.body, found.index, jointLowerLimit=lower, jointUpperLimit=upper)
+
+    def push(self) -> None:
+        for spring in self._active:
+            position, speed = self._client.getJointState(spring.body, spring.index)[:2]
+            effort = spring.stiffness * (spring.rest - position)
+            for latch in spring.catches:
+                if abs(position - latch.position) < latch.width:
+                    stiffness = 4.0 * latch.effort / latch.width
+                    pull = stiffness * (latch.position - position) - 0.02 * stiffness * speed
+                    effort += min(max(pull, -latch.effort), latch.effort)
+            self._client.setJointMotorControl2(spring.body, spring.index, self._torque, force=effort)

@@ -1,0 +1,253 @@
+"""Trees of links as URDF text, the one form in which Bullet takes bodies of any number of shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from xml.etree import ElementTree
+
+import attrs
+import numpy as np
+
+from memo_core.arm.urdf import Urdf, UrdfLink, UrdfShape
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.scene.building import masses
+from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide, Vector
+from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+
+ROBOT = "robot/"
+_LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
+_LEAST_INERTIA = 1e-7  # kg m2; Bullet divides by it
+
+
+@attrs.frozen
+class JointSpec:
+    """How a link hangs on its parent: ``kind`` as in URDF, ``axis`` in the link's frame, limits rad or m."""
+
+    name: str
+    kind: str = "fixed"
+    axis: Vector = (1.0, 0.0, 0.0)
+    lower: float = 0.0
+    upper: float = 0.0
+    armature: float = 0.0  # kg m2 about the axis of a hinge, which Bullet has no word for: added to the link's inertia
+
+
+@attrs.frozen(eq=False)
+class LinkSpec:
+    """One link, its frame at its joint. ``frame``: the link's frame in that of the body it stands for."""
+
+    name: str
+    parent: str | None
+    pose: Pose  # in the parent link's frame at joint position 0
+    joint: JointSpec
+    shapes: tuple[Geom, ...]  # posed in the link's frame
+    mass: float
+    centre: Array  # (3,) m, in the link's frame
+    inertia: Array  # (3, 3) kg m2 about the centre of mass, in the link's axes
+    material: Material = Material()
+    frame: Pose = Pose()
+
+
+@attrs.frozen(eq=False)
+class Tree:
+    """One multibody. ``fixed``: its first link does not move."""
+
+    links: tuple[LinkSpec, ...]
+    pose: Pose
+    fixed: bool
+    body: Body | None = None
+
+
+def scene_tree(root: Body, mesh_mass: Callable[[str], float]) -> Tree:
+    """A body of the scene with all that hangs on it."""
+    links: list[LinkSpec] = []
+    moves = isinstance(root.joint, (Hinge, Slide))
+    if moves:
+        nothing = (np.zeros(3), np.zeros((3, 3)))
+        links.append(LinkSpec(f"{root.name}/anchor", None, Pose(), JointSpec(""), (), 0.0, *nothing))
+    pose = Pose() if moves else root.pose
+    _add(links, root, f"{root.name}/anchor" if moves else None, root.pose if moves else Pose(), mesh_mass)
+    return Tree(tuple(links), pose, not isinstance(root.joint, Free), root)
+
+
+def _add(
+    links: list[LinkSpec], body: Body, parent: str | None, pose: Pose, mesh_volume: Callable[[str], float]
+) -> None:
+    """``pose``: the body's frame in its parent link's. A hinge's link has its frame at the anchor."""
+    anchor = body.joint.anchor if isinstance(body.joint, Hinge) else (0.0, 0.0, 0.0)
+    frame = Pose(anchor)
+    back = frame.inverse()
+    shapes = tuple(attrs.evolve(geom, pose=back * geom.pose) for geom in body.geoms)
+    weights = masses(body, mesh_volume)
+    mass, centre, inertia = _mass_properties(shapes, weights)
+    touching = [geom.material for geom in body.geoms if geom.collides] or [Material()]
+    links.append(
+        LinkSpec(body.name, parent, pose * frame, _joint(body), shapes, mass, centre, inertia, touching[0], frame)
+    )
+    for child in body.bodies:
+        _add(links, child, body.name, back * child.pose, mesh_volume)
+
+
+def _joint(body: Body) -> JointSpec:
+    joint = body.joint
+    if isinstance(joint, Hinge):
+        return JointSpec(joint.name, "revolute", _unit(joint.axis), *joint.range, joint.armature)
+    if isinstance(joint, Slide):
+        return JointSpec(joint.name, "prismatic", _unit(joint.axis), *joint.range)
+    return JointSpec(f"{body.name}/fixed")
+
+
+def robot_tree(urdf: Urdf, robot: RobotDescription) -> Tree:
+    """The robot, its base fixed at the world's origin; names as ``robot/LINK``."""
+    driven = {joint.name: joint for joint in robot.joints}
+    hanging = {joint.child: joint for joint in urdf.joints}
+    links = []
+    for name in (urdf.root, *(joint.child for joint in urdf.joints)):
+        link, joint = urdf.links[name], hanging.get(name)
+        spec = JointSpec("")
+        if joint is not None:
+            described = driven.get(joint.name)
+            limits = (described.lower, described.upper) if described else (joint.lower, joint.upper)
+            limits = (0.0, 0.0) if joint.kind == "fixed" else limits
+            armature = described.armature if described and joint.kind == "revolute" else 0.0
+            spec = JointSpec(ROBOT + joint.name, joint.kind, joint.axis, *limits, armature)
+        pad = name in robot.gripper.pads
+        material = Material(friction=robot.gripper.pad_friction, torsional=0.01) if pad else Material(friction=0.5)
+        parent = ROBOT + joint.parent if joint is not None else None
+        pose = joint.origin if joint is not None else Pose()
+        centre, inertia = np.array(link.centre.position), _tensor(link)
+        shapes = tuple(_shapes(link))
+        links.append(LinkSpec(ROBOT + name, parent, pose, spec, shapes, link.mass, centre, inertia, material))
+    return Tree(tuple(links), Pose(), True)
+
+
+def _shapes(link: UrdfLink) -> Iterator[Geom]:
+    for shape in link.collisions:
+        yield _geom(shape)
+
+
+def _geom(shape: UrdfShape) -> Geom:
+    if shape.shape == "mesh":
+        return Geom("mesh", shape.size[:1], shape.pose, shape.colour or _LINK_COLOUR, mesh=shape.mesh)
+    return Geom(shape.shape, shape.size, shape.pose, shape.colour or _LINK_COLOUR)
+
+
+def _tensor(link: UrdfLink) -> Array:
+    xx, yy, zz, xy, xz, yz = link.inertia
+    rotation = link.centre.rotation
+    return rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+
+
+def _mass_properties(shapes: tuple[Geom, ...], weights: tuple[float, ...]) -> tuple[float, Array, Array]:
+    """Mass (kg), centre (3,) and inertia (3, 3) about it of solid shapes of these masses."""
+    mass = sum(weights)
+    if mass <= 0:
+        return 0.0, np.zeros(3), np.zeros((3, 3))
+    centre = (
+        sum((weight * np.array(geom.pose.position) for geom, weight in zip(shapes, weights, strict=True)), np.zeros(3))
+        / mass
+    )
+    inertia = np.zeros((3, 3))
+    for geom, weight in zip(shapes, weights, strict=True):
+        rotation = geom.pose.rotation
+        away = np.array(geom.pose.position) - centre
+        own = rotation @ np.diag(_solid(geom, weight)) @ rotation.T
+        inertia += own + weight * (away @ away * np.eye(3) - np.outer(away, away))
+    return mass, centre, inertia
+
+
+def _solid(geom: Geom, mass: float) -> tuple[float, float, float]:
+    """Moments of inertia of a solid about its own centre and axes; a capsule counts as the cylinder of its length."""
+    size = geom.size
+    if geom.shape == "sphere":
+        return (0.4 * mass * size[0] ** 2,) * 3
+    if geom.shape in ("cylinder", "capsule"):
+        length = size[1] + (2 * size[0] if geom.shape == "capsule" else 0.0)
+        across = mass * (3 * size[0] ** 2 + length**2) / 12
+        return (across, across, mass * size[0] ** 2 / 2)
+    x, y, z = size if geom.shape == "box" else (0.1 * size[0],) * 3
+    return (mass * (y * y + z * z) / 12, mass * (x * x + z * z) / 12, mass * (x * x + y * y) / 12)
+
+
+def principal(link: LinkSpec) -> tuple[list[float], Array]:
+    """Principal moments of inertia (kg m2) of a link, its joint's armature included, and their axes as columns."""
+    moments, axes = np.linalg.eigh(link.inertia + link.joint.armature * np.outer(link.joint.axis, link.joint.axis))
+    return [max(float(value), _LEAST_INERTIA) for value in moments], axes * np.sign(np.linalg.det(axes))
+
+
+def urdf_text(tree: Tree, name: str) -> str:
+    """The tree as a URDF document."""
+    root = ElementTree.Element("robot", name=name)
+    for link in tree.links:
+        _write_link(root, link, tree.fixed and link.parent is None)
+        if link.parent is not None:
+            _write_joint(root, link)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _write_link(root: ElementTree.Element, link: LinkSpec, fixed: bool) -> None:
+    element = ElementTree.SubElement(root, "link", name=link.name)
+    inertial = ElementTree.SubElement(element, "inertial")
+    moments, axes = principal(link)
+    _origin(inertial, Pose(tuple(link.centre), quaternion_from_rotation(axes)))
+    # Bullet computes nothing from a massless link that moves.
+    mass = 0.0 if fixed else max(link.mass, 1e-4)
+    ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
+    # A ball's inertia for now: Bullet refuses what no rigid body has, such as an armature about one axis.
+    xx = yy = zz = repr(max(moments)) if mass else "0"
+    ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
+    for number, geom in enumerate(link.shapes):
+        visual = ElementTree.SubElement(element, "visual")
+        _origin(visual, geom.pose)
+        _shape(visual, geom)
+        colour = ElementTree.SubElement(visual, "material", name=f"{link.name}/{number}")
+        ElementTree.SubElement(colour, "color", rgba=" ".join(map(repr, geom.colour)))
+        if geom.collides:
+            collision = ElementTree.SubElement(element, "collision")
+            _origin(collision, geom.pose)
+            _shape(collision, geom)
+
+
+def _write_joint(root: ElementTree.Element, link: LinkSpec) -> None:
+    joint = link.joint
+    element = ElementTree.SubElement(root, "joint", name=joint.name, type=joint.kind)
+    ElementTree.SubElement(element, "parent", link=str(link.parent))
+    ElementTree.SubElement(element, "child", link=link.name)
+    _origin(element, link.pose)
+    if joint.kind != "fixed":
+        ElementTree.SubElement(element, "axis", xyz=" ".join(map(repr, joint.axis)))
+        ElementTree.SubElement(
+            element, "limit", lower=repr(joint.lower), upper=repr(joint.upper), effort="100000", velocity="100"
+        )
+
+
+def _origin(element: ElementTree.Element, pose: Pose) -> None:
+    xyz = " ".join(repr(float(v)) for v in pose.position)
+    rpy = " ".join(repr(v) for v in _roll_pitch_yaw(pose.rotation))
+    ElementTree.SubElement(element, "origin", xyz=xyz, rpy=rpy)
+
+
+def _roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
+    """Angles with R = Rz(yaw) Ry(pitch) Rx(roll), URDF's convention."""
+    pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
+    if math.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+        return (0.0, pitch, math.atan2(-rotation[0, 1], rotation[1, 1]))
+    return (math.atan2(rotation[2, 1], rotation[2, 2]), pitch, math.atan2(rotation[1, 0], rotation[0, 0]))
+
+
+def _shape(element: ElementTree.Element, geom: Geom) -> None:
+    geometry = ElementTree.SubElement(element, "geometry")
+    size = [repr(float(value)) for value in geom.size]
+    if geom.shape == "box":
+        ElementTree.SubElement(geometry, "box", size=" ".join(size))
+    elif geom.shape == "sphere":
+        ElementTree.SubElement(geometry, "sphere", radius=size[0])
+    elif geom.shape == "mesh":
+        ElementTree.SubElement(geometry, "mesh", filename=str(geom.mesh), scale=" ".join(size * 3))
+    else:
+        ElementTree.SubElement(geometry, geom.shape, radius=size[0], length=size[1])
+
+
+def _unit(axis: Vector) -> Vector:
+    length = math.sqrt(sum(value * value for value in axis))
+    return (axis[0] / length, axis[1] / length, axis[2] / length)

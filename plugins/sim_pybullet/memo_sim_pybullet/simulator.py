@@ -1,0 +1,308 @@
+"""PyBullet as a ``Simulator``."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import struct
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
+from memo_core.interfaces.robot import RobotDescription
+from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.scene.building import families
+from memo_core.scene.description import Camera, SceneDescription
+from memo_core.scene.mechanisms import Mechanisms
+from memo_core.scene.pose import Array, Pose
+from memo_sim_pybullet.pictures import Pictures
+from memo_sim_pybullet.settings import PybulletSettings
+
+_MAGIC = b"MEMOPB01"
+_HEADER = struct.Struct("<8s16sII")  # magic, fingerprint, bytes of JSON, bytes of Bullet's own
+
+
+class PybulletSimulator(Simulator):
+    """One robot in one scene. After ``build``, ``client`` is Bullet's own, for whoever needs more."""
+
+    def __init__(self, settings: PybulletSettings | None = None) -> None:
+        self.settings = settings or PybulletSettings()
+        self.timestep = self.settings.timestep
+        self.control_period = self.settings.timestep * self.settings.steps_per_tick
+        self.client: Any = None
+        self._listeners: tuple[Callable[[], None], ...] = ()
+        self._world: Any = None
+
+    # -- life ------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        """Import PyBullet and start an engine. Raises ``BackendUnavailable``."""
+        if self.client is not None:
+            return
+        try:
+            import pybullet
+            from pybullet_utils.bullet_client import BulletClient
+        except ImportError as error:
+            raise BackendUnavailable("simulator", "pybullet", str(error), "pip install 'pybullet>=3.2.7,<4'") from error
+        self.client = BulletClient(pybullet.DIRECT)
+
+    def close(self) -> None:
+        client, self.client = self.client, None
+        if client is not None:
+            client.disconnect()
+        self._listeners = ()
+        self._world = None
+
+    def build(self, scene: SceneDescription, robot: RobotDescription) -> None:
+        if self.client is None:
+            raise BackendUnavailable(
+                "simulator", "pybullet", "it is not open", "call open() or use it as a context manager"
+            )
+        from memo_sim_pybullet.drive import RobotDrive, SceneDrive
+        from memo_sim_pybullet.world import build_world
+
+        world = build_world(self.client, scene, robot, self.settings)
+        self._world = world
+        self._cameras = {camera.name: camera for camera in scene.cameras}
+        family = families(scene)
+        self._families = {name: family.get(name, frozenset((name,))) for name in world.places}
+        self._pictures = Pictures(self.client, self.settings.shadows)
+        self._robot_names = frozenset(name for name in world.places if name.startswith("robot/"))
+        self._arm = RobotDrive(self.client, world)
+        self._scene = SceneDrive(self.client, world, scene.latches)
+        self._goal = self._ramp = self._arm.opening = self.gripper_width()
+        self._ramp_step = robot.gripper.speed * self.control_period
+        self._steps = 0
+        self._contacts: tuple[Contact, ...] | None = None  # as read since the last step
+        self._effort: float | None = None
+        self.mechanisms = Mechanisms(scene, self, self)
+        self._moving_parts = bool(self.mechanisms)
+        self._arm.compensate()
+
+    # -- reading the world -------------------------------------------------------------------------------------------
+    @property
+    def time(self) -> float:
+        return self._steps * self.timestep
+
+    def body_pose(self, body: str) -> Pose:
+        place = self._world.places[body]
+        return self._link_pose(place) * place.frame
+
+    def _link_pose(self, place: Any) -> Pose:
+        if place.link < 0:
+            position, orientation = self.client.getBasePositionAndOrientation(place.body)
+        else:
+            state = self.client.getLinkState(place.body, place.link, computeForwardKinematics=1)
+            position, orientation = state[4:6]
+        x, y, z, w = orientation
+        return Pose(position, (w, x, y, z))
+
+    def body_velocity(self, body: str) -> tuple[Array, Array]:
+        place = self._world.places[body]
+        if place.link < 0:
+            centre = np.array(self.client.getBasePositionAndOrientation(place.body)[0])
+            linear, angular = map(np.array, self.client.getBaseVelocity(place.body))
+        else:
+            state = self.client.getLinkState(place.body, place.link, computeLinkVelocity=1, computeForwardKinematics=1)
+            centre, linear, angular = np.array(state[0]), np.array(state[6]), np.array(state[7])
+        # Bullet tells the velocity of the centre of mass; the body's frame is what body_pose tells.
+        arm = np.array(self.body_pose(body).position) - centre
+        return linear + np.cross(angular, arm), angular
+
+    def joint_position(self, joint: str) -> float:
+        found = self._world.joints[joint]
+        return float(self.client.getJointState(found.body, found.index)[0])
+
+    def joint_velocity(self, joint: str) -> float:
+        found = self._world.joints[joint]
+        return float(self.client.getJointState(found.body, found.index)[1])
+
+    def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
+        wanted = None if body is None else self._families[body]
+        everything = self._all_contacts()
+        if wanted is None:
+            return everything
+        return tuple(one for one in everything if one.first in wanted or one.second in wanted)
+
+    def _all_contacts(self) -> tuple[Contact, ...]:
+        if self._contacts is None:
+            names = self._world.names
+            found = []
+            for point in self.client.getContactPoints() or ():
+                if point[9] > 0.0 or point[8] <= 0.0:
+                    first, second = names[(point[1], point[3])], names[(point[2], point[4])]
+                    found.append(Contact(first, second, tuple(point[5]), float(point[9])))
+            self._contacts = tuple(found)
+        return self._contacts
+
+    def tool_pose(self) -> Pose:
+        place = self._world.tool
+        return self._link_pose(place) * place.frame * self._world.robot.tool_offset
+
+    # -- the joint-level link ------------------------------------------------------------------------------------------
+    def joint_positions(self) -> Array:
+        return self._arm.states()[0][: len(self._world.arm)]
+
+    def joint_velocities(self) -> Array:
+        return self._arm.states()[1][: len(self._world.arm)]
+
+    def joint_torques(self) -> Array:
+        return self._arm.states()[2][: len(self._world.arm)] + self._arm.gravity
+
+    def joint_accelerations(self) -> Array:
+        """Over the last physics step."""
+        return (self.joint_velocities() - self._arm.speeds_before) / self.timestep
+
+    def gripper_width(self) -> float:
+        return float(self._arm.states()[0][len(self._world.arm) :].sum())
+
+    def gripper_effort(self) -> float:
+        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot."""
+        if self._effort is None:
+            self._effort = self._pressed()
+        return self._effort
+
+    def _pressed(self) -> float:
+        robot = self._world.robot_body
+        forces = []
+        for link, slide in self._world.pads:
+            state = self.client.getLinkState(robot, slide, computeForwardKinematics=1)
+            axis = np.array(self.client.getJointInfo(robot, slide)[13])
+            along = np.array(self.client.getMatrixFromQuaternion(state[5])).reshape(3, 3) @ axis
+            total = np.zeros(3)
+            for point in self.client.getContactPoints(bodyA=robot, linkIndexA=link) or ():
+                if point[2] == robot:
+                    continue
+                # Normals point from the second body to the first, the pad.
+                total += (
+                    point[9] * np.array(point[7]) + point[10] * np.array(point[11]) + point[12] * np.array(point[13])
+                )
+            forces.append(float(total @ along))
+        return max(0.0, min(forces)) if forces else 0.0
+
+    def command_joints(self, targets: Array) -> None:
+        if not math.isfinite(np.dot(targets, targets)):
+            raise InvalidArgument("targets", f"not all finite: {np.asarray(targets).tolist()}", "angles in rad")
+        self._arm.targets = np.array(targets, dtype=float)
+
+    def command_gripper(self, width: float, force: float) -> None:
+        gripper = self._world.robot.gripper
+        if not (math.isfinite(width) and math.isfinite(force)) or force <= 0:
+            raise InvalidArgument("gripper", f"width {width} m with {force} N", "a finite width and a force above 0")
+        self._goal = goal = min(max(width, 0.0), gripper.stroke)
+        # Blocked by an object, the set point has run ahead of the fingers: turning back starts from where they are.
+        now = self.gripper_width()
+        if self._ramp < now and self._ramp < goal:
+            self._ramp = min(now, goal)
+        elif self._ramp > now and self._ramp > goal:
+            self._ramp = max(now, goal)
+        self._arm.force = min(force, gripper.max_force)
+
+    def tick(self) -> None:
+        if self._ramp != self._goal:
+            left = self._goal - self._ramp
+            step = self._ramp_step
+            self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
+        self._arm.opening = self._ramp
+        self._arm.compensate()
+        step, push_arm, push_scene = self.client.stepSimulation, self._arm.push, self._scene.push
+        for _ in range(self.settings.steps_per_tick):
+            push_arm()
+            push_scene()
+            step()
+        self._steps += self.settings.steps_per_tick
+        self._contacts = self._effort = None
+        if self._moving_parts:
+            self.mechanisms.update()
+        for listener in self._listeners:
+            listener()
+
+    def add_tick_listener(self, listener: Callable[[], None]) -> None:
+        self._listeners = (*self._listeners, listener)
+
+    def remove_tick_listener(self, listener: Callable[[], None]) -> None:
+        self._listeners = tuple(one for one in self._listeners if one != listener)
+
+    def limit_joint(self, joint: str, lower: float, upper: float) -> None:
+        self._scene.limit(joint, lower, upper)
+
+    def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
+        self._scene.spring(joint, stiffness, rest)
+
+    # -- state ---------------------------------------------------------------------------------------------------------
+    def checkpoint(self) -> bytes:
+        kept = {
+            "steps": self._steps,
+            "goal": self._goal,
+            "ramp": self._ramp,
+            "force": self._arm.force,
+            "targets": self._arm.targets.tolist(),
+            # Bullet's file forgets the forces of the last step.
+            "contacts": [attrs.astuple(one) for one in self._all_contacts()],
+            "effort": self.gripper_effort(),
+            "mechanisms": self.mechanisms.memory() if self._moving_parts else None,
+        }
+        with tempfile.TemporaryDirectory(prefix="memo-") as folder:
+            file = os.path.join(folder, "world.bullet")
+            self.client.saveBullet(file)
+            world = Path(file).read_bytes()
+        text = json.dumps(kept).encode()
+        return _HEADER.pack(_MAGIC, self._world.fingerprint, len(text), len(world)) + text + world
+
+    def restore(self, checkpoint: bytes) -> None:
+        if len(checkpoint) < _HEADER.size or checkpoint[: len(_MAGIC)] != _MAGIC:
+            raise InvalidArgument(
+                "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"
+            )
+        _, fingerprint, text, world = _HEADER.unpack_from(checkpoint)
+        if fingerprint != self._world.fingerprint:
+            raise InvalidArgument(
+                "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
+            )
+        end = _HEADER.size + text
+        if len(checkpoint) != end + world:
+            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{end + world}")
+        kept = json.loads(checkpoint[_HEADER.size : end])
+        with tempfile.TemporaryDirectory(prefix="memo-") as folder:
+            file = os.path.join(folder, "world.bullet")
+            Path(file).write_bytes(checkpoint[end:])
+            self.client.restoreState(fileName=file)
+        self._steps, self._goal, self._ramp = kept["steps"], kept["goal"], kept["ramp"]
+        self._arm.force, self._arm.targets = kept["force"], np.array(kept["targets"])
+        self._arm.opening = self._ramp
+        self._contacts = tuple(Contact(a, b, tuple(at), force) for a, b, at, force in kept["contacts"])
+        self._effort = kept["effort"]
+        if self._moving_parts:
+            self.mechanisms.recall(kept["mechanisms"])
+        self._arm.compensate()
+
+    # -- pictures ------------------------------------------------------------------------------------------------------
+    def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        return self._shoot(camera, width, height)[0]
+
+    def render_depth(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
+        return self._shoot(camera, width, height)[1]
+
+    def render_segmentation(
+        self, camera: str, width: int | None = None, height: int | None = None
+    ) -> tuple[np.ndarray, Sequence[str]]:
+        _, _, bodies, links = self._shoot(camera, width, height)
+        names = list(dict.fromkeys(self._world.names.values()))
+        indices = np.full(bodies.shape, -1, dtype=np.int32)
+        for (body, link), name in self._world.names.items():
+            indices[(bodies == body) & (links == link)] = names.index(name)
+        return indices, names
+
+    def _shoot(self, name: str, width: int | None, height: int | None) -> tuple[np.ndarray, ...]:
+        if name not in self._cameras:
+            raise UnknownName("camera", name, tuple(self._cameras))
+        camera: Camera = self._cameras[name]
+        size = (width or camera.resolution[0], height or camera.resolution[1])
+        if min(size) < 1 or max(size) > 4096:
+            raise InvalidArgument("width, height", f"{size[0]} x {size[1]} pixels", "1 to 4096 each")
+        return self._pictures.shoot(camera, *size)
