@@ -23,7 +23,39 @@ SCHEMAS: dict[str, dict[str, Any]] = {
         "properties": {"corrections": _STRINGS, "general": _STRINGS, "unclear": {"type": "string"}},
         "required": ["corrections", "general", "unclear"],
         "additionalProperties": False,
-    }
+    },
+    "cluster": {
+        "type": "object",
+        "properties": {
+            "entries": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {
+                        "text": {"type": "string"},
+                        "from": {"type": "array", "items": {"type": "integer"}},
+                    },
+                    "required": ["text", "from"],
+                    "additionalProperties": False,
+                },
+            },
+            "dropped": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {
+                        "number": {"type": "integer"},
+                        "template": {"type": "integer"},
+                        "reason": {"type": "string"},
+                    },
+                    "required": ["number", "template", "reason"],
+                    "additionalProperties": False,
+                },
+            },
+        },
+        "required": ["entries", "dropped"],
+        "additionalProperties": False,
+    },
 }
 
 
@@ -56,25 +88,39 @@ class Questions:
     ) -> tuple[T, Asked]:
         """The answer to one phase's prompt, as ``read`` reads it. Asked again with the reason when that raises
         ``Unreadable``, then that is raised. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
-        prompts = self._session.prompts
-        messages = prompting.messages(phase, self._session.stage.robot, scene, prompts, **context)
-        calls = 0
-        while True:
-            calls += 1
-            request = Request(phase, messages, SCHEMAS.get(phase), self._session.seed, prompts.stamp(phase))
-            answer, file = self._calls.answer(request)
-            try:
-                return read(_complete(phase, answer)), Asked(calls, file)
-            except Unreadable as error:
-                if calls > self._session.settings.reasks:
-                    raise
-                messages = (
-                    *messages,
-                    Message("assistant", answer.text),
-                    Message(
-                        "user", f"This answer cannot be used: {error.problem}. Answer once more, in the form asked for."
-                    ),
-                )
+        session = self._session
+        messages = prompting.messages(phase, session.stage.robot, scene, session.prompts, **context)
+        stamp = session.prompts.stamp(phase)
+        return put(self._calls, phase, messages, read, session.settings.reasks, session.seed, stamp)
+
+
+def put(
+    calls: ModelCalls,
+    phase: str,
+    messages: tuple[Message, ...],
+    read: Callable[[str], T],
+    reasks: int,
+    seed: int = 0,
+    stamp: str = "",
+) -> tuple[T, Asked]:
+    """Put a question, and again with the reason, at most ``reasks`` times, while ``read`` raises ``Unreadable``. Raises
+    as ``Questions.ask``."""
+    asked = 0
+    while True:
+        asked += 1
+        answer, file = calls.answer(Request(phase, messages, SCHEMAS.get(phase), seed, stamp))
+        try:
+            return read(_complete(phase, answer)), Asked(asked, file)
+        except Unreadable as error:
+            if asked > reasks:
+                raise
+            messages = (
+                *messages,
+                Message("assistant", answer.text),
+                Message(
+                    "user", f"This answer cannot be used: {error.problem}. Answer once more, in the form asked for."
+                ),
+            )
 
 
 def _complete(phase: str, answer: Answer) -> str:

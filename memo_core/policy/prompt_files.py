@@ -56,6 +56,12 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "words": "what the person said, word for word",
     },
     "template": {"robot": _ROBOT, "subtask": _SUBTASK, "scene": _SCENE, "code": "the code that a person approved"},
+    "cluster": {
+        "key": "what the notes are about, ACTION(object), or * for general statements",
+        "entries": "the notes, each with .text and .after (the number of the template it was said of, or 0)",
+        "templates": "related templates, each with .key, .text, .uses and .confirmed",
+        "characters": "how many characters all entries may have together",
+    },
 }
 REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be answered
     SYSTEM: (),
@@ -63,6 +69,7 @@ REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be a
     "code": ("subtask", "scene", "skills"),
     "feedback": ("subtask", "words"),
     "template": ("code",),
+    "cluster": ("key", "entries", "templates", "characters"),
 }
 PHASES = tuple(name for name in PLACEHOLDERS if name != SYSTEM)
 
@@ -71,6 +78,9 @@ PHASES = tuple(name for name in PLACEHOLDERS if name != SYSTEM)
 class _Entry:
     key: str = "OPEN(jar)"
     text: str = "Lift the lid straight up."
+    after: int = 0
+    uses: int = 0
+    confirmed: int = 0
 
 
 @attrs.frozen
@@ -95,6 +105,9 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "code": "look()\n",
     "ended": "a person found fault with it",
     "words": "lift it straight up",
+    "key": "OPEN(jar)",
+    "entries": [_Entry()],
+    "characters": 100,
 }
 
 
@@ -253,6 +266,7 @@ class PromptSettings:
     code: str = _override("code")
     feedback: str = _override("feedback")
     template: str = _override("template")
+    cluster: str = _override("cluster")
 
 
 class Prompts:

@@ -15,8 +15,8 @@ from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import rows, tables, templates
-from memo_core.skillbook.clusters import Cluster, Clustered, Condensed, duplicates
-from memo_core.skillbook.condensing import ClusterLimits, condense, find_clusters
+from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
+from memo_core.skillbook.condensing import ClusterLimits, condense, find_clusters, without_duplicates
 from memo_core.skillbook.database import Database, SkillbookError
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
 from memo_core.skillbook.export import records
@@ -155,6 +155,11 @@ class Skillbook:
         with self._database.read() as connection:
             return rows.feedback_where(connection, _F.status.in_(statuses))
 
+    def feedback_of_run(self, run: str) -> list[Feedback]:
+        """Everything that was said in one run, oldest first."""
+        with self._database.read() as connection:
+            return rows.feedback_where(connection, _F.run == run)
+
     def mark_processed(self, feedback_id: int) -> None:
         self._set_status(feedback_id, "processed", "")
 
@@ -229,10 +234,9 @@ class Skillbook:
         ``problem_with`` refuses; nothing is written then."""
         return condense(self._database, cluster, proposal, model, f"cluster by {model}" if model else "cluster")
 
-    def join_duplicates(self, cluster: Cluster) -> Clustered | None:
-        """Make one entry of members that are the same words; None where there are none. Raises ``ClusterChanged``."""
-        proposal = duplicates(cluster.members)
-        return None if proposal is None else condense(self._database, cluster, proposal, "", "duplicates")
+    def join_duplicates(self, cluster: Cluster) -> Cluster:
+        """Make one entry of members that are the same words; the cluster as it is then. Raises ``ClusterChanged``."""
+        return without_duplicates(self._database, cluster)
 
     def near_keys(self) -> list[NearKeys]:
         """Spellings that mean a key which has more entries (``memo_core.skillbook.joining``); ``add_alias`` joins them.

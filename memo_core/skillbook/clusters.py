@@ -7,12 +7,15 @@ every member is accounted for, and only what contradicts a template that was sho
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable, Sequence
 
 import attrs
 
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
 from memo_core.skillbook.keys import Key
+
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 
 
 @attrs.frozen
@@ -123,16 +126,26 @@ class Clustered:
 
 def is_kept(cluster: Cluster, one: Merged) -> bool:
     """Whether an entry of a proposal is a member as it was."""
-    return len(one.of) == 1 and cluster.members[one.of[0] - 1].text == one.text
+    return len(one.of) == 1 and cluster.members[one.of[0] - 1].text.split() == one.text.split()
 
 
 def problem_with(cluster: Cluster, proposal: Condensed) -> str:
     """Why a proposal cannot be taken, as one sentence for whoever made it; "" when it can.
 
-    Every member is the source of exactly one entry or dropped; entries and characters do not grow; what is dropped
-    names a template that was shown, and is not one said of code that was written with the key's own template.
+    Every member is the source of exactly one entry or dropped; entries and characters do not grow; what is merged keeps
+    the numbers that people named; what is dropped names a template that was shown, and was not said of code that was
+    written with the key's own template.
     """
-    count, shown = len(cluster.members), len(cluster.templates)
+    return (
+        _misplaced(cluster, proposal)
+        or _lossy(cluster, proposal)
+        or _wrongly_dropped(cluster, proposal)
+        or _grown(cluster, proposal)
+    )
+
+
+def _misplaced(cluster: Cluster, proposal: Condensed) -> str:
+    count = len(cluster.members)
     seen: dict[int, str] = {}
     for where, numbers in _places(proposal):
         for number in numbers:
@@ -150,6 +163,25 @@ def problem_with(cluster: Cluster, proposal: Condensed) -> str:
             return f"entry {position} has no text"
         if not one.of:
             return f"entry {position} derives from no number; nothing may be added that nobody said"
+    return ""
+
+
+def _lossy(cluster: Cluster, proposal: Condensed) -> str:
+    for position, one in enumerate(proposal.entries, start=1):
+        said = [cluster.members[number - 1].text for number in one.of]
+        if not _words(one.text) & set().union(*map(_words, said)):
+            return f"entry {position} has no word in common with what it derives from"
+        if len(said) < 2:
+            continue  # the part of a note that contradicts a template may go, with its amount
+        for number, text in zip(one.of, said, strict=True):
+            lost = sorted(set(_NUMBER.findall(text)) - set(_NUMBER.findall(one.text)))
+            if lost:
+                return f"entry {position} loses the amount {lost[0]} of number {number}"
+    return ""
+
+
+def _wrongly_dropped(cluster: Cluster, proposal: Condensed) -> str:
+    shown = len(cluster.templates)
     for gone in proposal.dropped:
         if not shown:
             return f"number {gone.number} is dropped, but there are no templates that it could contradict; keep it"
@@ -161,6 +193,11 @@ def problem_with(cluster: Cluster, proposal: Condensed) -> str:
                 f"number {gone.number} is dropped for template {gone.template}, but was said of code written with that "
                 "template: it says what is wrong with it; keep it"
             )
+    return ""
+
+
+def _grown(cluster: Cluster, proposal: Condensed) -> str:
+    count = len(cluster.members)
     if len(proposal.entries) > count:
         return f"there are {len(proposal.entries)} entries, more than the {count} there were"
     if proposal.characters > cluster.characters:
@@ -189,6 +226,10 @@ def state_digest(members: Iterable[int], templates: Iterable[int], said_after: I
     """What a cluster looks like: entries are never changed, so their ids say it. One word for each of the three."""
     listed = (",".join(map(str, sorted(ids))) for ids in (members, templates, said_after))
     return ":".join(hashlib.sha256(ids.encode()).hexdigest()[:20] for ids in listed)
+
+
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"\w+", text.casefold()))
 
 
 def _places(proposal: Condensed) -> Iterable[tuple[str, tuple[int, ...]]]:

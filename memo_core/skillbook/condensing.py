@@ -20,6 +20,7 @@ from memo_core.skillbook.clusters import (
     Condensed,
     Merged,
     RelatedTemplate,
+    duplicates,
     is_kept,
     problem_with,
     state_digest,
@@ -34,6 +35,7 @@ from memo_core.skillbook.wording import KeyVectors
 
 _E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
 _TIE = 1e-6
+DUPLICATES = "duplicates"
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -113,7 +115,7 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
             revision = rows.insert(connection, tables.revisions, key=key, time=now, reason=reason)
             added = _replace(connection, cluster, proposal, revision, key)
             database.next_generation(connection)
-        if cluster.part == cluster.parts and reason != "duplicates":
+        if cluster.part == cluster.parts and reason != DUPLICATES:
             note_clustered(connection, key, _state_now(connection, cluster, key), model)
         stored = rows.entries_by_id(connection, added)
     return Clustered(
@@ -124,6 +126,27 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
         proposal.characters,
         revision,
         tuple(stored[entry] for entry in added),
+    )
+
+
+def without_duplicates(database: Database, cluster: Cluster) -> Cluster:
+    """Make one entry of members that are the same words, and commit that; the cluster as it is then."""
+    proposal = duplicates(cluster.members)
+    if proposal is None:
+        return cluster
+    joined = [one for one in proposal.entries if not is_kept(cluster, one)]
+    added = condense(database, cluster, proposal, "", DUPLICATES).added
+    gone = {cluster.members[number - 1].id for one in joined for number in one.of}
+    said_after = {
+        entry.id
+        for one, entry in zip(joined, added, strict=True)
+        if any(cluster.members[number - 1].id in cluster.said_after for number in one.of)
+    }
+    return attrs.evolve(
+        cluster,
+        members=(*(member for member in cluster.members if member.id not in gone), *added),
+        said_after=(cluster.said_after - gone) | said_after,
+        whole=(cluster.whole - gone) | {entry.id for entry in added},
     )
 
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
+from memo_llm.offline.clustering import condense
 from memo_llm.offline.feedback import note
 from memo_llm.offline.generalising import generalise
 from memo_llm.offline.planning import plan
@@ -62,5 +63,8 @@ class OfflineModel(LanguageModel):
         if phase == "feedback":
             noted = note(prompt, self._vocabulary)
             return noted.text, noted.not_understood
+        if phase == "cluster":
+            condensed = condense(prompt, self._vocabulary)
+            return condensed.text, condensed.not_understood
         template = generalise(prompt)
         return template.text, template.not_understood

@@ -15,6 +15,7 @@ from memo_core.scene.pose import Pose
 BACKEND = "offline"
 
 PHASE_TITLES = {  # words of a prompt's title, phase
+    "condense": "cluster",
     "plan": "plan",
     "write": "code",
     "code": "code",

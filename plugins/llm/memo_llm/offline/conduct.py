@@ -1,0 +1,183 @@
+"""What a template does, matter by matter, as far as its text tells: the docstring of its function is read like what a
+person says; its parameters' defaults and the functions it calls say the rest."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable
+
+import attrs
+
+from memo_llm.offline.reading import Edit, read_sentence
+from memo_llm.offline.vocabulary import Vocabulary
+
+# edit -> the matter it is about; edits of one matter with different positions differ
+_MATTERS = {
+    "arc": "path",
+    "straight": "path",
+    "pivot": "edge",
+    "hold-at": "place to hold",
+    "approach": "side to come from",
+    "follow-hand": "turning of the hand",
+    "stiff-hand": "turning of the hand",
+    "fingers": "way the fingers close",
+    "finger-width": "width of the fingers",
+    "force": "force",
+    "speed": "speed",
+    "release": "letting go",
+    "hold-on": "letting go",
+    "open-first": "fingers at first",
+    "close-first": "fingers at first",
+    "way": "direction",
+    "offset": "offset",
+    "angle": "angle",
+    "turn-thing": "turn",
+    "all-the-way": "how far",
+    "less-far": "how far",
+    "repeat": "repetition",
+}
+_OPPOSED = {frozenset(pair.split("|")) for pair in ("up|down", "in|out", "left|right", "away|towards", "in|towards")}
+_GENTLE = ("gently", "softly", "lightly", "carefully", "delicately", "softer", "less hard", "with less force")
+_ANGLE_SLACK = 0.2  # share by which angles may differ that are about the same
+_VERBS = """
+grasp grip grab hold take pull push press lead guide move bring lift raise lower open turn rotate twist tilt swing go
+come approach reach let keep back pinch seize squeeze slide put close start follow
+"""
+_THIRD_PERSON = re.compile(rf"\b({'|'.join(_VERBS.split())})(?:s|es)\b", re.I)
+_GENTLE_N, _FIRM_N = 25.0, 50.0
+_TURNING = {"turn_point", "turn_about", "sin", "cos", "tan"}
+_CALLS = {"top_orientation": ("side to come from", "top"), "align_from_top": ("side to come from", "top")}
+
+
+@attrs.frozen
+class Conduct:
+    """``positions`` by matter; a number of degrees for angles, else a word."""
+
+    positions: dict[str, frozenset[str | float]]
+
+    def speaks_of(self, matter: str) -> bool:
+        return matter in self.positions
+
+    def said(self, matter: str) -> str:
+        """For a reason: "path: arc"."""
+        return f"has {matter}: {', '.join(sorted(map(str, self.positions[matter])))}"
+
+
+def conduct_of(template: str, vocabulary: Vocabulary) -> Conduct:
+    """Empty for what does not parse."""
+    try:
+        function = next((n for n in ast.parse(template).body if isinstance(n, ast.FunctionDef)), None)
+    except (SyntaxError, ValueError, RecursionError):
+        function = None
+    if function is None:
+        return Conduct({})
+    found: dict[str, set[str | float]] = {}
+    for matter, does in (*_called(function), *_parameters(function)):
+        found.setdefault(matter, set()).add(does)
+    told: dict[str, set[str | float]] = {}
+    for sentence in re.split(r"(?<=[.!?])\s+|\n+", ast.get_docstring(function) or ""):
+        for edit in read_sentence(_told_to(sentence), vocabulary).edits:
+            position = position_of(edit)
+            if position is not None and not edit.negated:
+                told.setdefault(matter_of(edit), set()).add(position)
+    # What it says of itself is meant; what its calls look like is a guess.
+    merged = found | told
+    return Conduct({matter: frozenset(positions) for matter, positions in merged.items()})
+
+
+def _told_to(sentence: str) -> str:
+    """A docstring says that a function grasps and leads; people say: grasp, lead."""
+    return _THIRD_PERSON.sub(lambda match: match.group(1), sentence)
+
+
+def matter_of(edit: Edit) -> str:
+    """What an edit is about; "" where nothing can be said against it."""
+    return _MATTERS.get(edit.kind, "")
+
+
+def position_of(edit: Edit) -> str | float | None:
+    """What an edit wants in its matter; None where it does not say."""
+    if edit.kind in ("angle", "turn-thing") and edit.degrees is not None:
+        return edit.degrees
+    if edit.kind == "force":
+        return "gentle" if edit.value in _GENTLE else "firm"
+    if edit.kind == "speed":
+        return "slow" if edit.value.startswith("slow") else "fast"
+    if edit.kind == "repeat":
+        return float(edit.count)
+    if edit.kind in ("pivot", "hold-at", "approach", "fingers", "finger-width", "way", "offset"):
+        return edit.value or None
+    return edit.kind if edit.kind in _MATTERS else None
+
+
+def disputed(edits: Iterable[Edit], conduct: Conduct) -> str:
+    """The first matter in which edits want something else than what the template does; "" where there is none."""
+    for edit in edits:
+        matter, position = matter_of(edit), position_of(edit)
+        theirs = conduct.positions.get(matter)
+        if not matter or position is None or not theirs:
+            continue
+        agrees = any(_same(matter, position, one) for one in theirs)
+        if edit.negated:
+            if agrees and len(theirs) == 1:
+                return matter
+        elif not agrees and any(_differs(matter, position, one) for one in theirs):
+            return matter
+    return ""
+
+
+def supports(edits: Iterable[Edit], matter: str, conduct: Conduct) -> bool:
+    """Whether edits want in a matter what the template does."""
+    wanted = [position_of(edit) for edit in edits if matter_of(edit) == matter and not edit.negated]
+    theirs = conduct.positions.get(matter, frozenset())
+    return bool(matter) and any(p is not None and any(_same(matter, p, one) for one in theirs) for p in wanted)
+
+
+def _same(matter: str, one: str | float, other: str | float) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return abs(one - other) <= _ANGLE_SLACK * max(abs(one), abs(other))
+    return one == other
+
+
+def _differs(matter: str, one: str | float, other: str | float) -> bool:
+    """Unequal words differ in most matters; directions only when one undoes the other."""
+    if matter in ("direction", "offset"):
+        return frozenset((str(one), str(other))) in _OPPOSED
+    return type(one) is type(other) and not _same(matter, one, other)
+
+
+def _called(function: ast.FunctionDef) -> Iterable[tuple[str, str]]:
+    calls = [node for node in ast.walk(function) if isinstance(node, ast.Call)]
+    names = [c.func.id if isinstance(c.func, ast.Name) else getattr(c.func, "attr", "") for c in calls]
+    if _TURNING & set(names):
+        yield "path", "arc"
+    for name in names:
+        if name in _CALLS:
+            yield _CALLS[name]
+    for call, name in zip(calls, names, strict=True):
+        values = [
+            node.value for node in [*call.args, *(k.value for k in call.keywords)] if isinstance(node, ast.Constant)
+        ]
+        if name == "close_gripper" and values and isinstance(values[0], (int, float)):
+            yield from _force(float(values[0]))
+
+
+def _parameters(function: ast.FunctionDef) -> Iterable[tuple[str, str | float]]:
+    named = [*function.args.posonlyargs, *function.args.args]
+    defaults = zip(named[len(named) - len(function.args.defaults) :], function.args.defaults, strict=True)
+    for parameter, default in [*defaults, *zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True)]:
+        if not isinstance(default, ast.Constant) or isinstance(default.value, (bool, str)) or default.value is None:
+            continue
+        value = float(default.value) if isinstance(default.value, (int, float)) else 0.0
+        if re.search(r"angle|degrees|_deg\b|\bdeg\b", parameter.arg) and abs(value) > 3.2:
+            yield "angle", abs(value)
+        elif "force" in parameter.arg or "newton" in parameter.arg:
+            yield from _force(value)
+
+
+def _force(newtons: float) -> Iterable[tuple[str, str]]:
+    if newtons <= _GENTLE_N:
+        yield "force", "gentle"
+    elif newtons >= _FIRM_N:
+        yield "force", "firm"
