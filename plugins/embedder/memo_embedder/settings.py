@@ -19,3 +19,36 @@ class SentenceTransformersSettings:
     )
     cache_dir: str = attrs.field(default="", metadata={"help": "where the export is kept; default: the user's cache"})
     threads: int = attrs.field(default=1, validator=attrs.validators.ge(1), metadata={"help": "threads for one text"})
+
+
+@attrs.frozen
+class LiteLLMEmbedderSettings:
+    """Embeddings of a provider, or of a server of one's own. docs/language-models.md shows some."""
+
+    model: str = attrs.field(
+        validator=attrs.validators.matches_re(r"[^/\s]+/\S.*"),
+        metadata={
+            "help": "provider/model, as litellm calls them: openai/text-embedding-3-small, ollama/nomic-embed-text"
+        },
+    )
+    api_base: str = attrs.field(
+        default="",
+        metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
+    )
+    api_key_env: str = attrs.field(
+        default="", metadata={"help": "environment variable that holds the key; default: the provider's own"}
+    )
+    dimensions: int | None = attrs.field(
+        default=None,
+        validator=attrs.validators.optional(attrs.validators.ge(1)),
+        metadata={"help": "length of the vectors, where the model lets one choose; default: the model's own"},
+    )
+    batch: int = attrs.field(default=64, validator=attrs.validators.ge(1), metadata={"help": "texts in one request"})
+    timeout_s: float = attrs.field(
+        default=60.0, validator=attrs.validators.gt(0.0), metadata={"help": "seconds after which a request is given up"}
+    )
+    retries: int = attrs.field(
+        default=3,
+        validator=attrs.validators.ge(0),
+        metadata={"help": "times a request is made again after a rate limit, a server error or a cut connection"},
+    )
