@@ -15,7 +15,7 @@ import yaml
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Problem, RunEnded
-from memo_core.experiment.assembly import library_of, sandbox_of, tasks_of, world_of
+from memo_core.experiment.assembly import library_of, sandbox_of, task_of, world_of
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.experiment.script import Line, ScriptedTeacher, ScriptSettings
@@ -51,7 +51,7 @@ def experiment(registry):
 
 
 def do(experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | None = None, listener=None) -> RunReport:
-    task = tasks_of(experiment)[0]
+    task = task_of(experiment, "put-the-cube-away")
     cast = Cast(
         method=LanguageMethod("memo", METHODS["memo"]),
         llm=script if isinstance(script, ScriptedModel) else ScriptedModel(script),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from json import dumps
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -30,6 +31,9 @@ def command(
     replay: Annotated[
         Path | None, typer.Option("--replay", metavar="FILE", help="Answer from a recording instead of a model.")
     ] = None,
+    resume: Annotated[
+        Path | None, typer.Option("--resume", metavar="DIR", help="Go on with a run that was cut off, in its folder.")
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
     json: Json = False,
 ) -> None:
@@ -40,19 +44,26 @@ def command(
     """
     from memo_core.experiment.console import Narrator
     from memo_core.experiment.recording import recorded, replayed
-    from memo_core.experiment.run import run_experiment
+    from memo_core.experiment.resuming import run_config
+    from memo_core.experiment.run import resume_experiment, run_experiment
 
+    if sum(option is not None for option in (record, replay, resume)) > 1:
+        raise InvalidArgument(
+            "--record, --replay, --resume", "more than one", "one of them; a resumed run keeps its own"
+        )
     typed = {"teacher": teacher, "skillbook.url": book}
     short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
-    registry, experiment = load(one_file(file, config), [*(overrides or []), *short], task, seed)
-    if record is not None and replay is not None:
-        raise InvalidArgument("--replay", "beside --record", "one of them")
+    given = one_file(file, config) or (resume and run_config(resume))
+    registry, experiment = load(given, [*(overrides or []), *short], task, seed)
     if record is not None:
         experiment = recorded(experiment, registry, record)
     if replay is not None:
         experiment = replayed(experiment, registry, replay)
     narrator = Narrator()
-    report = run_experiment(experiment, registry, out, listener=narrator, view=view, on_text=narrator.on_text)
+    if resume is not None:
+        report = resume_experiment(experiment, registry, resume, narrator, view, narrator.on_text)
+    else:
+        report = run_experiment(experiment, registry, out, narrator, view, narrator.on_text)
     if json:
         print_json(report.summary())
     else:
@@ -63,5 +74,7 @@ def command(
         if report.problem:
             note(f"memo: {report.problem}")
         print(f"kept in {report.folder}")
+    if report.resumable:
+        note(f"memo: it was cut off; to go on: memo run --resume {quote(str(report.folder))}")
     if not report.success:
         raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)

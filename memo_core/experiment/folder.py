@@ -5,13 +5,15 @@ events.jsonl         everything that was observed, one JSON object a line, as it
 calls/001-plan.json  each question to a model and its answer
 code/01-OPEN.microwave/attempt-1.py
 retrieved/…          which entries a subtask was served, and why
-checkpoints/01.json  the world at the start of each subtask
+checkpoints/01.json  the world at the start of each subtask; 01-plan.json before it was planned
+progress.json        how far it has come: what `memo run --resume` goes on from
 video/…              an attempt each
 summary.json         how it ended; missing when the run was killed
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -32,10 +34,13 @@ from memo_core.redaction import Redactor
 class RunFolder:
     """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
 
-    def __init__(self, path: Path) -> None:
-        """Makes the folder. Raises ``InvalidArgument`` where one with a run is already."""
-        if (path / "events.jsonl").exists():
-            raise InvalidArgument("out", f"{path} already holds a run", "a new folder")
+    def __init__(self, path: Path, again: bool = False) -> None:
+        """Makes the folder, or with ``again`` goes on in it: only ``progress.json`` is written over. Raises
+        ``InvalidArgument`` where one with a run is already, with ``again`` where none is or it is still going on."""
+        file = path / "events.jsonl"
+        if file.exists() != again:
+            problem = "already holds a run" if file.exists() else "holds no run"
+            raise InvalidArgument("out", f"{path} {problem}", "the folder of a run" if again else "a new folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -43,10 +48,24 @@ class RunFolder:
         self.path = path
         self._redact = Redactor.of_environment()
         self._lock = threading.Lock()
-        self._events = (path / "events.jsonl").open("a", encoding="utf-8")
-        self._calls = 0
-        self._retrieved = 0
+        self._events = file.open("a", encoding="utf-8")
+        self._reserve()
+        self.mended = _cut_half_line(file) if again else 0  # bytes of a last line that was never finished
+        self._calls = _highest(path / "calls")
+        self._retrieved = _highest(path / "retrieved")
         self._number = 0
+
+    def _reserve(self) -> None:
+        """One process at a time writes here; the system takes the lock back however that process ends."""
+        try:
+            fcntl.flock(self._events.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._events.close()
+            raise InvalidArgument(
+                "out", f"the run in {self.path} is still going on", "wait for it, or stop it"
+            ) from None
+        except OSError:
+            return  # a file system without locks
 
     def close(self) -> None:
         """Idempotent."""
@@ -91,6 +110,7 @@ class RunFolder:
             "phase": request.phase,
             "time": time.time(),
             "seed": request.seed,
+            "digest": request.digest,
             "prompt": request.prompt,
             "abandoned": abandoned,
             "problem": problem,
@@ -101,23 +121,35 @@ class RunFolder:
         self.write_json(name, kept)
         return name
 
-    def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:
-        name = f"{self._subtask_folder(subtask)}/attempt-{attempt}{f'-repair-{repair}' if repair else ''}.py"
+    def code(self, subtask: str, attempt: int, repair: int, code: str, take: int = 1) -> str:
+        name = (
+            f"{self._subtask_folder(subtask)}/{attempt_name(attempt, take)}{f'-repair-{repair}' if repair else ''}.py"
+        )
         self.write(name, code)
         return name
 
+    def planning_start(self, number: int, done: tuple[str, ...], checkpoint: bytes) -> None:
+        self._checkpoint(f"{number:02d}-plan", number, "", done, checkpoint)
+
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
+        self._checkpoint(f"{number:02d}", number, subtask, done, checkpoint)
+
+    def at_subtask(self, number: int) -> None:
+        """Which subtask's code comes next."""
         self._number = number
+
+    def _checkpoint(self, name: str, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
         try:
             world: Any = json.loads(checkpoint)
         except ValueError:
             world = None
         kept = {"number": number, "subtask": subtask, "done": done, "world": world}
-        self.write(f"checkpoints/{number:02d}.json", json.dumps(plain(kept)) + "\n")
+        self.write(f"checkpoints/{name}.json", json.dumps(plain(kept)) + "\n")
 
-    def attempt_begins(self, number: int, attempt: int) -> None: ...
-
-    def attempt_ends(self, number: int, attempt: int) -> None: ...
+    @property
+    def calls(self) -> int:
+        """How many calls of models are kept."""
+        return self._calls
 
     def _subtask_folder(self, subtask: str) -> str:
         return f"code/{self._number:02d}-{file_name(subtask)}"
@@ -156,6 +188,26 @@ def new_run_folder(out: Path, task: str, seed: int) -> Path:
     raise InvalidArgument("out", f"{out} holds a thousand runs of this second", "another folder")
 
 
+def attempt_name(attempt: int, take: int) -> str:
+    """What the files of an attempt are called; one that began again has files of its own."""
+    return f"attempt-{attempt}" + (f"-take-{take}" if take > 1 else "")
+
+
+def _highest(folder: Path) -> int:
+    """The largest number with which a file's name begins."""
+    found = [re.match(r"\d+", file.name) for file in folder.glob("*")] if folder.is_dir() else []
+    return max((int(match.group()) for match in found if match), default=0)
+
+
+def _cut_half_line(file: Path) -> int:
+    """Take off what stands behind the last line's end; how many bytes that were."""
+    data = file.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole < len(data):
+        os.truncate(file, whole)
+    return len(data) - whole
+
+
 def file_name(text: str) -> str:
     """A text as part of a file's name."""
     return re.sub(r"[^\w.-]+", ".", text).strip(".")[:60] or "unnamed"
@@ -181,7 +233,7 @@ def plain(value: Any) -> Any:
 
 
 def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """``{"a.b": 1}`` as ``{"a": {"b": 1}}``."""
+    """``{"a.b": 1, "c.0": 2}`` as ``{"a": {"b": 1}, "c": [2]}``."""
     tree: dict[str, Any] = {}
     for path, value in values.items():
         *parents, last = path.split(".")
@@ -189,4 +241,14 @@ def nested(values: dict[str, Any]) -> dict[str, Any]:
         for parent in parents:
             branch = branch.setdefault(parent, {})
         branch[last] = plain(value)
-    return tree
+    return {name: _listed(branch) for name, branch in tree.items()}
+
+
+def _listed(branch: Any) -> Any:
+    """The branches below 0, 1, 2, … as a list."""
+    if not isinstance(branch, dict):
+        return branch
+    inner = {name: _listed(value) for name, value in branch.items()}
+    if inner and all(name == str(index) for index, name in enumerate(inner)):
+        return list(inner.values())
+    return inner

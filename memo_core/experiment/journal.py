@@ -6,24 +6,34 @@ from collections.abc import Callable
 
 from memo_core.errors import BackendUnavailable
 from memo_core.events import Event, Problem
-from memo_core.experiment.folder import RunFolder, file_name
+from memo_core.experiment.folder import RunFolder, attempt_name, file_name
 from memo_core.experiment.video import Recording, save_picture
 from memo_core.experiment.world import World
 from memo_core.interfaces.llm import Answer, Request, Usage
+from memo_core.policy.progress import Progress
 from memo_core.policy.settings import RunSettings
 
 
 class WorldJournal:
     """A journal (``memo_core.policy.session.Journal``) that also films. What cannot be filmed is said once."""
 
-    def __init__(self, folder: RunFolder, world: World, settings: RunSettings, emit: Callable[[Event], None]) -> None:
+    def __init__(
+        self,
+        folder: RunFolder,
+        world: World,
+        settings: RunSettings,
+        emit: Callable[[Event], None],
+        keep: Callable[[Progress], None] = lambda progress: None,
+    ) -> None:
+        """``keep`` writes down how far the run has come."""
         self._folder = folder
         self._world = world
         self._settings = settings
         self._emit = emit
         cameras = world.description.cameras
         self._camera = cameras[0].name if cameras and settings.video == "auto" else ""
-        self._subtask = ""
+        self._subtask = self._name = ""
+        self._keep = keep
         self._film: Recording | None = None
 
     def model_call(
@@ -31,22 +41,30 @@ class WorldJournal:
     ) -> str:
         return self._folder.model_call(request, answer, problem, abandoned, usage)
 
-    def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:
-        return self._folder.code(subtask, attempt, repair, code)
+    def code(self, subtask: str, attempt: int, repair: int, code: str, take: int = 1) -> str:
+        return self._folder.code(subtask, attempt, repair, code, take)
+
+    def planning_start(self, number: int, done: tuple[str, ...], checkpoint: bytes) -> None:
+        self._folder.planning_start(number, done, checkpoint)
 
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
-        self._subtask = subtask
         self._folder.subtask_start(number, subtask, done, checkpoint)
 
-    def attempt_begins(self, number: int, attempt: int) -> None:
+    def progress(self, progress: Progress) -> None:
+        self._subtask = progress.key
+        self._folder.at_subtask(progress.number)
+        self._keep(progress)
+
+    def attempt_begins(self, number: int, attempt: int, take: int = 1) -> None:
         self.close()
+        self._name = f"{number:02d}-{file_name(self._subtask)}-{attempt_name(attempt, take)}"
         if not self._camera:
             return
         width = self._settings.video_width // 16 * 16
         self._film = Recording(
             self._world.simulator,
             self._camera,
-            self._folder.path / "video" / f"{self._name(number, attempt)}.mp4",
+            self._folder.path / "video" / f"{self._name}.mp4",
             self._no_pictures,
             fps=self._settings.video_fps,
             width=width,
@@ -56,16 +74,13 @@ class WorldJournal:
     def attempt_ends(self, number: int, attempt: int) -> None:
         self.close()
         if self._camera:
-            self._picture(f"pictures/{self._name(number, attempt)}.png")
+            self._picture(f"pictures/{self._name}.png")
 
     def close(self) -> None:
         """Idempotent."""
         film, self._film = self._film, None
         if film is not None:
             film.stop()
-
-    def _name(self, number: int, attempt: int) -> str:
-        return f"{number:02d}-{file_name(self._subtask)}-attempt-{attempt}"
 
     def _picture(self, name: str) -> None:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from importlib import resources
 
 import attrs
@@ -40,6 +41,12 @@ class SimulatedParticipant(Teacher):
     def open(self) -> None:
         text = resources.files("memo_core.experiment").joinpath("phrases.yaml").read_text(encoding="utf-8")
         self._phrases = yaml.safe_load(text)
+
+    def state(self) -> str:
+        return json.dumps(self._rng.bit_generator.state)
+
+    def restore(self, state: str) -> None:
+        self._rng.bit_generator.state = json.loads(state)
 
     def judge(self, episode: Episode) -> Verdict:
         if episode.attempt > self.settings.patience:

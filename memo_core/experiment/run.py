@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import uuid
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,12 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
-from memo_core.events import Event, ModelCalled, RunEnded, RunStarted, SubtaskEnded
+from memo_core.events import Event, ModelCalled, Problem, RunEnded, RunStarted, SubtaskEnded
 from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
+from memo_core.experiment.chronicle import Chronicle
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.journal import WorldJournal
+from memo_core.experiment.resuming import Spending, State, check_config, check_place, earlier_parts, read_state
 from memo_core.experiment.stop import Supervisor
 from memo_core.experiment.world import World
 from memo_core.interfaces.llm import LanguageModel
@@ -23,8 +24,10 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.policy.budget import Budget
+from memo_core.policy.ledger import Spent
 from memo_core.policy.method import Method
 from memo_core.policy.prompt_files import Prompts
+from memo_core.policy.readers import Unreadable
 from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
@@ -56,6 +59,8 @@ class RunReport:
     calls: int = 0  # of models: those asked again, given up or failed included
     calls_unpriced: int = 0
     ended_by_person: bool = False
+    parts: int = 1  # more than one when it was resumed
+    resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
 
     @property
     def success(self) -> bool:
@@ -81,6 +86,8 @@ class RunReport:
             "ended": self.result.reason,
             "problem": self.problem or None,
             "ended_by_person": self.ended_by_person,
+            "parts": self.parts,
+            "resumable": self.resumable,
             "subtasks": [attrs.asdict(one) for one in self.result.subtasks],
             "wall_s": round(self.wall_s, 3),
             "sim_s": round(self.sim_s, 3),
@@ -125,9 +132,37 @@ def run_experiment(
     if experiment.task is None:
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
     task = task_of(experiment, experiment.task)
-    method: Method = experiment.create("method")
-    cast = Cast(
-        method=method,
+    cast = _cast(experiment, task)
+    folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
+    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
+
+
+def resume_experiment(
+    experiment: Experiment,
+    registry: Registry,
+    path: Path,
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
+) -> RunReport:
+    """Go on with the run in the folder ``path``, which was cut off by a crash, a stop or a limit. What had ended stays
+    as it was. Raises ``InvalidArgument``: a run that has ended or is still going on, another config, a file that is
+    missing or damaged."""
+    state = read_state(path)
+    check_config(path, experiment.public())
+    check_place(state, experiment.section("skillbook").url, Path.cwd())
+    if experiment.task is None:
+        raise InvalidArgument("--resume", f"{path / 'config.yaml'} names no task", "the config of a run")
+    state.resumed(path)
+    task = task_of(experiment, experiment.task)
+    cast = _cast(experiment, task)
+    folder = RunFolder(path, again=True)
+    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text, state)
+
+
+def _cast(experiment: Experiment, task: Task) -> Cast:
+    return Cast(
+        method=experiment.create("method"),
         llm=experiment.create("llm"),
         make_world=lambda: world_of(experiment, task, experiment.seed),
         sandbox=sandbox_of(experiment),
@@ -137,8 +172,6 @@ def run_experiment(
         teacher=experiment.create("teacher"),
         prompts=prompts_of(experiment),
     )
-    folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
-    return perform(cast, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
 
 
 def perform(
@@ -151,12 +184,22 @@ def perform(
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
     on_text: Callable[[str, str], None] | None = None,
+    state: State | None = None,
 ) -> RunReport:
-    """Open the cast, do the task, close everything, and keep it in ``folder``. Raises ``MemoError`` only for what keeps
-    the run from beginning."""
-    run = f"{task.name}-{uuid.uuid4().hex[:8]}"
+    """Open the cast, do the task, close everything, and keep it in ``folder``. ``state``: where a run that was cut off
+    goes on. Raises ``MemoError`` only for what keeps the run from beginning."""
+    chronicle = Chronicle(folder, task.name, cast.llm, cast.teacher, cast.book, state)
+    run = chronicle.state.run
     account = _Account()
-    budget = Budget.of(cast.settings, run)
+    earlier = earlier_parts(folder.path) if state is not None else Spending((), 0.0)
+    for call in earlier.calls:
+        account.note(call)
+    if state is not None and state.progress is not None:
+        account.subtasks += state.progress.results
+    already = Spent(
+        account.calls, account.prompt_tokens, account.completion_tokens, account.cost or 0.0, account.calls_unpriced
+    )
+    budget = Budget.of(cast.settings, run, already)
     bystander = registry.listen(listener, "console") if listener else None
 
     def emit(event: Event) -> None:
@@ -167,15 +210,25 @@ def perform(
         registry.emit(event)
 
     started = time.monotonic()
-    folder.config(config)
     stop = StopSwitch()
     supervisor = Supervisor(stop, cast.teacher)
-    emit(RunStarted(run, task.name, task.instruction, seed, config))
+    if state is None:
+        folder.config(config)
+        emit(RunStarted(run, task.name, task.instruction, seed, config))
+    else:
+        emit(chronicle.again())
+    chronicle.begin()
+    if folder.mended:
+        emit(Problem("events.jsonl", f"its last line was cut off half-way and is left out ({folder.mended} bytes)"))
     ended = _Ended()
     try:
         if cast.teacher is not None:
             cast.teacher.open()
-        supervisor.run(lambda: _work(cast, run, seed, folder, emit, stop, supervisor, ended, view, budget, on_text))
+            if state is not None and state.teacher:
+                cast.teacher.restore(state.teacher)
+        supervisor.run(lambda: _work(cast, chronicle, task, seed, emit, stop, supervisor, ended, view, budget, on_text))
+    except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
+        ended.problem, ended.final = str(error), True
     except Stopped:
         ended.problem = "ended by a person"
     except MemoError as error:
@@ -193,7 +246,7 @@ def perform(
             outcome=ended.outcome,
             result=ended.result or RunResult(ended.problem or "it broke off", False, tuple(account.subtasks)),
             problem=ended.problem,
-            wall_s=time.monotonic() - started,
+            wall_s=earlier.wall_s + time.monotonic() - started,
             sim_s=ended.sim_s,
             prompt_tokens=account.prompt_tokens,
             completion_tokens=account.completion_tokens,
@@ -201,6 +254,8 @@ def perform(
             calls=account.calls,
             calls_unpriced=account.calls_unpriced,
             ended_by_person=supervisor.ending,
+            parts=chronicle.state.part,
+            resumable=chronicle.end(ended.result, ended.problem if ended.final else ""),
         )
         emit(_run_ended(report))
         folder.write_json("summary.json", report.summary())
@@ -220,6 +275,7 @@ class _Ended:
     outcome: Outcome | None = None
     sim_s: float = 0.0
     problem: str = ""
+    final: bool = False  # whatever the problem is, going on would not help
 
 
 @attrs.define
@@ -247,9 +303,9 @@ class _Account:
 
 def _work(
     cast: Cast,
-    run: str,
+    chronicle: Chronicle,
+    task: Task,
     seed: int,
-    folder: RunFolder,
     emit: Callable[[Event], None],
     stop: StopSwitch,
     supervisor: Supervisor,
@@ -259,20 +315,22 @@ def _work(
     on_text: Callable[[str, str], None] | None,
 ) -> None:
     """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
-    cast.llm.open()
+    llm, resumed = chronicle.llm, chronicle.resumed
+    llm.open()
     try:
         budget.open(cast.llm)
         if cast.book is not None:
             cast.book.open()
+            chronicle.opened(cast.book, emit)
         cast.sandbox.open()
         with cast.make_world() as world, stop.waking(world.link.stop):
             if view:
                 world.simulator.view()
-            journal = WorldJournal(folder, world, cast.settings, emit)
+            journal = WorldJournal(chronicle.folder, world, cast.settings, emit, chronicle.keep)
             session = Session(
-                run=run,
+                run=chronicle.state.run,
                 stage=world,
-                llm=cast.llm,
+                llm=llm,
                 skills=cast.skills,
                 sandbox=cast.sandbox,
                 settings=cast.settings,
@@ -284,6 +342,9 @@ def _work(
                 who=cast.teacher.who if cast.teacher is not None else "nobody",
                 seed=seed,
                 ending=lambda: supervisor.ending,
+                put_back=supervisor.put_back if cast.teacher is not None else None,
+                time_limit_s=task.time_limit,
+                resumed=resumed,
                 prompts=cast.prompts,
                 budget=budget,
                 on_text=on_text,
@@ -298,7 +359,7 @@ def _work(
         cast.sandbox.close()
         if cast.book is not None:
             cast.book.close()
-        cast.llm.close()
+        llm.close()
 
 
 def _judge(world: World) -> Outcome:

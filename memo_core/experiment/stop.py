@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import attrs
 
@@ -36,8 +36,8 @@ class _PromptInterrupted(BaseException):
 @attrs.frozen(eq=False)
 class _Question:
     episode: Episode
-    interrupted: bool
-    reply: queue.SimpleQueue[Verdict | BaseException]
+    kind: Literal["judge", "interrupted", "put back"]
+    reply: queue.SimpleQueue[Verdict | bool | BaseException]
 
 
 @attrs.frozen(eq=False)
@@ -96,12 +96,21 @@ class Supervisor:
         """Put an episode to the teacher; called by the worker. Raises ``Stopped`` when stop is pressed meanwhile."""
         if self.teacher is None:
             return Verdict("silent")
-        reply: queue.SimpleQueue[Verdict | BaseException] = queue.SimpleQueue()
-        self._inbox.put(_Question(episode, interrupted, reply))
-        verdict = reply.get()
-        if isinstance(verdict, BaseException):
-            raise verdict
+        verdict = self._asked(episode, "interrupted" if interrupted else "judge")
+        assert isinstance(verdict, Verdict)
         return verdict
+
+    def put_back(self, episode: Episode) -> bool:
+        """Have the teacher put the world back; called by the worker. Raises ``Stopped`` as ``ask``."""
+        return self.teacher is not None and bool(self._asked(episode, "put back"))
+
+    def _asked(self, episode: Episode, kind: Literal["judge", "interrupted", "put back"]) -> Verdict | bool:
+        reply: queue.SimpleQueue[Verdict | bool | BaseException] = queue.SimpleQueue()
+        self._inbox.put(_Question(episode, kind, reply))
+        answer = reply.get()
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
 
     def press(self) -> None:
         """What Ctrl-C does, for tests and other buttons."""
@@ -118,8 +127,8 @@ class Supervisor:
         self.stop.press()
 
     # -- in the main thread ----------------------------------------------------------------------------------------
-    def _put(self, question: _Question) -> Verdict | BaseException:
-        answer: Verdict | BaseException | None = None
+    def _put(self, question: _Question) -> Verdict | bool | BaseException:
+        answer: Verdict | bool | BaseException | None = None
         try:
             self._asking = True
             answer = self._answer(question)
@@ -129,15 +138,18 @@ class Supervisor:
         except Exception as error:
             self._asking = False
             return error
-        return answer or Stopped("waiting for the person")  # words said just before the signal came are not lost
+        # Words said just before the signal came are not lost.
+        return Stopped("waiting for the person") if answer is None else answer
 
-    def _answer(self, question: _Question) -> Verdict | BaseException:
+    def _answer(self, question: _Question) -> Verdict | bool | BaseException:
         assert self.teacher is not None
         if self.ending:
             return Stopped("ending the run")
-        if self.stop.pressed and not question.interrupted:
+        if self.stop.pressed and question.kind != "interrupted":
             return Stopped("before the person was asked")
-        if not question.interrupted:
+        if question.kind == "put back":
+            return self.teacher.put_back(question.episode)
+        if question.kind == "judge":
             return self.teacher.judge(question.episode)
         self.prompt_ready.append(time.monotonic())
         verdict = self.teacher.interrupted(question.episode)

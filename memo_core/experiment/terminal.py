@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import io
+import math
 import sys
 
 import attrs
@@ -41,6 +42,16 @@ class TerminalTeacher(Teacher):
     def interrupted(self, episode: Episode) -> Verdict:
         return self._ask(f"Stopped during {episode.subtask}. What was wrong?", episode)
 
+    def put_back(self, episode: Episode) -> bool:
+        moved = ", ".join(_moved(episode)) or "everything"
+        print(
+            f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {moved}.",
+            file=sys.stderr,
+        )
+        print("[Enter = done, n = cannot]", file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        return bool(line) and _text(line).strip().lower() not in ("n", "no")
+
     def _ask(self, question: str, episode: Episode) -> Verdict:
         if episode.spoken_error:
             print(f"The robot says: {episode.spoken_error}", file=sys.stderr)
@@ -57,6 +68,17 @@ class TerminalTeacher(Teacher):
                 return Verdict("silent")
             if words:
                 return Verdict("correct", words)
+
+
+def _moved(episode: Episode) -> list[str]:
+    """The labels of what stands elsewhere than before."""
+    now = {node.id: node for node in episode.after.nodes}
+    moved = []
+    for node in episode.before.nodes:
+        metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
+        if metres > 0.01 or radians > 0.05:
+            moved.append(node.label)
+    return moved
 
 
 def _login_name() -> str:

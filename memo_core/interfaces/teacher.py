@@ -54,3 +54,15 @@ class Teacher(ABC):
     def interrupted(self, episode: Episode) -> Verdict:
         """Asked right after somebody pressed stop; by default the same as ``judge``."""
         return self.judge(episode)
+
+    def put_back(self, episode: Episode) -> bool:
+        """Asked where the robot cannot undo what it did (hardware): put things back as they were in
+        ``episode.before``. True when that was done. Nobody is there to do it by default."""
+        return False
+
+    def state(self) -> str:
+        """What a resumed run needs to go on with the same person: a simulated one's random generator. JSON text."""
+        return ""
+
+    def restore(self, state: str) -> None:
+        """Takes back what ``state`` gave."""

@@ -1,56 +1,48 @@
 """The loop of the method: plan, retrieve, write code, execute, take feedback, put the world back, try again.
 
 Whenever somebody presses stop, the phase at hand is given up within milliseconds (``Stopped``), the person is asked
-what was wrong, and the loop goes on from the start of the subtask.
+what was wrong, and the loop goes on from the start of the subtask. Every step is in the journal before the next one
+begins, so that a run whose process was killed goes on as well (``memo_core.policy.progress``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import time
+from functools import partial
 
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted
+from memo_core.events import Problem, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.interfaces.teacher import Episode, Sighting, Verdict
+from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.asking import Questions
+from memo_core.policy.attempt import Attempt, Coding
 from memo_core.policy.memories import Memory
+from memo_core.policy.progress import Progress, Said, Tried
 from memo_core.policy.prompting import done_line
-from memo_core.policy.readers import Unreadable, read_code, read_plan
-from memo_core.policy.retrieving import Served, retrieve
+from memo_core.policy.readers import Unreadable, read_plan
+from memo_core.policy.retrieving import retrieve
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
 from memo_core.policy.stopping import Leaving
 from memo_core.policy.teaching import PLANNING, Teaching
-from memo_core.sandbox.execution import Execution
-from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
-from memo_core.skills.contract import documentation
-
-
-@attrs.frozen
-class Tried:
-    """One piece of code and how it ended, as the next prompt shows it."""
-
-    code: str
-    printed: str
-    ended: str
 
 
 @attrs.define
-class _Attempt:
-    """What is known of the attempt at hand, also when it is interrupted half-way."""
+class _Subtask:
+    """The subtask at hand, over all its attempts."""
 
-    number: int
-    scene: SceneGraph  # as the robot saw it at the start
-    code: str = ""  # the last that was written
-    whole: bool = False  # that code alone, from the subtask's start, is what happened
-    error: str = ""
-    printed: str = ""
-    served: Served = attrs.field(factory=Served)
-    watched: tuple[Sighting, ...] = ()
-    approved: bool = False
+    key: Key
+    start: bytes  # checkpoint; empty where the world cannot be put back exactly
+    before: SceneGraph  # what a person saw at its start
+    attempt: Attempt
+    corrected: int = 0
+    interrupted: int = 0
+    history: list[Tried] = attrs.field(factory=list)
+    said: Said | None = None  # of the attempt at hand
 
 
 class Loop:
@@ -64,217 +56,209 @@ class Loop:
         self._questions = Questions(session)
         self._leaving = Leaving(session.stop)
         self._teaching = Teaching(session, memory, self._questions)
-        self._done: list[str] = []
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
         self._scene = self._stage.control.scene()  # no look yet: a stop may be pressed already
-        self._workspace = Workspace.around(self._stage.robot.reach, self._scene.table_height)
+        self._coding = Coding(session, self._questions, self._leaving, self._scene.table_height)
+        self._exact = self._stage.link.can_restore
+        self._began = 0.0 if self._exact else self._stage.time()  # a simulator's clock goes back with the world
 
     def run(self) -> RunResult:
-        """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
-        having asked again) for the plan; ``Stopped`` when a person ends the run."""
+        """Until the planner says DONE or a limit is reached, from where ``session.resumed`` says, if it does. Raises
+        ``LanguageModelError``, ``Unreadable`` (after having asked again) for the plan; ``Stopped`` when a person ends
+        the run."""
         try:
             return self._run()
         finally:
             self._leaving.wait()  # whoever closes the world must be the last to use it
 
     def _run(self) -> RunResult:
+        at = self._go_on()
         while True:
-            if len(self._results) >= self._settings.subtasks:
-                return self._ended(
-                    f"{self._settings.subtasks} subtasks were tried and the task is still not done", False
-                )
-            if self._robot_s > self._settings.time_limit_s:
-                return self._ended(f"the time limit of {self._settings.time_limit_s:g} s is reached", False)
-            key = self._plan()
-            if key is None:
-                return self._ended("the planner says that the task is done", True)
-            if self._asked_too_often(key):
-                return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for", False)
-            result = self._subtask(key)
-            self._results.append(result)
-            self._session.emit(SubtaskEnded(result.subtask, result.status, result.attempts))
-            if result.problem:
-                return self._ended(result.problem, False)
-            self._done.append(str(key))
+            if at is None:
+                limit = self._limit()
+                if limit:
+                    return self._ended(limit)
+                key = self._plan()
+                if key is None:
+                    return self._ended("the planner says that the task is done", finished=True)
+                if self._asked_too_often(key):
+                    return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
+                at = self._begin(key)
+            try:
+                result = self._subtask(at)
+            except LanguageModelError as error:
+                # What the model would have said is still wanted: the run can go on from this attempt.
+                result = self._result(at, "corrected" if at.corrected else "unobserved", str(error))
+                self._note(result)
+                return self._ended(str(error), resumable=True)
+            self._note(result)
+            at = None
+
+    def _note(self, result: SubtaskResult) -> None:
+        self._results.append(result)
+        self._session.emit(SubtaskEnded(result.subtask, result.status, result.attempts))
+
+    def _limit(self) -> str:
+        """Why nothing more is begun; empty where something may be."""
+        settings, last = self._settings, self._results[-1:]
+        if last and last[0].problem:
+            return last[0].problem
+        if len(self._results) >= settings.subtasks:
+            return f"{settings.subtasks} subtasks were tried and the task is still not done"
+        if self._robot_s > settings.time_limit_s:
+            return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
+        if self._stage.time() - self._began > self._session.time_limit_s:
+            return f"the task's time limit of {self._session.time_limit_s:g} s is reached"
+        return ""
 
     def _look(self) -> SceneGraph:
         self._scene = self._stage.look()
         return self._scene
 
-    def _ended(self, reason: str, finished: bool) -> RunResult:
-        return RunResult(reason, finished, tuple(self._results), self._robot_s)
+    def _ended(self, reason: str, finished: bool = False, resumable: bool = False) -> RunResult:
+        if not resumable:
+            with contextlib.suppress(Stopped):  # then it stays pending, and the next run with that book begins with it
+                self._teaching.process_pending()  # what was said last is worth as much as what was said first
+        return RunResult(reason, finished, tuple(self._results), self._robot_s, resumable)
 
     # -- phase 1 -------------------------------------------------------------------------------------------------------
     def _plan(self) -> Key | None:
-        start = self._stage.checkpoint()
+        start = self._checkpoint()
+        self._session.journal.planning_start(len(self._results) + 1, self._done(), start)
+        self._save()
         while True:
-            attempt = _Attempt(1, self._scene)
+            at = _Subtask(PLANNING, start, self._stage.glance(), Attempt(1, self._scene))
             try:
                 self._teaching.process_pending()
-                attempt.scene = self._look()
+                at.attempt.scene = self._look()
                 context = {"task": self._stage.instruction, "done": self._done_lines()}
-                return self._questions.ask("plan", attempt.scene, read_plan, **context)[0]
+                read = partial(read_plan, names=[node.label for node in at.attempt.scene.nodes])
+                return self._questions.ask("plan", at.attempt.scene, read, **context)[0]
             except Stopped:
-                self._answer_stop(PLANNING, attempt, self._stage.glance())
-                self._stage.restore(start)
+                self._answer_stop(at)
+                if self._exact:
+                    self._stage.restore(start)  # also what was drawn for the look
 
     def _asked_too_often(self, key: Key) -> bool:
         last = [r.subtask for r in self._results[-self._settings.repeats :]]
         return len(last) == self._settings.repeats and set(last) == {str(key)}
 
-    # -- one subtask ---------------------------------------------------------------------------------------------------
-    def _subtask(self, key: Key) -> SubtaskResult:
-        number = len(self._results) + 1
-        start = self._stage.checkpoint()
-        self._session.journal.subtask_start(number, str(key), tuple(self._done), start)
-        history: list[Tried] = []
-        corrected = interrupted = 0
-        problem = ""
-        attempt = _Attempt(0, self._scene)
-        while attempt.number < self._settings.attempts:
-            attempt = _Attempt(attempt.number + 1, self._scene)
-            before = self._stage.glance()
-            try:
-                verdict = self._attempt(key, number, attempt, history, before)
-            except (LanguageModelError, Unreadable) as error:
-                return self._result(key, "corrected" if corrected else "unobserved", attempt, interrupted, str(error))
-            except Stopped:
-                interrupted += 1
-                verdict = self._answer_stop(key, attempt, before)
-                self._session.journal.attempt_ends(number, attempt.number)
-                if verdict.kind == "silent" and attempt.approved:
-                    return self._result(key, "approved", attempt, interrupted)
-                if verdict.kind == "silent":
-                    self._stage.restore(start)
-                    attempt.number -= 1  # nobody said that it was wrong: this attempt did not count
-                    continue
-            if verdict.kind == "approve":
-                return self._result(key, "approved", attempt, interrupted)
-            if verdict.kind == "silent":
-                return self._result(key, "corrected" if corrected else "unobserved", attempt, interrupted)
-            corrected += 1
-            problem = f"{key} was corrected {corrected} times and did not succeed"
-            if not self._memory.any:
-                history.append(Tried(attempt.code, "", f"a person said: {verdict.words}"))
-            if attempt.number < self._settings.attempts:
-                self._stage.restore(start)
-        return self._result(key, "corrected", attempt, interrupted, problem)
-
-    def _result(
-        self, key: Key, status: Status, attempt: _Attempt, interrupted: int, problem: str = ""
-    ) -> SubtaskResult:
-        return SubtaskResult(
-            str(key), status, attempt.number, attempt.code, problem, interrupted, attempt.printed, attempt.error
-        )
+    def _done(self) -> tuple[str, ...]:
+        return tuple(result.subtask for result in self._results)
 
     def _done_lines(self) -> list[str]:
         return [done_line(result) for result in self._results]
 
-    def _attempt(
-        self,
-        key: Key,
-        number: int,
-        attempt: _Attempt,
-        history: Sequence[Tried],
-        before: SceneGraph,
-    ) -> Verdict:
-        """Retrieve, write, execute (again after errors), be judged, learn. Raises ``Stopped``."""
-        session, journal = self._session, self._session.journal
-        session.emit(SubtaskStarted(str(key), number, attempt.number))
+    # -- one subtask ---------------------------------------------------------------------------------------------------
+    def _begin(self, key: Key) -> _Subtask:
+        at = _Subtask(key, self._checkpoint(), self._stage.glance(), Attempt(1, self._scene))
+        self._session.journal.subtask_start(len(self._results) + 1, str(key), self._done(), at.start)
+        return at
+
+    def _subtask(self, at: _Subtask) -> SubtaskResult:
+        """Attempt after attempt, until somebody approves, nobody speaks up, or there were enough. Raises
+        ``LanguageModelError``; ``Stopped`` when a person ends the run."""
+        while True:
+            try:
+                if at.said is None:
+                    self._learn(self._attempt(at))
+            except Unreadable as error:
+                return self._result(at, "corrected" if at.corrected else "unobserved", str(error))
+            except Stopped:
+                approved = at.said is not None and at.said.kind == "approve"
+                at.interrupted += 1
+                said = self._answer_stop(at)
+                self._session.journal.attempt_ends(self._number, at.attempt.number)
+                if said.kind == "silent" and approved:
+                    return self._result(at, "approved")
+                if said.kind == "silent":
+                    # Nobody said that it was wrong: this attempt did not count.
+                    if not self._put_back(at):
+                        return self._result(at, "unobserved", _stuck(at))
+                    self._again(at, at.attempt.number, at.attempt.take + 1)
+                    continue
+            result = self._judged(at)
+            if result is not None:
+                return result
+
+    def _judged(self, at: _Subtask) -> SubtaskResult | None:
+        """What follows from what was said: the subtask's result, or None when it is tried again."""
+        assert at.said is not None
+        if at.said.kind == "approve":
+            return self._result(at, "approved")
+        if at.said.kind == "silent":
+            return self._result(at, "corrected" if at.corrected else "unobserved")
+        at.corrected += 1
+        if not self._memory.any:
+            at.history.append(Tried(at.attempt.code, "", f"a person said: {at.said.words}"))
+        if at.attempt.number >= self._settings.attempts:
+            return self._result(at, "corrected", f"{at.key} was corrected {at.corrected} times and did not succeed")
+        if not self._put_back(at):
+            return self._result(at, "corrected", _stuck(at))
+        self._again(at, at.attempt.number + 1, 1)
+        return None
+
+    def _again(self, at: _Subtask, number: int, take: int) -> None:
+        at.attempt, at.said = Attempt(number, self._scene, take), None
+
+    def _result(self, at: _Subtask, status: Status, problem: str = "") -> SubtaskResult:
+        last = at.attempt
+        return SubtaskResult(
+            str(at.key), status, last.number, last.code, problem, at.interrupted, last.printed, last.error
+        )
+
+    @property
+    def _number(self) -> int:
+        """Of the subtask at hand; 1 is the first."""
+        return len(self._results) + 1
+
+    def _attempt(self, at: _Subtask) -> Said:
+        """Retrieve, write, execute (again after errors), be judged. Raises ``Stopped``."""
+        session, journal, attempt = self._session, self._session.journal, at.attempt
+        self._save(at)
+        session.emit(SubtaskStarted(str(at.key), self._number, attempt.number, attempt.take))
+        at.before = self._stage.glance()
         started = self._stage.time()
-        journal.attempt_begins(number, attempt.number)
+        journal.attempt_begins(self._number, attempt.number, attempt.take)
         self._stage.start_watching()
         try:
             attempt.scene = self._look()
             self._teaching.process_pending()
-            attempt.served = retrieve(session, self._memory, key)
-            execution = self._write_and_execute(key, attempt, history)
+            attempt.served = retrieve(session, self._memory, at.key)
+            self._coding.write_and_execute(at.key, attempt, at.history, self._done_lines())
         finally:
             # What still moves in another thread is not touched: a simulator stands one user at a time.
             attempt.watched = self._stage.sightings() if self._leaving.busy else self._stage.stop_watching()
             self._robot_s += max(0.0, self._stage.time() - started)
-        journal.attempt_ends(number, attempt.number)
-        verdict = self._ask(self._episode(key, attempt, before, self._stage.glance()), interrupted=False)
-        self._learn(key, attempt, verdict, execution)
-        return verdict
+        journal.attempt_ends(self._number, attempt.number)
+        return self._hear(at, self._ask(self._episode(at, self._stage.glance()), interrupted=False))
 
-    # -- phase 2 and execution -----------------------------------------------------------------------------------------
-    def _write_and_execute(self, key: Key, attempt: _Attempt, history: Sequence[Tried]) -> Execution:
-        tried = list(history)
-        moved = False
-        for repair in range(self._settings.repairs + 1):
-            code = self._write(key, attempt, tried, repair)
-            if tried and repair and code == tried[-1].code:
-                break  # the model has no other idea: what would go wrong is known
-            attempt.code = code
-            attempt.whole = not moved
-            start = self._stage.time()
-            execution = self._execute(key, attempt)
-            moved = moved or self._stage.time() > start
-            attempt.error, attempt.printed = execution.error, execution.printed
-            if execution.succeeded:
-                break
-            tried.append(Tried(attempt.code, execution.printed.rstrip("\n"), execution.error))
-        self._stage.settle(self._settings.settle_s)
-        return execution
+    # -- the world put back --------------------------------------------------------------------------------------------
+    def _checkpoint(self) -> bytes:
+        return self._stage.checkpoint() if self._exact else b""
 
-    def _write(self, key: Key, attempt: _Attempt, tried: Sequence[Tried], repair: int) -> str:
-        session, served = self._session, attempt.served
-        code, asked = self._questions.ask(
-            "code",
-            self._look(),
-            read_code,
-            task=self._stage.instruction,
-            subtask=str(key),
-            done=self._done_lines(),
-            skills=documentation(session.skills),
-            subset=session.sandbox.subset(),
-            corrections=served.corrections,
-            general=served.general,
-            templates=served.templates,
-            attempts=tried,
-        )
-        session.journal.code(str(key), attempt.number, repair, code)
-        session.emit(CodeWritten(str(key), attempt.number, code, asked.file))
-        return code
-
-    def _execute(self, key: Key, attempt: _Attempt) -> Execution:
-        started = self._stage.time()
-        try:
-            execution = self._leaving.do("moving", lambda: self._run_code(attempt.code))
-        except Stopped:
-            execution = Execution("stopped", error="stopped", kind="stop")
-        stopped = execution.ended == "stopped"
-        took = self._stage.time() - started
-        self._session.emit(CodeEnded(str(key), attempt.number, execution.printed, execution.error, stopped, took))
-        if stopped:
-            raise Stopped("moving")
-        return execution
-
-    def _run_code(self, code: str) -> Execution:
-        return self._session.sandbox.run(
-            code,
-            self._stage.control,
-            stopped=self._stopped,
-            workspace=self._workspace,
-            on_call=self._session.emit,
-            clock=self._stage.time,
-        )
-
-    def _stopped(self) -> bool:
-        return self._session.stop.pressed or self._stage.link.stopped
+    def _put_back(self, at: _Subtask) -> bool:
+        """The world as it was at the subtask's start: exactly where the link can, else by whoever is there, and looked
+        at anew. False where nobody did."""
+        if self._exact:
+            self._stage.restore(at.start)
+            return True
+        if self._session.put_back is None or not self._session.put_back(self._episode(at, self._stage.glance())):
+            return False
+        self._look()
+        return True
 
     # -- people --------------------------------------------------------------------------------------------------------
-    def _episode(self, key: Key, attempt: _Attempt, before: SceneGraph, after: SceneGraph) -> Episode:
+    def _episode(self, at: _Subtask, after: SceneGraph) -> Episode:
         return Episode(
             task=self._stage.instruction,
-            subtask=str(key),
-            attempt=attempt.number,
-            before=before,
+            subtask=str(at.key),
+            attempt=at.attempt.number,
+            before=at.before,
             after=after,
-            sightings=attempt.watched,
-            spoken_error=attempt.error,
+            sightings=at.attempt.watched,
+            spoken_error=at.attempt.error,
         )
 
     def _ask(self, episode: Episode, interrupted: bool) -> Verdict:
@@ -282,38 +266,107 @@ class Loop:
             return Verdict("silent")
         return self._session.teacher(episode, interrupted)
 
-    def _answer_stop(self, key: Key, attempt: _Attempt, before: SceneGraph) -> Verdict:
+    def _hear(self, at: _Subtask, verdict: Verdict, interrupted: bool = False) -> Said:
+        """Keep what was said, and what it was about, before anything is made of it."""
+        attempt = at.attempt
+        at.said = Said(
+            kind=verdict.kind,
+            words=verdict.words,
+            when=time.time(),
+            about=str(at.key),
+            scene=attempt.scene,
+            code=attempt.code,
+            worked=attempt.succeeded and attempt.whole,
+            served=attempt.served.entries,
+            sources=attempt.served.sources,
+            interrupted=interrupted,
+        )
+        self._save(at)
+        return at.said
+
+    def _answer_stop(self, at: _Subtask) -> Said:
         """Ask the person who pressed stop, keep what they say, and let the robot move again. A stop pressed while they
         are asked is answered the same way. Raises ``Stopped`` when the run is to end."""
         while True:
             if self._session.ending():
                 raise Stopped("ending the run")
             try:
-                verdict = self._ask(self._episode(key, attempt, before, self._seen_last(attempt)), interrupted=True)
+                verdict = self._ask(self._episode(at, self._seen_last(at.attempt)), interrupted=True)
             except Stopped:
                 continue
-            if verdict.kind == "correct":
-                self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
+            said = self._hear(at, verdict, interrupted=True)
+            self._learn(said)
             self._leaving.wait()
             self._session.release()
             if self._session.ending():  # pressed while the answer came
                 raise Stopped("ending the run")
-            return verdict
+            return said
 
-    def _seen_last(self, attempt: _Attempt) -> SceneGraph:
+    def _seen_last(self, attempt: Attempt) -> SceneGraph:
         """What a person sees now; while the robot is still busy stopping, what was seen last."""
         if not self._leaving.busy:
             return self._stage.glance()
         return attempt.watched[-1].scene if attempt.watched else self._scene
 
-    def _learn(self, key: Key, attempt: _Attempt, verdict: Verdict, execution: Execution) -> None:
-        if verdict.kind == "correct":
-            self._teaching.keep(verdict.words, key, attempt.scene, attempt.code)
-            self._teaching.failed(attempt.served.entries)
-        elif verdict.kind == "approve":
-            attempt.approved = True
-            worked = execution.succeeded and attempt.whole
-            if not worked:
-                self._session.emit(Problem(str(key), "approved, but no template: the code needed several beginnings"))
-            code = attempt.code if worked else ""
-            self._teaching.approve(key, attempt.scene, code, attempt.served.entries, attempt.served.sources)
+    def _learn(self, said: Said, resumed: bool = False) -> None:
+        """From words to the book. ``resumed``: it may have been done already, by a process that is gone; then nothing
+        is done twice. Raises ``Stopped``."""
+        if said.kind == "correct":
+            new = self._teaching.keep(said, resumed)
+            if new and not said.interrupted:
+                self._teaching.failed(said.served)
+        elif said.kind == "approve" and not said.interrupted:
+            if not said.worked:
+                self._session.emit(Problem(said.about, "approved, but no template: the code needed several beginnings"))
+            self._teaching.approve(said, resumed)
+
+    # -- going on after the process was killed, or the run ended -------------------------------------------------------
+    def _save(self, at: _Subtask | None = None) -> None:
+        progress = Progress(tuple(self._results), self._robot_s)
+        if at is not None and at.key == PLANNING:
+            progress = attrs.evolve(progress, said=at.said)
+        elif at is not None:
+            progress = attrs.evolve(
+                progress,
+                key=str(at.key),
+                attempt=at.attempt.number,
+                take=at.attempt.take,
+                corrected=at.corrected,
+                interrupted=at.interrupted,
+                history=tuple(at.history),
+                said=at.said,
+            )
+        self._session.journal.progress(progress)
+
+    def _go_on(self) -> _Subtask | None:
+        """The subtask that a resumed run has at hand, in the world as it was at its start; None where one is to be
+        planned. Raises ``Stopped``, ``LanguageModelError``."""
+        resumed = self._session.resumed
+        if resumed is None:
+            return None
+        progress = resumed.progress
+        self._results, self._robot_s = list(progress.results), progress.robot_s
+        key = Key.parse(progress.key) if progress.key else PLANNING
+        said = progress.said
+        at = _Subtask(key, resumed.checkpoint, self._stage.glance(), Attempt(progress.attempt, self._scene))
+        if self._exact and resumed.checkpoint:
+            self._stage.restore(resumed.checkpoint)
+        elif progress.key and not self._put_back(at):
+            raise Stopped("nobody put the world back")
+        self._scene = self._stage.control.scene()
+        at.before = self._stage.glance()
+        at.corrected, at.interrupted, at.history = progress.corrected, progress.interrupted, list(progress.history)
+        at.attempt = Attempt(progress.attempt, self._scene, progress.take)
+        if said is not None:
+            at.said = said
+            at.attempt.scene, at.attempt.code = said.scene, said.code
+            self._learn(said, resumed=True)
+            if said.kind == "silent" and said.interrupted:
+                at.said = None
+        if at.said is None:
+            at.attempt.take += 1
+        return at if progress.key else None
+
+
+def _stuck(at: _Subtask) -> str:
+    return f"the world cannot be put back to the start of {at.key}: this robot's link cannot, and nobody else did"

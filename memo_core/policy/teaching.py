@@ -9,11 +9,11 @@ from memo_core.events import EntryStored, FeedbackGiven, Problem
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.policy.asking import Questions
 from memo_core.policy.memories import Memory
+from memo_core.policy.progress import Said
 from memo_core.policy.prompting import scene_table
 from memo_core.policy.readers import Notes, Unreadable, read_notes, read_template
 from memo_core.policy.session import Session
-from memo_core.scene.graph import SceneGraph
-from memo_core.skillbook.entries import Feedback
+from memo_core.skillbook.entries import Feedback, FeedbackKind
 from memo_core.skillbook.keys import Key
 
 PLANNING = Key("plan", ("task",))  # what is said about the plan itself, before a subtask is known
@@ -29,13 +29,14 @@ class Teaching:
         book = session.book
         self._book = book if book is not None and not book.read_only else None
 
-    def keep(self, words: str, subtask: Key, scene: SceneGraph, code: str) -> int | None:
-        """Write down what a person said, verbatim. On disk when this returns; None where there is no book to write."""
-        feedback = None
-        if self._book is not None:
-            feedback = self._record("correction", words, subtask, scene, code)
-        self._session.emit(FeedbackGiven(feedback or 0, self._session.who, str(subtask), words))
-        return feedback
+    def keep(self, said: Said, resumed: bool = False) -> bool:
+        """Write down what a person said, verbatim. On disk when this returns, where there is a book to write. With
+        ``resumed`` it may be there already: then nothing happens. Whether it was written now."""
+        if resumed and self._recorded(said) is not None:
+            return False
+        feedback = self._record("correction", said) if self._book is not None else None
+        self._session.emit(FeedbackGiven(feedback or 0, self._session.who, said.about, said.words))
+        return True
 
     def process_pending(self) -> None:
         """Make entries of all feedback that none were made of yet, also from runs that ended early. Raises
@@ -53,32 +54,34 @@ class Teaching:
                 self._problem(f"feedback {feedback.id} stays pending", error)
                 return
 
-    def approve(
-        self, subtask: Key, scene: SceneGraph, code: str, served: Sequence[int], sources: Sequence[int]
-    ) -> None:
-        """Turn code that a person approved into a template under the subtask's key. ``served`` are the entries that the
-        code was written with, ``sources`` the feedback those derive from. Raises ``Stopped``."""
+    def approve(self, said: Said, resumed: bool = False) -> None:
+        """Turn code that a person approved into a template under the subtask's key, if it ``worked`` by itself. With
+        ``resumed``, only what is not in the book yet. Raises ``Stopped``."""
         if self._book is None:
             return
-        self._book.note_use(served, success=True)
-        if not self._memory.templates or not code:
+        if not resumed:  # a count may be missed by a crash, never doubled
+            self._book.note_use(said.served, success=True)
+        if not self._memory.templates or not said.worked:
             return
-        approval = self._record("approval", "", subtask, scene, code)
+        before = self._recorded(said) if resumed else None
+        if before is not None and before.status == "processed":
+            return
+        approval = self._record("approval", said) if before is None else before.id
         try:
-            template, _ = self._questions.ask("template", scene, read_template, subtask=str(subtask), code=code)
+            template, _ = self._questions.ask("template", said.scene, read_template, subtask=said.about, code=said.code)
         except Unreadable as error:
             self._book.park(approval, error.problem)
-            self._problem(f"no template for {subtask}", error)
+            self._problem(f"no template for {said.about}", error)
             return
         except (LanguageModelError, Stopped) as error:
             # Pending is what somebody said and nobody made anything of yet; here nothing more will be made.
             self._book.park(approval, f"no template was made: {error}")
             if isinstance(error, Stopped):
                 raise
-            self._problem(f"no template for {subtask}", error)
+            self._problem(f"no template for {said.about}", error)
             return
-        entry = self._book.add_template(approval, subtask, template, scene.label, derived_from=sources)
-        self._session.emit(EntryStored(entry.id, entry.kind, str(subtask), entry.text, approval))
+        entry = self._book.add_template(approval, said.about, template, said.scene.label, derived_from=said.sources)
+        self._session.emit(EntryStored(entry.id, entry.kind, said.about, entry.text, approval))
 
     def failed(self, served: Sequence[int]) -> None:
         """Entries were served to code that a person found fault with."""
@@ -107,6 +110,10 @@ class Teaching:
             self._book.park(feedback.id, str(getattr(error, "problem", error)))
             self._problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", error)
             return
+        if notes.unclear:
+            self._book.park(feedback.id, f"nothing could be learnt from it: {notes.unclear}")
+            self._session.emit(Problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", notes.unclear))
+            return
         notes = self._kept(notes, key)
         for entry in self._book.add_lessons(feedback.id, key, notes.corrections, notes.general, feedback.scene):
             shown = str(entry.key) if entry.key.objects else "*"
@@ -121,19 +128,27 @@ class Teaching:
             notes.general if self._memory.general else (),
         )
 
-    def _record(self, kind: str, words: str, subtask: Key, scene: SceneGraph, code: str) -> int:
+    def _record(self, kind: FeedbackKind, said: Said) -> int:
         assert self._book is not None
         return self._book.record_feedback(
-            words,
+            said.words,
             self._session.who,
             task=self._session.stage.instruction,
-            subtask=str(subtask),
-            scene=scene.label,
-            scene_graph=scene_table(scene),
-            code=code,
+            subtask=said.about,
+            scene=said.scene.label,
+            scene_graph=scene_table(said.scene),
+            code=said.code,
             run=self._session.run,
-            kind=kind,  # type: ignore[arg-type]
+            kind=kind,
+            when=said.when,
         )
+
+    def _recorded(self, said: Said) -> Feedback | None:
+        """What the book has of it already, from a process that is gone."""
+        if self._book is None:
+            return None
+        mine = self._book.feedback_of_run(self._session.run)
+        return next((one for one in mine if one.time == said.when and one.subtask == said.about), None)
 
     def _problem(self, what: str, error: Exception) -> None:
         self._session.emit(Problem(what, str(error)))

@@ -14,6 +14,7 @@ from typing import Any
 from memo_core.errors import MemoError
 from memo_core.interfaces.llm import Answer, Request, Usage
 from memo_core.policy.method import Method
+from memo_core.policy.progress import Progress
 from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
@@ -49,12 +50,16 @@ class _NoJournal:
     ) -> str:
         return ""
 
-    def code(self, subtask: str, attempt: int, repair: int, code: str) -> str:
+    def code(self, subtask: str, attempt: int, repair: int, code: str, take: int = 1) -> str:
         return ""
+
+    def planning_start(self, number: int, done: tuple[str, ...], checkpoint: bytes) -> None: ...
+
+    def progress(self, progress: Progress) -> None: ...
 
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
 
-    def attempt_begins(self, number: int, attempt: int) -> None: ...
+    def attempt_begins(self, number: int, attempt: int, take: int = 1) -> None: ...
 
     def attempt_ends(self, number: int, attempt: int) -> None: ...
 

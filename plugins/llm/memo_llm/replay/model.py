@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import attrs
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request
+from memo_core.redaction import Redactor
 from memo_llm.replay.differences import describe
 from memo_llm.replay.matching import Answers, Match
 from memo_llm.replay.recording import Call, RecordingFile, read_recording
@@ -35,7 +35,7 @@ class Recorder(LanguageModel):
     def open(self) -> None:
         self._inner.open()
         try:
-            self._file = self._file or RecordingFile(self._path, without_secrets)
+            self._file = self._file or RecordingFile(self._path, Redactor.of_environment())
         except BaseException:
             self._inner.close()
             raise
@@ -121,11 +121,3 @@ def _note(found: Match) -> str:
     if not found.numbers:
         return ""
     return f"recorded for a question with {found.numbers} slightly other numbers (by at most {found.off:.3g})"
-
-
-def without_secrets(text: str) -> str:
-    """The text without the value of any variable that is called …_API_KEY, …_TOKEN, …_SECRET or …PASSWORD."""
-    for name, value in os.environ.items():
-        if len(value) >= 8 and name.upper().endswith(("API_KEY", "_TOKEN", "_SECRET", "PASSWORD")):
-            text = text.replace(value, f"<{name}>")
-    return text
