@@ -48,7 +48,7 @@ class ArmControl(Control):
         self._scene: SceneGraph | None = None
         self._attachment = Attachment()
         self._force = ForceMotion(link, self._kinematics, description.max_contact_force)
-        self._tare = np.zeros(3)  # N, felt when the hand was last free
+        self._tare = np.zeros(6)  # wrench felt when the hand was last free
 
     # -- perception --------------------------------------------------------------------------------------------------
     def scene(self) -> SceneGraph:
@@ -166,7 +166,7 @@ class ArmControl(Control):
 
     # -- force -------------------------------------------------------------------------------------------------------
     def contact_force(self) -> list[float]:
-        return [float(v) for v in self._force.force() - self._tare]
+        return [float(v) for v in (self._force.wrench() - self._tare)[:3]]
 
     def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
         skill = "move_until_contact"
@@ -177,7 +177,7 @@ class ArmControl(Control):
         here = self._kinematics.pose(start)
         goal = Pose(tuple(np.asarray(here.position) + distance * along), here.orientation)
         plan = self._planner.guarded(skill, start, [goal], speed, self._world(), None)
-        self._tare = self._force.force()
+        self._tare = self._force.wrench()
         touched = self._force.until_contact(skill, plan.trajectory.targets, along, force, self._tare)
         moved = float((np.asarray(self.tool_pose().position) - before.position) @ along)
         self._carried_to(before)
@@ -304,7 +304,7 @@ class ArmControl(Control):
         self._settle(skill, plan.trajectory.targets[-1])
         self._attachment = self._attachment.moved_along(plan.carried)
         if tolerance is _FREE_TOLERANCE and self._link.feels_force:
-            self._tare = self._force.force()
+            self._tare = self._force.wrench()
         distance, angle = self.tool_pose().distance(plan.goal)
         if distance > tolerance[0] or angle > tolerance[1]:
             problem = (

@@ -3,7 +3,7 @@
 Both follow a joint path that was planned before anything moved. A guarded motion brakes where it feels its force.
 Pressing is admittance control in one direction (Seraji, "Adaptive admittance control", ICRA 1994): the path is shifted
 along the pressing direction at a speed proportional to what is missing of the force, (f - felt) / b, with the damping b
-chosen from how stiff the contact was found to be; in all other directions the path is kept.
+chosen from how stiff arm and contact are together; in all other directions the path is kept.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ STRAY = 0.03  # m by which pressing may leave the path along its direction
 _SEEK_SPEED = 0.015  # m/s towards what is to be pressed on
 _TOUCHED = 0.6  # share of the force from which on something is touched
 _CORRECTION_SPEED = 0.03  # m/s, most that the force may shift the path by
-_BANDWIDTH = 10.0  # 1/s of the force loop
+_BANDWIDTH = 6.0  # 1/s of the force loop
+_BEND = 0.004  # m
 _SLOPE_SPEED = 0.02  # m/s, most of it that is learnt
-_DAMPING = (150.0, 4000.0)  # N s/m, bounds of b
+_MEASURABLE = 0.0003  # m of travel from which on a contact's stiffness is measured
+_SOFTEST = 300.0  # N/m
 _LOST = 0.2  # share of the force below which contact counts as lost
 _PATIENCE = 0.4  # s of lost contact, or of too much force, that end a motion
 _SETTLE = 0.3  # s in which a force is reached after contact
@@ -56,12 +58,13 @@ class ForceMotion:
         self._limit = limit
         self._period = link.control_period
         self._lag = np.array(link.servo_lag) if len(link.servo_lag) else np.zeros(kinematics.count)
+        self._gains = np.array([joint.kp for joint in link.description.joints])
         self._fastest = kinematics.velocity * self._period
         self._last = self._before = np.zeros(kinematics.count)
 
-    def force(self) -> Array:
-        """Felt now (N), base frame, shape (3,)."""
-        return self._link.contact_wrench()[:3]
+    def wrench(self) -> Array:
+        """Felt now: force (N) over torque (Nm) at the tool, base axes, shape (6,)."""
+        return self._link.contact_wrench()
 
     # -- until something is felt -------------------------------------------------------------------------------------
     def until_contact(self, skill: str, targets: Array, direction: Array, force: float, bias: Array) -> bool:
@@ -71,7 +74,7 @@ class ForceMotion:
         try:
             for row in targets:
                 self._send(row, row - self._last)
-                felt = self.force() - bias
+                felt = (self.wrench() - bias)[:3]
                 if -felt @ direction >= force:
                     break
                 if np.linalg.norm(felt) > self._limit:
@@ -81,7 +84,7 @@ class ForceMotion:
                 return False
             # The servo has run ahead of the arm by what it lags: ease off from where the arm is.
             self._ease()
-            loop = _Loop(direction, force, bias, _DAMPING[1] / 2)
+            loop = _Loop(direction, force, bias, self._stiffness(direction))
             self._along(skill, np.repeat(self._last[None], round(_SETTLE / self._period), axis=0), loop, None)
         except Stopped:
             self._brake(skill)
@@ -101,7 +104,7 @@ class ForceMotion:
         ``STRAY`` along the direction until it touches something. ``until`` is asked every tick with the shift (m) since
         then and ends the motion early. Raises ``MotionError`` (``no-contact``, ``force``) and ``Stopped``."""
         self._begin()
-        loop = _Loop(direction, force, bias, 1200.0)
+        loop = _Loop(direction, force, bias, self._stiffness(direction))
         try:
             self._seek(skill, loop)
             settle = np.repeat(targets[:1], round(_SETTLE / self._period), axis=0)
@@ -115,10 +118,10 @@ class ForceMotion:
     def _seek(self, skill: str, loop: _Loop) -> None:
         """Go along the direction until something is touched; how fast the force then rises tells how stiff it is."""
         start = self._last.copy()
-        first: tuple[float, float] | None = None
-        while (felt := loop.felt(self.force())) < _TOUCHED * loop.force:
+        first: tuple[float, float] | None = None  # felt, and how far the hand was along the direction
+        while (felt := loop.felt(self.wrench())) < _TOUCHED * loop.force:
             if felt > 0.15 * loop.force and first is None:
-                first = (felt, loop.offset)
+                first = (felt, self._reached(loop.direction))
             if loop.offset > STRAY:
                 raise MotionError(
                     skill,
@@ -128,24 +131,43 @@ class ForceMotion:
                 )
             loop.offset += _SEEK_SPEED * self._period
             self._shifted(start, np.zeros_like(start), loop)
-        if first is not None and loop.offset - first[1] > 1e-4:
-            stiffness = (felt - first[0]) / (loop.offset - first[1])
-            loop.damping = float(np.clip(stiffness / _BANDWIDTH, *_DAMPING))
+        if first is not None and (gone := self._reached(loop.direction) - first[1]) > _MEASURABLE:
+            soft = max((felt - first[0]) / gone, _SOFTEST)
+            loop.stiffness = 1 / (1 / loop.stiffness + 1 / soft)
+
+    def _stiffness(self, direction: Array) -> float:
+        """N/m with which the arm's position servos resist along a direction: what pressing on a rock feels like."""
+        along = direction @ self._dynamics.jacobian(self._last)[:3]
+        return 1 / max(float(along @ (along / self._gains)), 1e-6)
+
+    def _bend(self, wrench: Array, loop: _Loop) -> float:
+        """How far (m) along the direction the arm's servos give way under all that is felt but the pressing itself. A
+        rubbing hand is drawn into the surface or lifted off it by its own drag, until it chatters; to expect that is
+        the cure."""
+        jacobian = self._dynamics.jacobian(self._last)
+        aside = wrench - loop.bias
+        aside[:3] -= (aside[:3] @ loop.direction) * loop.direction
+        give = loop.direction @ jacobian[:3] @ ((jacobian.T @ aside) / self._gains)
+        return float(np.clip(give, -_BEND, _BEND))
+
+    def _reached(self, direction: Array) -> float:
+        return float(self._dynamics.placement(self._link.joint_positions())[1] @ direction)
 
     def _along(self, skill: str, targets: Array, loop: _Loop, until: Callable[[float], bool] | None) -> bool:
         lost = over = 0
         before = targets[0]
         for row in targets:
-            force = self.force()
-            felt = loop.felt(force)
+            wrench = self.wrench()
+            felt = loop.felt(wrench)
             loop.step(felt, self._period)
+            loop.bend = self._bend(wrench, loop)
             self._shifted(row, row - before, loop)
             before = row
-            over = over + 1 if np.linalg.norm(force - loop.bias) > self._limit else 0
+            over = over + 1 if np.linalg.norm((wrench - loop.bias)[:3]) > self._limit else 0
             lost = lost + 1 if felt < _LOST * loop.force else 0
             if over > _OVERLOAD_TICKS:
                 self._ease()
-                raise self._overloaded(skill, force - loop.bias)
+                raise self._overloaded(skill, (wrench - loop.bias)[:3])
             if lost * self._period > _PATIENCE or loop.offset - loop.surface > STRAY:
                 raise MotionError(
                     skill,
@@ -171,7 +193,7 @@ class ForceMotion:
         joints = self._last + change
         turned, placed = self._dynamics.placement(joints)
         error = np.empty(6)
-        error[:3] = position + loop.offset * loop.direction - placed
+        error[:3] = position + (loop.offset - loop.bend) * loop.direction - placed
         error[3:] = 0.5 * np.cross(turned.T, rotation.T).sum(axis=0)
         jacobian = self._dynamics.jacobian(joints)
         square = jacobian @ jacobian.T + 1e-6 * np.eye(6)
@@ -205,23 +227,24 @@ class _Loop:
 
     direction: Array
     force: float  # N wanted
-    bias: Array  # N felt while free
-    damping: float  # N s/m
+    bias: Array  # wrench (6,) felt while free
+    stiffness: float  # N/m of arm and contact together
     offset: float = 0.0
+    bend: float = 0.0  # m that the arm gives way along the direction by what it feels across it
     slope: float = 0.0  # m/s at which the surface recedes, as learnt
     surface: float = 0.0
     deepest: float = 0.0
     total: float = 0.0
     ticks: int = 0
 
-    def felt(self, force: Array) -> float:
+    def felt(self, wrench: Array) -> float:
         """Pressing force (N): what is felt against the direction."""
-        return float(-(force - self.bias) @ self.direction)
+        return float(-(wrench - self.bias)[:3] @ self.direction)
 
     def step(self, felt: float, period: float) -> None:
-        missing = (self.force - felt) / self.damping
-        # The integral follows a surface not parallel to the path; a quarter of the bandwidth is critical damping.
-        slope = float(np.clip(self.slope + missing * _BANDWIDTH / 4 * period, -_SLOPE_SPEED, _SLOPE_SPEED))
+        missing = (self.force - felt) * _BANDWIDTH / self.stiffness
+        # The integral follows a surface not parallel to the path, slowly enough not to overshoot.
+        slope = float(np.clip(self.slope + missing * _BANDWIDTH / 8 * period, -_SLOPE_SPEED, _SLOPE_SPEED))
         if abs(missing) < _CORRECTION_SPEED:
             self.slope = slope
         self.offset += float(np.clip(missing, -_CORRECTION_SPEED, _CORRECTION_SPEED) + self.slope) * period

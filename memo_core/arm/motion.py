@@ -27,6 +27,7 @@ _CLEAR_TRIES = 5  # ways that are looked for before a motion is allowed to pass 
 _RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to get free of what the fingers are around
 _ROUTE_SECONDS = 4.0  # of this thread: a last resort, node counts bound the search first, so that it is reproducible
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
+_GENTLE = 0.25  # s over which a motion under force changes its speed: a jerk is felt as a force
 _MEETS = 0.025  # m from a thing's box at which the fingertips meet it
 
 
@@ -371,7 +372,9 @@ class MotionPlanner:
         if joints is None or any(checker.collides(one, "contact") for one in joints.T[1:]):
             plan = self.follow(skill, start, poses, (), 0.0, 1.0, alone, floor, False)
             joints = np.column_stack([start, plan.trajectory.targets.T])
-        trajectory = time_path(self.kinematics, joints, Speed(0.6, linear, max(0.3, 6 * linear)), self.period)
+        trajectory = time_path(
+            self.kinematics, joints, Speed(0.6, linear, max(0.3, 6 * linear)), self.period, smooth=_GENTLE
+        )
         carried = path.pose(path.length).matrix @ np.linalg.inv(path.pose(0.0).matrix)
         return Plan(trajectory, self.kinematics.pose(trajectory.targets[-1]), carried)
 

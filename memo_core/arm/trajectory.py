@@ -46,20 +46,26 @@ class Trajectory:
 
 
 def time_path(
-    kinematics: Kinematics, joints: Array, speed: Speed, period: float, stops: tuple[int, ...] = ()
+    kinematics: Kinematics,
+    joints: Array,
+    speed: Speed,
+    period: float,
+    stops: tuple[int, ...] = (),
+    smooth: float = _SMOOTH,
 ) -> Trajectory:
-    """Time a joint path (n, M). ``stops``: indices at which to come to rest (corners that must not be cut)."""
+    """Time a joint path (n, M). ``stops``: indices at which to come to rest (corners that must not be cut); ``smooth``:
+    s, least width of the averages."""
     pieces = []
     bounds = [0, *sorted(i for i in set(stops) if 0 < i < joints.shape[1] - 1), joints.shape[1] - 1]
     for a, b in itertools.pairwise(bounds):
-        pieces.append(_time_piece(kinematics, joints[:, a : b + 1], speed, period))
+        pieces.append(_time_piece(kinematics, joints[:, a : b + 1], speed, period, smooth))
     targets = np.ascontiguousarray(np.concatenate(pieces)) if pieces else joints.T[-1:].copy()
     return Trajectory(targets, period)
 
 
-def _time_piece(kinematics: Kinematics, joints: Array, speed: Speed, period: float) -> Array:
+def _time_piece(kinematics: Kinematics, joints: Array, speed: Speed, period: float, smooth: float) -> Array:
     """(T, n) from rest to rest; the start itself is not repeated."""
-    duration = _durations(kinematics, joints, speed)
+    duration = _durations(kinematics, joints, speed, smooth)
     if not duration.any():
         return joints.T[-1:].copy()
     stretch = 1.0
@@ -69,7 +75,7 @@ def _time_piece(kinematics: Kinematics, joints: Array, speed: Speed, period: flo
         clock *= count * period / clock[-1]
         ticks = np.arange(count + 1) * period
         raw = np.array([np.interp(ticks, clock, row) for row in joints])
-        targets = _averaged(kinematics, raw, period)
+        targets = _averaged(kinematics, raw, period, smooth)
         if targets is not None:
             # At rest for some ticks, so that what follows starts with a clean record of differences.
             return np.concatenate([targets.T, np.repeat(targets.T[-1:], _REST, axis=0)])
@@ -77,7 +83,7 @@ def _time_piece(kinematics: Kinematics, joints: Array, speed: Speed, period: flo
     raise AssertionError("a slow enough path keeps every limit")
 
 
-def _durations(kinematics: Kinematics, joints: Array, speed: Speed) -> Array:
+def _durations(kinematics: Kinematics, joints: Array, speed: Speed, smooth: float) -> Array:
     """Seconds for each step of the path (M - 1,), by velocity limits and slow corners."""
     steps = np.diff(joints, axis=1)
     _, positions = kinematics.forward(joints)
@@ -90,10 +96,10 @@ def _durations(kinematics: Kinematics, joints: Array, speed: Speed) -> Array:
     duration = np.max(np.abs(steps) / limit[:, None], axis=0)
     duration = np.maximum(duration, lengths / speed.linear)
     duration = np.maximum(duration, turns / speed.angular)
-    return duration * _corner_slowdown(moves, lengths, duration)
+    return duration * _corner_slowdown(moves, lengths, duration, smooth)
 
 
-def _corner_slowdown(moves: Array, lengths: Array, duration: Array) -> Array:
+def _corner_slowdown(moves: Array, lengths: Array, duration: Array, smooth: float) -> Array:
     """Factors (M - 1,) >= 1 that slow the path around the tool's sharp corners, which averaging would cut otherwise."""
     factor = np.ones(len(lengths))
     if len(lengths) < 3:
@@ -106,18 +112,18 @@ def _corner_slowdown(moves: Array, lengths: Array, duration: Array) -> Array:
         if cosine > 0.94:
             continue
         speed = lengths[i] / max(duration[i], 1e-9)
-        slow = max(1.0, speed * 3 * _SMOOTH / 8 / _CORNER * (1 - cosine) / 2)
-        near = np.abs((seconds[:-1] + seconds[1:]) / 2 - seconds[i]) < 3 * _SMOOTH
+        slow = max(1.0, speed * 3 * smooth / 8 / _CORNER * (1 - cosine) / 2)
+        near = np.abs((seconds[:-1] + seconds[1:]) / 2 - seconds[i]) < 3 * smooth
         near[[i - 1, i]] = True
         factor[near] = np.maximum(factor[near], slow)
     return factor
 
 
-def _averaged(kinematics: Kinematics, raw: Array, period: float) -> Array | None:
+def _averaged(kinematics: Kinematics, raw: Array, period: float, smooth: float) -> Array | None:
     """(n, T) within all limits; None when only a slower path could be."""
     acceleration, jerk = kinematics.acceleration * _ACCELERATION_SHARE, kinematics.jerk * _JERK_SHARE
     velocity = np.diff(raw, axis=1) / period
-    shortest = max(2, int(np.ceil(_SMOOTH / period)))
+    shortest = max(2, int(np.ceil(smooth / period)))
     span = np.concatenate([velocity, np.zeros((len(raw), 1))], axis=1)
     worst = (span.max(axis=1) - span.min(axis=1)) / acceleration
     first = max(shortest, int(np.ceil(np.abs(velocity).max(axis=1).max() / acceleration.min() / period / 4)))
