@@ -16,12 +16,17 @@ class TabletopSettings:
 def tasks(settings: TabletopSettings):
     """The tasks in the paper's order, the held-out ones last."""
     from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
+    from memo_tabletop.tasks.cooking import CookTheFood
     from memo_tabletop.tasks.cubes import StackTheCubes
     from memo_tabletop.tasks.drawer import PutTheCubeAway
     from memo_tabletop.tasks.faucet import TurnOnTheFaucet
     from memo_tabletop.tasks.fridge import OpenTheFridge
+    from memo_tabletop.tasks.heating import HeatTheFood
     from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
     from memo_tabletop.tasks.oven import PutTheFoodInTheOven
+    from memo_tabletop.tasks.pouring import PourTheCan
+    from memo_tabletop.tasks.seasoning import SeasonTheFood
+    from memo_tabletop.tasks.toast import MakeToast
 
     return (
         PickTheLeftCan(),
@@ -29,8 +34,13 @@ def tasks(settings: TabletopSettings):
         PutTheFoodInTheMicrowave(),
         StackTheCubes(),
         TurnOnTheFaucet(),
+        HeatTheFood(),
+        CookTheFood(),
+        MakeToast(),
         MoveTheRightCanToTheLeftCan(),
         OpenTheFridge(),
+        SeasonTheFood(),
+        PourTheCan(),
         PutTheFoodInTheOven(),
     )
 
