@@ -27,6 +27,7 @@ _TOUCHED = 0.6  # share of the force from which on something is touched
 _CORRECTION_SPEED = 0.03  # m/s, most that the force may shift the path by
 _BANDWIDTH = 6.0  # 1/s of the force loop
 _BEND = 0.004  # m
+_REGAIN_SPEED = 0.005  # m/s towards what was touched, where contact is lost
 _SLOPE_SPEED = 0.02  # m/s, most of it that is learnt
 _MEASURABLE = 0.0003  # m of travel from which on a contact's stiffness is measured
 _SOFTEST = 300.0  # N/m
@@ -243,6 +244,8 @@ class _Loop:
 
     def step(self, felt: float, period: float) -> None:
         missing = (self.force - felt) * _BANDWIDTH / self.stiffness
+        if felt < _LOST * self.force:
+            missing = max(missing, _REGAIN_SPEED)
         # The integral follows a surface not parallel to the path, slowly enough not to overshoot.
         slope = float(np.clip(self.slope + missing * _BANDWIDTH / 8 * period, -_SLOPE_SPEED, _SLOPE_SPEED))
         if abs(missing) < _CORRECTION_SPEED:

@@ -129,11 +129,11 @@ def _averaged(kinematics: Kinematics, raw: Array, period: float, smooth: float) 
     first = max(shortest, int(np.ceil(np.abs(velocity).max(axis=1).max() / acceleration.min() / period / 4)))
     longest = max(shortest, int(np.ceil(worst.max() / period)) + 1)
     while True:
-        smooth = _average(raw, first)
+        once = _average(raw, first)
         second = shortest
-        change = np.abs(np.diff(smooth, 2, axis=1, prepend=smooth[:, :1], append=smooth[:, -1:])) / period**2
+        change = np.abs(np.diff(once, 2, axis=1, prepend=once[:, :1], append=once[:, -1:])) / period**2
         second = max(second, int(np.ceil((2 * change.max(axis=1) / jerk).max() / period)))
-        result = _average(smooth, second)
+        result = _average(once, second)
         if within_limits(kinematics, result, period, (_SHARE, _ACCELERATION_SHARE, _JERK_SHARE)):
             return result[:, 1:]
         if first >= longest and second >= 100:
