@@ -3,7 +3,8 @@
 A servo of gains kp, kv pulls with kp (q* - q) - kv dq/dt. Integrated explicitly that is unstable at 2 ms on a light
 wrist, so Bullet's velocity motor, an implicit constraint, does it: it wants the velocity kp/kv (q* - q) at which the
 servo's torque vanishes, and may use the torque that the servo has when it is held, kp |q* - q|, or that damps, kv
-|dq/dt|. Free, the joint lags kv/kp seconds behind its target; held, it pushes as hard as the servo; it never overshoots.
+|dq/dt|. Free, the joint lags kv/kp seconds behind its target; held, it pushes as hard as the servo; it never
+overshoots.
 """
 
 from __future__ import annotations

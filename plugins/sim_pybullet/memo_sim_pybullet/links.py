@@ -176,17 +176,19 @@ def principal(link: LinkSpec) -> tuple[list[float], Array]:
 
 
 def urdf_text(tree: Tree, name: str) -> str:
-    """The tree as a URDF document."""
+    """The tree as a URDF document whose links are called by their place in ``tree.links``."""
     root = ElementTree.Element("robot", name=name)
+    places = {link.name: str(number) for number, link in enumerate(tree.links)}
     for link in tree.links:
-        _write_link(root, link, tree.fixed and link.parent is None)
+        _write_link(root, link, places[link.name], tree.fixed and link.parent is None)
         if link.parent is not None:
-            _write_joint(root, link)
+            _write_joint(root, link, places[link.name], places[link.parent])
+    ElementTree.indent(root)  # Bullet cuts long lines
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _write_link(root: ElementTree.Element, link: LinkSpec, fixed: bool) -> None:
-    element = ElementTree.SubElement(root, "link", name=link.name)
+def _write_link(root: ElementTree.Element, link: LinkSpec, place: str, fixed: bool) -> None:
+    element = ElementTree.SubElement(root, "link", name=place)
     inertial = ElementTree.SubElement(element, "inertial")
     moments, axes = principal(link)
     _origin(inertial, Pose(tuple(link.centre), quaternion_from_rotation(axes)))
@@ -200,7 +202,7 @@ def _write_link(root: ElementTree.Element, link: LinkSpec, fixed: bool) -> None:
         visual = ElementTree.SubElement(element, "visual")
         _origin(visual, geom.pose)
         _shape(visual, geom)
-        colour = ElementTree.SubElement(visual, "material", name=f"{link.name}/{number}")
+        colour = ElementTree.SubElement(visual, "material", name=f"{place}/{number}")
         ElementTree.SubElement(colour, "color", rgba=" ".join(map(repr, geom.colour)))
         if geom.collides:
             collision = ElementTree.SubElement(element, "collision")
@@ -208,11 +210,11 @@ def _write_link(root: ElementTree.Element, link: LinkSpec, fixed: bool) -> None:
             _shape(collision, geom)
 
 
-def _write_joint(root: ElementTree.Element, link: LinkSpec) -> None:
+def _write_joint(root: ElementTree.Element, link: LinkSpec, place: str, parent: str) -> None:
     joint = link.joint
-    element = ElementTree.SubElement(root, "joint", name=joint.name, type=joint.kind)
-    ElementTree.SubElement(element, "parent", link=str(link.parent))
-    ElementTree.SubElement(element, "child", link=link.name)
+    element = ElementTree.SubElement(root, "joint", name=place, type=joint.kind)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=place)
     _origin(element, link.pose)
     if joint.kind != "fixed":
         ElementTree.SubElement(element, "axis", xyz=" ".join(map(repr, joint.axis)))

@@ -139,9 +139,9 @@ def _load(client: Any, pybullet: Any, file: Path, tree: Tree) -> int:
 def _index(client: Any, body: int, tree: Tree, places: dict, names: dict, indices: dict) -> None:
     links = {tree.links[0].name: -1}
     for index in range(client.getNumJoints(body)):
-        info = client.getJointInfo(body, index)
-        links[info[12].decode()] = index
-        indices[info[1].decode()] = (body, index)
+        spec = tree.links[int(client.getJointInfo(body, index)[12])]
+        links[spec.name] = index
+        indices[spec.joint.name] = (body, index)
     damping = tree.body.joint.damping if tree.body is not None and isinstance(tree.body.joint, Free) else 0.0
     for spec in tree.links:
         link = links[spec.name]
