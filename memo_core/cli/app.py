@@ -13,6 +13,7 @@ COMMANDS = {
     "demo": "Teach the simulated arm once and watch the lesson carry over.",
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
     "tasks": "The tasks there are, and whether they can be done.",
+    "cluster": "Condense what people taught: fewer notes, none lost.",
     "skillbook": "Look into a skillbook, search it, take things out.",
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import attrs
 
+from memo_core.policy.clustering import ClusteringSettings
 from memo_core.policy.prompt_files import PromptSettings
 from memo_core.policy.settings import RunSettings
 from memo_core.sandbox.limits import Limits
@@ -18,6 +21,9 @@ class SkillbookSettings:
         default="skillbook.db",
         metadata={"help": "a file (relative to where memo is started), or postgresql://USER@HOST/NAME"},
     )
+    cluster: Literal["off", "after-run"] = attrs.field(
+        default="off", metadata={"help": "after-run: memo run ends with condensing what changed (memo cluster)"}
+    )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
 
 
@@ -27,4 +33,5 @@ SECTIONS: dict[str, type] = {
     "sandbox": Limits,
     "run": RunSettings,
     "prompts": PromptSettings,
+    "clustering": ClusteringSettings,
 }

@@ -60,14 +60,22 @@ class ClusteringSettings:
 @attrs.frozen
 class Outcome:
     """What became of one cluster. ``left``: no usable answer came, and it stayed as it was; ``changed``: it was not any
-    more what had been read. ``proposal`` is what was or, in a dry run, would be committed."""
+    more what had been read. ``proposal`` is what was or, in a dry run, would be committed; it is about ``cluster``,
+    which is what the model was shown: of words that were there several times, one."""
 
     cluster: Cluster
     status: Status
+    entries_before: int
+    characters_before: int
     proposal: Condensed | None = None
     committed: Clustered | None = None
     problem: str = ""
     calls: int = 0
+
+    @property
+    def duplicates(self) -> int:
+        """Entries that were the same words as another."""
+        return self.entries_before - len(self.cluster.members)
 
     @property
     def entries_after(self) -> int:
@@ -122,31 +130,28 @@ class Clustering:
     def condense(self, cluster: Cluster, commit: bool = True) -> Outcome:
         """Ask, check, and (with ``commit``) store. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``;
         then this cluster is as it was."""
+        before = (len(cluster.members), cluster.characters)
         try:
             if commit:
                 cluster = self._book.join_duplicates(cluster)  # for that nobody need be asked
             proposal, calls = self._proposal(cluster)
         except Unreadable as error:
-            return Outcome(cluster, "left", problem=error.problem, calls=self._settings.reasks + 1)
+            return Outcome(cluster, "left", *before, problem=error.problem, calls=self._settings.reasks + 1)
         except ClusterChanged as error:
-            return Outcome(cluster, "changed", problem=str(error))
-        status: Status = "condensed" if proposal.changes(cluster) else "unchanged"
+            return Outcome(cluster, "changed", *before, problem=str(error))
+        status: Status = "condensed" if proposal.changes(cluster) or before[0] > len(cluster.members) else "unchanged"
         if not commit:
-            return Outcome(cluster, status, proposal, calls=calls)
+            return Outcome(cluster, status, *before, proposal, calls=calls)
         try:
             committed = self._book.condense(cluster, proposal, self._model)
         except ClusterChanged as error:
-            return Outcome(cluster, "changed", problem=str(error), calls=calls)
+            return Outcome(cluster, "changed", *before, problem=str(error), calls=calls)
         self._emit(
             ClusterDone(
-                key=key_label(cluster.key),
-                entries_before=committed.entries_before,
-                entries_after=committed.entries_after,
-                characters_before=committed.characters_before,
-                characters_after=committed.characters_after,
+                key_label(cluster.key), before[0], committed.entries_after, before[1], committed.characters_after
             )
         )
-        return Outcome(cluster, status, proposal, committed, calls=calls)
+        return Outcome(cluster, status, *before, proposal, committed, calls=calls)
 
     @property
     def _limits(self) -> ClusterLimits:

@@ -1,0 +1,255 @@
+"""``memo cluster``: condense what people taught; see ``docs/clustering.md``."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from json import dumps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.output import note, print_json
+from memo_core.errors import InvalidArgument, MemoError, Stopped
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
+    from memo_core.experiment.clustering import Spending
+    from memo_core.policy.clustering import Clustering, Outcome
+    from memo_core.policy.stopping import StopSwitch
+    from memo_core.skillbook.book import Skillbook
+    from memo_core.skillbook.clusters import Cluster
+    from memo_core.skillbook.joining import NearKeys
+
+INTERRUPTED = 130
+
+
+def command(
+    book: Book = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Ask the model, show the changes, write nothing.")] = False,
+    all_: Annotated[bool, typer.Option("--all", help="Also what has not changed since it was clustered last.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Go on beside running robots until Ctrl-C.")] = False,
+    interval: Annotated[
+        float | None, typer.Option("--interval", min=0.1, help="With --watch: seconds between looks.")
+    ] = None,
+    keep: Annotated[
+        Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the questions and answers.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Condense what people taught: fewer notes, none lost.
+
+    All corrections under one key, and the general statements, are put to a language model with the templates related to
+    them. Each cluster is stored by itself; stopped at any time, the book is valid, and the next call goes on.
+    """
+    if watch and (dry_run or all_):
+        raise InvalidArgument("--watch", "beside --dry-run or --all", "one of them")
+    _, experiment = load(config, overrides)
+    from memo_core.experiment.assembly import book_of
+    from memo_core.experiment.clustering import Spending, check_method, clustering_of
+    from memo_core.policy.stopping import StopSwitch
+
+    check_method(experiment)
+    with book_of(experiment, book, read_only=True):
+        pass  # a mistyped path is an error, not a new empty book
+    stop, spending = StopSwitch(), Spending()
+    with (
+        _stopping(stop),
+        book_of(experiment, book, read_only=False) as opened,
+        clustering_of(experiment, opened, spending.note, stop, keep) as clustering,
+    ):
+        if watch:
+            _watch(experiment, opened, clustering, stop, interval, spending, json)
+        else:
+            _Once(opened, clustering, spending, json, dry_run).run(all_)
+
+
+@attrs.define
+class _Once:
+    """One pass over the book. What was done before an error or Ctrl-C is stored, and reported."""
+
+    book: Skillbook
+    clustering: Clustering
+    spending: Spending
+    json: bool
+    dry_run: bool
+    joined: list[NearKeys] = attrs.field(factory=list)
+    outcomes: list[Outcome] = attrs.field(factory=list)
+    waiting: int = 0
+
+    def run(self, unchanged: bool) -> None:
+        ended: MemoError | None = None
+        try:
+            self._pass(unchanged)
+        except MemoError as error:
+            ended = error
+        self._report()
+        if isinstance(ended, Stopped):
+            note(f"memo: stopped; {self.waiting} to go: the next memo cluster goes on with them")
+            raise typer.Exit(INTERRUPTED)
+        if ended is not None:
+            raise ended
+
+    def _pass(self, unchanged: bool) -> None:
+        for near in self.clustering.near_keys():
+            if not self.dry_run:
+                self.clustering.join(near)
+            self.joined.append(near)
+        clusters = self.clustering.clusters(unchanged)
+        self.waiting = len(clusters)
+        with _progress(len(clusters)) as advance:
+            for cluster in clusters:
+                advance(cluster, 0)
+                self.outcomes.append(self.clustering.condense(cluster, commit=not self.dry_run))
+                self.waiting -= 1
+                advance(cluster, 1)
+
+    def _report(self) -> None:
+        from memo_core.experiment.clustering import outcome_record
+
+        done = self.outcomes
+        totals = {
+            "clusters": len(done),
+            "condensed": sum(one.status == "condensed" for one in done),
+            "left_as_they_were": sum(one.status in ("left", "changed") for one in done),
+            "not_reached": self.waiting,
+            "entries_before": sum(one.entries_before for one in done),
+            "entries_after": sum(one.entries_after for one in done),
+            "characters_before": sum(one.characters_before for one in done),
+            "characters_after": sum(one.characters_after for one in done),
+        }
+        spent = attrs.asdict(self.spending, filter=lambda field, _: field.name != "not_understood")
+        if self.json:
+            joined = [{"key": str(n.spelling), "into": str(n.key), "cosine": n.cosine} for n in self.joined]
+            records = [outcome_record(one) for one in done]
+            print_json(
+                {
+                    "book": self.book.url,
+                    "dry_run": self.dry_run,
+                    "joined": joined,
+                    **totals,
+                    **spent,
+                    "outcomes": records,
+                }
+            )
+            return
+        for near in self.joined:
+            would = "would be" if self.dry_run else "is"
+            print(f"{near.spelling} {would} kept under {near.key} (cosine {near.cosine:.2f})")
+        for one in done:
+            print_outcome(one)
+        verb = "would become" if self.dry_run else "became"
+        print(
+            f"{totals['clusters']} clusters: {totals['entries_before']} entries {verb} {totals['entries_after']}, "
+            f"{totals['characters_before']} characters {totals['characters_after']}"
+        )
+        print(_said_of(self.spending))
+
+
+def print_outcome(outcome: Outcome) -> None:
+    """A cluster's changes as a diff: what goes, why, and what is there instead. What stays is counted."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(width=None if sys.stdout.isatty() else 400, highlight=False)
+    cluster, proposal = outcome.cluster, outcome.proposal
+    before, after = len(cluster.members), outcome.entries_after
+    head = (
+        f"{cluster.label}: {before} -> {after} entries, {cluster.characters} -> {outcome.characters_after} characters"
+    )
+    if outcome.problem:
+        head = f"{cluster.label}: {before} entries stay as they were: {outcome.problem}"
+    elif outcome.status == "unchanged":
+        head = f"{cluster.label}: {before} entries, nothing to condense"
+    console.print(Text(head, style="bold"))
+    if outcome.duplicates:
+        said = "are there once" if outcome.duplicates == 1 else "are there once each"
+        console.print(Text(f"  the same words, said {outcome.duplicates + 1} times, {said}", style="dim"))
+    if proposal is None or outcome.status != "condensed":
+        return
+    from memo_core.skillbook.clusters import is_kept
+
+    for gone in proposal.dropped:
+        member, template = cluster.members[gone.number - 1], cluster.templates[gone.template - 1].entry.id
+        why = f"contradicts template {template}" + (f": {gone.why}" if gone.why else "")
+        console.print(Text(f"  - {member.id}: {member.text}", style="red") + Text(f"   [{why}]", style="dim"))
+    changed = [one for one in proposal.entries if not is_kept(cluster, one)]
+    for one in changed:
+        for number in one.of:
+            member = cluster.members[number - 1]
+            console.print(Text(f"  - {member.id}: {member.text}", style="red"))
+        made_of = ", ".join(str(cluster.members[number - 1].id) for number in one.of)
+        console.print(Text(f"  + {one.text}", style="green") + Text(f"   [from {made_of}]", style="dim"))
+    same = len(proposal.entries) - len(changed)
+    if same:
+        console.print(Text(f"  {same} as they were", style="dim"))
+
+
+def _watch(
+    experiment: Experiment,
+    book: Skillbook,
+    clustering: Clustering,
+    stop: StopSwitch,
+    interval: float | None,
+    spending: Spending,
+    json: bool,
+) -> None:
+    from memo_core.experiment.clustering import outcome_record, watch
+    from memo_core.policy.clustering import Outcome
+    from memo_core.skillbook.joining import NearKeys
+
+    def report(news: Any) -> None:
+        if isinstance(news, Outcome):
+            print(dumps(outcome_record(news), ensure_ascii=False), flush=True) if json else print_outcome(news)
+        elif isinstance(news, NearKeys):
+            line = {"joined": str(news.spelling), "into": str(news.key), "cosine": news.cosine}
+            print(dumps(line) if json else f"{news.spelling} is kept under {news.key}", flush=True)
+        else:
+            note(f"memo: {news}; tried again later")
+
+    seconds = interval if interval is not None else experiment.section("clustering").interval_s
+    note(f"watching {book.url}, every {seconds:g} s; Ctrl-C ends it")
+    try:
+        watch(book, clustering, stop, seconds, report)
+    except Stopped:
+        note(_said_of(spending))
+
+
+def _said_of(spending: Spending) -> str:
+    cost = "" if spending.cost is None else f", {spending.cost:.4f} USD"
+    return f"{spending.calls} calls, {spending.prompt_tokens} + {spending.completion_tokens} tokens{cost}"
+
+
+@contextmanager
+def _stopping(stop: StopSwitch) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end it after what is being written; a second one at once."""
+
+    def press(*_: Any) -> None:
+        if stop.pressed:
+            raise KeyboardInterrupt
+        stop.press()
+
+    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[Cluster, int], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("clustering", total=total)
+        yield lambda cluster, steps: bar.update(task, advance=steps, description=cluster.label)

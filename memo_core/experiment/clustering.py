@@ -1,0 +1,218 @@
+"""Clustering a book with an experiment's parts: once, after a run, or again and again beside a running robot."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config import Experiment
+from memo_core.errors import InvalidArgument, MemoError
+from memo_core.events import Event, ModelCalled, Problem
+from memo_core.experiment.assembly import prompts_of
+from memo_core.experiment.folder import RunFolder
+from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
+from memo_core.policy.budget import Budget
+from memo_core.policy.calling import CallJournal, ModelCalls, Retrying
+from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
+from memo_core.policy.prompt_files import Prompts
+from memo_core.policy.stopping import StopSwitch
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.joining import NearKeys
+
+LATE_CALLS_S = 2.0
+
+
+class NoJournal:
+    """Keeps nothing."""
+
+    def model_call(
+        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
+    ) -> str:
+        return ""
+
+
+@attrs.define
+class Spending:
+    """What was spent on models, as their events say."""
+
+    calls: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost: float | None = None
+    not_understood: list[str] = attrs.field(factory=list)
+
+    def note(self, event: Event) -> None:
+        if not isinstance(event, ModelCalled):
+            return
+        self.calls += 1
+        self.prompt_tokens += event.prompt_tokens
+        self.completion_tokens += event.completion_tokens
+        self.not_understood += event.not_understood
+        if event.cost is not None:
+            self.cost = (self.cost or 0.0) + event.cost
+
+
+def check_method(experiment: Experiment) -> None:
+    """Raises ``InvalidArgument`` for a method that keeps no clusters."""
+    memory = getattr(experiment.create("method"), "memory", None)
+    if memory is not None and not memory.clusters:
+        name = experiment.choice("method").backend.name
+        raise InvalidArgument("method", f"{name!r} does not cluster", "a method that does, such as --set method=memo")
+
+
+@contextmanager
+def clustering_of(
+    experiment: Experiment,
+    book: Skillbook,
+    emit: Callable[[Event], None],
+    stop: StopSwitch,
+    keep: Path | None = None,
+) -> Iterator[Clustering]:
+    """The clustering of an open book, its model opened and within the limits of the ``run`` section. ``keep``: a new
+    folder for questions and answers. Raises ``MemoError`` for what cannot be opened."""
+    settings: ClusteringSettings = experiment.section("clustering")
+    llm: LanguageModel = settings.llm.create() if settings.llm is not None else experiment.create("llm")
+    folder = RunFolder(keep) if keep is not None else None
+    budget = Budget.of(experiment.section("run"), "cluster")
+
+    def emitted(event: Event) -> None:
+        if folder is not None:
+            folder.event(event)
+        emit(event)
+
+    llm.open()
+    try:
+        budget.open(llm)
+        journal: CallJournal = folder or NoJournal()
+        run = experiment.section("run")
+        calls = ModelCalls(llm, stop, journal, emitted, budget, Retrying(run.retries, run.retry_wait_s))
+        yield Clustering(book, calls, llm.name, settings, prompts_of(experiment), emitted, experiment.seed)
+    finally:
+        budget.wait(LATE_CALLS_S)
+        budget.close()
+        llm.close()
+        if folder is not None:
+            folder.close()
+
+
+@attrs.frozen(eq=False)
+class AfterRun:
+    """Clustering as the end of a run (``skillbook.cluster: after-run``)."""
+
+    settings: ClusteringSettings
+    prompts: Prompts
+
+    def condense(
+        self,
+        book: Skillbook,
+        llm: LanguageModel,
+        calls: Callable[[LanguageModel], ModelCalls],
+        emit: Callable[[Event], None],
+    ) -> list[Outcome]:
+        """Condense what changed, with the run's model unless the settings name another. A model that cannot answer is
+        reported and ends it; the run has ended before. Raises ``Stopped``."""
+        own = self.settings.llm.create() if self.settings.llm is not None else None
+        outcomes = []
+        try:
+            if own is not None:
+                own.open()
+            model = own or llm
+            clustering = Clustering(book, calls(model), model.name, self.settings, self.prompts, emit)
+            for outcome in clustering.condense_all():
+                outcomes.append(outcome)
+                if outcome.problem:
+                    emit(Problem(f"cluster {outcome.cluster.label}", f"stays as it was: {outcome.problem}"))
+        except LanguageModelError as error:
+            emit(Problem("clustering", str(error)))
+        finally:
+            if own is not None:
+                own.close()
+        return outcomes
+
+
+def watch(
+    book: Skillbook, clustering: Clustering, stop: StopSwitch, interval_s: float, report: Callable[[Any], None]
+) -> None:
+    """Condense whatever changes, until ``stop`` is pressed. ``report`` hears each ``NearKeys`` that is joined, each
+    ``Outcome``, and each error after which it goes on. What a model could make nothing of is not asked about again
+    before it changes. Raises ``Stopped``, and what makes going on pointless: ``BudgetExceeded``, a book that is gone.
+    """
+    tried: set[tuple[str, str]] = set()
+    seen = -1
+    while True:
+        generation = book.generation()
+        if generation != seen:
+            seen = generation if _round(clustering, tried, report) else -1
+        _pause(stop, interval_s if seen >= 0 else max(interval_s, 10.0))
+
+
+def _round(clustering: Clustering, tried: set[tuple[str, str]], report: Callable[[Any], None]) -> bool:
+    """Whether all that could be done is done."""
+    near: NearKeys
+    for near in clustering.near_keys():
+        clustering.join(near)
+        report(near)
+    done = True
+    for cluster in clustering.clusters():
+        state = (cluster.label, cluster.state)
+        if state in tried:
+            continue
+        try:
+            outcome = clustering.condense(cluster)
+        except LanguageModelError as error:
+            report(error)
+            return False
+        if outcome.status == "left":
+            tried.add(state)
+        done = done and outcome.status != "changed"
+        report(outcome)
+    return done
+
+
+def _pause(stop: StopSwitch, seconds: float) -> None:
+    news = threading.Event()
+    with stop.waking(news.set):
+        news.wait(seconds)
+    stop.check("waiting for changes")
+
+
+def outcome_record(outcome: Outcome) -> dict[str, Any]:
+    """An outcome as JSON can hold it: entries by their ids in the book."""
+    cluster, proposal = outcome.cluster, outcome.proposal
+    ids = {number: member.id for number, member in enumerate(cluster.members, start=1)}
+    texts = {number: member.text for number, member in enumerate(cluster.members, start=1)}
+    return {
+        "key": cluster.label,
+        "status": outcome.status,
+        "revision": outcome.committed.revision if outcome.committed else None,
+        "entries_before": outcome.entries_before,
+        "entries_after": outcome.entries_after,
+        "characters_before": outcome.characters_before,
+        "characters_after": outcome.characters_after,
+        "templates": [template.entry.id for template in cluster.templates],
+        "templates_left_out": cluster.left_out,
+        "entries": [
+            {"text": one.text, "from": [ids[number] for number in one.of]}
+            for one in (proposal.entries if proposal else ())
+        ],
+        "dropped": [
+            {
+                "entry": ids[gone.number],
+                "text": texts[gone.number],
+                "template": cluster.templates[gone.template - 1].entry.id,
+                "reason": gone.why,
+            }
+            for gone in (proposal.dropped if proposal else ())
+        ],
+        "problem": outcome.problem or None,
+        "calls": outcome.calls,
+    }
+
+
+def error_record(error: MemoError) -> dict[str, Any]:
+    return {"error": str(error)}
