@@ -181,10 +181,9 @@ class Mishaps(Sampled):
         for thing in self.things:
             touching = {name for c in world.contacts(thing) for name in (c.first, c.second)} - {thing}
             robot = {name for name in touching if name.startswith("robot/")}
-            if robot and touching - robot:
-                told.append(
-                    f"the {thing} is jammed between the hand and the {sorted(touching - robot)[0].split('/')[0]}"
-                )
+            against = touching - robot - set(self.things)
+            if robot and against:
+                told.append(f"the {thing} is jammed between the hand and the {sorted(against)[0].split('/')[0]}")
             elif robot:
                 told.append(f"the hand still holds the {thing}" if len(robot) > 1 else f"the hand touches the {thing}")
         return ", ".join(told)

@@ -1,8 +1,8 @@
-def hands_into(direction):
+def hands_into(direction, asides=[0, 10, -10, 20, -20]):
     # ways to hold the hand: tilted down, so that the arm behind it clears what it reaches into, and a little aside
     hands = []
     for tilt in [25, 35, 20, 45]:
-        for aside in [0, 10, -10, 20, -20]:
+        for aside in asides:
             turned = turn_point(direction, [0, 0, 0], [0, 0, 1], math.radians(aside))
             hands.append(side_orientation(turned, "horizontal", math.radians(tilt)))
     return hands
