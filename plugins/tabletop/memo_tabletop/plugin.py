@@ -15,32 +15,48 @@ class TabletopSettings:
 
 def tasks(settings: TabletopSettings):
     """The tasks in the paper's order, the held-out ones last."""
+    from memo_tabletop.tasks.banana import PutTheBananaOnThePlate
     from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
+    from memo_tabletop.tasks.clean_table import CleanUpTheTable
     from memo_tabletop.tasks.cooking import CookTheFood
     from memo_tabletop.tasks.cubes import StackTheCubes
     from memo_tabletop.tasks.drawer import PutTheCubeAway
+    from memo_tabletop.tasks.emptying import EmptyTheCabinet, EmptyTheFridge, PlaceTheAppleOnTheTable
     from memo_tabletop.tasks.faucet import TurnOnTheFaucet
     from memo_tabletop.tasks.fridge import OpenTheFridge
     from memo_tabletop.tasks.heating import HeatTheFood
+    from memo_tabletop.tasks.lonely import MoveTheLonelyObjectToTheOthers
     from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
     from memo_tabletop.tasks.oven import PutTheFoodInTheOven
+    from memo_tabletop.tasks.pan_in_microwave import PutTheFoodInThePanAndPlaceItInTheMicrowave
     from memo_tabletop.tasks.pouring import PourTheCan
     from memo_tabletop.tasks.seasoning import SeasonTheFood
+    from memo_tabletop.tasks.set_table import SetTheTable
     from memo_tabletop.tasks.toast import MakeToast
+    from memo_tabletop.tasks.trash import PutTheTrashAway
 
     return (
         PickTheLeftCan(),
+        PutTheBananaOnThePlate(),
         PutTheCubeAway(),
         PutTheFoodInTheMicrowave(),
+        PutTheFoodInThePanAndPlaceItInTheMicrowave(),
+        PutTheTrashAway(),
         StackTheCubes(),
         TurnOnTheFaucet(),
+        SetTheTable(),
+        CleanUpTheTable(),
         HeatTheFood(),
         CookTheFood(),
+        EmptyTheFridge(),
         MakeToast(),
+        MoveTheLonelyObjectToTheOthers(),
         MoveTheRightCanToTheLeftCan(),
         OpenTheFridge(),
         SeasonTheFood(),
+        PlaceTheAppleOnTheTable(),
         PourTheCan(),
+        EmptyTheCabinet(),
         PutTheFoodInTheOven(),
     )
 
