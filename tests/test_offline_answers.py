@@ -48,7 +48,7 @@ def test_a_reason_becomes_a_general_statement_and_an_instruction_alone_does_not(
 
 def test_an_exclamation_beside_a_correction_is_no_note():
     assert notes("No!! Swing the handle around in an arc")[0].corrections == (ARC,)
-    assert notes("No!!")[0].corrections == ("No.",)  # all there was: kept, not lost
+    assert "No!!" in notes("No!!")[0].unclear  # all there was: no note, and said so
 
 
 def test_always_and_never_are_general():
@@ -68,15 +68,21 @@ def test_amounts_are_kept(words, kept):
     assert kept in " ".join(notes(words)[0].corrections)
 
 
-def test_words_that_are_not_understood_are_kept_as_they_were_said_and_reported():
-    said, missed = notes("you should perambulate the crate widdershins")
-    assert said.corrections == ("Perambulate the crate widdershins.",)
+def test_words_that_are_not_understood_are_kept_beside_those_that_are_and_reported():
+    said, missed = notes("Go 3 cm higher. You should perambulate the crate widdershins.")
+    assert said.corrections[1] == "Perambulate the crate widdershins."
     assert missed
 
 
+@pytest.mark.parametrize("words", ["no, that's not right", "that was wrong, try again", "perambulate it widdershins"])
+def test_of_words_that_teach_nothing_no_note_is_made_but_why(words):
+    said, _ = notes(words)
+    assert said.corrections == said.general == () and words in said.unclear
+
+
 def test_coordinates_do_not_get_into_notes():
-    said, _ = notes("zoom to (0.45, 0.2, 0.1) quickestly")
-    assert "0.45" not in said.corrections[0]
+    said, _ = notes("Go 3 cm higher. Zoom to (0.45, 0.2, 0.1) quickestly.")
+    assert "0.45" not in said.corrections[1]
 
 
 @pytest.mark.parametrize(

@@ -38,19 +38,26 @@ def note(prompt: Prompt, vocabulary: Vocabulary) -> NotesAnswer:
     corrections: list[str] = []
     general: list[str] = []
     missed: list[str] = []
+    understood = False
     for sentence in re.split(r"(?<=[.!?])\s+|\n+", words.strip()):
         reading = read_sentence(sentence, vocabulary, known)
         missed += reading.not_understood
         notes = [said for edit in reading.edits if (said := _said(edit))]
+        understood = understood or bool(notes)
         if not notes and sentence.strip():
             notes = [_plainly(sentence)]
         (general if _EVERYWHERE.search(sentence.lower()) and reading.edits else corrections).extend(notes)
         general += [edit.phrase.general for edit in reading.edits if edit.phrase is not None and edit.phrase.general]
+    if not understood and not general:
+        # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
+        why = f"none of it is understood: {' '.join(words.split())[:300]}"
+        answer = {"corrections": [], "general": [], "unclear": why}
+        return NotesAnswer(json.dumps(answer, ensure_ascii=False), tuple(dict.fromkeys(missed)))
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
     if len(corrections) + len(general) > 1:
         corrections = [said for said in corrections if not _EXCLAIMED.fullmatch(said)]
-    answer = {"corrections": list(dict.fromkeys(corrections)), "general": list(dict.fromkeys(general))}
+    answer = {"corrections": list(dict.fromkeys(corrections)), "general": list(dict.fromkeys(general)), "unclear": ""}
     return NotesAnswer(json.dumps(answer, ensure_ascii=False), tuple(dict.fromkeys(missed)))
 
 
