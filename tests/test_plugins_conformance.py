@@ -224,6 +224,8 @@ class Echo(LanguageModel):
     def answer(self, request, on_text=None, cancelled=None):
         if not self.is_open:
             raise LanguageModelError(self.name, "it is not open")
+        if not request.messages:
+            raise LanguageModelError(self.name, "nothing was asked")
         text = self.text(request)
         if on_text is not None:
             on_text(text[:3])
@@ -284,6 +286,11 @@ class OneAtATime(Echo):
         return super().answer(request)
 
 
+class Chatty(Echo):
+    def answer(self, request, on_text=None, cancelled=None):
+        return super().answer(request) if request.messages else Answer("What would you like to know?")
+
+
 class OpensOnce(Echo):
     opened = False
 
@@ -301,6 +308,7 @@ WRONG_MODELS = {
     "giving_up_early_is_no_accident": Panics,
     "answers_from_two_threads": OneAtATime,
     "closes_twice_and_opens_again": OpensOnce,
+    "nothing_asked_is_an_error": Chatty,
 }
 
 
