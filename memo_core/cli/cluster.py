@@ -160,10 +160,9 @@ def print_outcome(outcome: Outcome) -> None:
 
     console = Console(width=None if sys.stdout.isatty() else 400, highlight=False)
     cluster, proposal = outcome.cluster, outcome.proposal
-    before, after = len(cluster.members), outcome.entries_after
-    head = (
-        f"{cluster.label}: {before} -> {after} entries, {cluster.characters} -> {outcome.characters_after} characters"
-    )
+    before, after = outcome.entries_before, outcome.entries_after
+    characters = f"{outcome.characters_before} -> {outcome.characters_after}"
+    head = f"{cluster.label}: {before} -> {after} entries, {characters} characters"
     if outcome.problem:
         head = f"{cluster.label}: {before} entries stay as they were: {outcome.problem}"
     elif outcome.status == "unchanged":

@@ -11,7 +11,7 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.errors import InvalidArgument, MemoError
+from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, ModelCalled, Problem
 from memo_core.experiment.assembly import prompts_of
 from memo_core.experiment.folder import RunFolder
@@ -107,32 +107,33 @@ class AfterRun:
     settings: ClusteringSettings
     prompts: Prompts
 
-    def condense(
-        self,
-        book: Skillbook,
-        llm: LanguageModel,
-        calls: Callable[[LanguageModel], ModelCalls],
-        emit: Callable[[Event], None],
-    ) -> list[Outcome]:
-        """Condense what changed, with the run's model unless the settings name another. A model that cannot answer is
-        reported and ends it; the run has ended before. Raises ``Stopped``."""
-        own = self.settings.llm.create() if self.settings.llm is not None else None
-        outcomes = []
+    def condense(self, book: Skillbook, calls: ModelCalls, emit: Callable[[Event], None]) -> None:
+        """Condense what changed, with the run's model and budget unless the settings name another model. What a model
+        cannot answer is reported, for the run itself has ended before. Raises ``Stopped``."""
+        own: LanguageModel | None = self.settings.llm.create() if self.settings.llm is not None else None
         try:
             if own is not None:
                 own.open()
-            model = own or llm
-            clustering = Clustering(book, calls(model), model.name, self.settings, self.prompts, emit)
+                calls = calls.to(own)
+            clustering = Clustering(book, calls, calls.model, self.settings, self.prompts, emit)
             for outcome in clustering.condense_all():
-                outcomes.append(outcome)
                 if outcome.problem:
                     emit(Problem(f"cluster {outcome.cluster.label}", f"stays as it was: {outcome.problem}"))
-        except LanguageModelError as error:
-            emit(Problem("clustering", str(error)))
+        except Stopped:
+            raise
+        except MemoError as error:
+            emit(Problem("clustering", f"{error}; memo cluster goes on with it"))
         finally:
             if own is not None:
                 own.close()
-        return outcomes
+
+
+def after_run(experiment: Experiment) -> AfterRun | None:
+    """What the experiment says about the end of a run; None for nothing. Raises as ``check_method``."""
+    if experiment.section("skillbook").cluster == "off" or experiment.section("skillbook").read_only:
+        return None
+    check_method(experiment)
+    return AfterRun(experiment.section("clustering"), prompts_of(experiment))
 
 
 def watch(

@@ -14,6 +14,7 @@ from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, ModelCalled, Problem, RunEnded, RunStarted, SubtaskEnded
 from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.experiment.chronicle import Chronicle
+from memo_core.experiment.clustering import AfterRun, after_run
 from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.journal import WorldJournal
 from memo_core.experiment.resuming import Spending, State, check_config, check_place, earlier_parts, read_state
@@ -24,6 +25,7 @@ from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.policy.budget import Budget
+from memo_core.policy.calling import ModelCalls, Retrying
 from memo_core.policy.ledger import Spent
 from memo_core.policy.method import Method
 from memo_core.policy.prompt_files import Prompts
@@ -113,6 +115,7 @@ class Cast:
     book: Skillbook | None = None
     teacher: Teacher | None = None
     prompts: Prompts = attrs.field(factory=Prompts)
+    clustering: AfterRun | None = None  # condensing the book at the end
 
 
 def run_experiment(
@@ -171,6 +174,7 @@ def _cast(experiment: Experiment, task: Task) -> Cast:
         book=book_of(experiment),
         teacher=experiment.create("teacher"),
         prompts=prompts_of(experiment),
+        clustering=after_run(experiment),
     )
 
 
@@ -355,6 +359,11 @@ def _work(
                 journal.close()
                 ended.sim_s = world.time()
                 ended.outcome = _judge(world)
+        if cast.clustering is not None and cast.book is not None:
+            calls = ModelCalls(
+                llm, stop, chronicle.folder, emit, budget, Retrying(cast.settings.retries, cast.settings.retry_wait_s)
+            )
+            cast.clustering.condense(cast.book, calls, emit)
     finally:
         cast.sandbox.close()
         if cast.book is not None:

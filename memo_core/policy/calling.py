@@ -73,6 +73,14 @@ class ModelCalls:
         self._on_text = on_text
         self._redact = Redactor.of_environment()
 
+    @property
+    def model(self) -> str:
+        return self._llm.name
+
+    def to(self, llm: LanguageModel) -> ModelCalls:
+        """Calls of another model, in the same journal and budget."""
+        return ModelCalls(llm, self._stop, self._journal, self._emit, self._budget, self._retrying, self._on_text)
+
     def answer(self, request: Request) -> tuple[Answer, str]:
         """The answer and its file in the run folder. Raises ``LanguageModelError`` when asking again does not help,
         ``BudgetExceeded``, ``Stopped``."""

@@ -314,7 +314,7 @@ class Loop:
         if said.kind == "correct":
             new = self._teaching.keep(said, resumed)
             if new and not said.interrupted:
-                self._teaching.failed(said.served)
+                self._teaching.failed(Key.parse(said.about), said.served)
         elif said.kind == "approve" and not said.interrupted:
             if not said.worked:
                 self._session.emit(Problem(said.about, "approved, but no template: the code needed several beginnings"))

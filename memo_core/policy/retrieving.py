@@ -23,16 +23,11 @@ class Served:
     corrections: tuple[retrieval.Served, ...] = ()
     general: tuple[retrieval.Served, ...] = ()
     templates: tuple[retrieval.Served, ...] = ()
+    sources: tuple[int, ...] = ()  # feedback that the entries derive from
 
     @property
     def entries(self) -> tuple[int, ...]:
         return tuple(one.entry.id for one in (*self.corrections, *self.general, *self.templates))
-
-    @property
-    def sources(self) -> tuple[int, ...]:
-        """Feedback that the entries derive from."""
-        found = (one.entry.feedback for one in (*self.corrections, *self.general, *self.templates))
-        return tuple(sorted({feedback for feedback in found if feedback is not None}))
 
 
 def retrieve(session: Session, memory: Memory, key: Key) -> Served:
@@ -52,6 +47,7 @@ def retrieve(session: Session, memory: Memory, key: Key) -> Served:
         found.general if memory.general else (),
         found.templates if memory.templates else (),
     )
+    served = attrs.evolve(served, sources=tuple(book.sources(served.entries)))
     shown = set(served.entries)
     event = found.event()
     session.emit(Retrieved(event.subtask, tuple(one for one in event.served if one.entry in shown), event.cut))

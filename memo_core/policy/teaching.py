@@ -60,7 +60,7 @@ class Teaching:
         if self._book is None:
             return
         if not resumed:  # a count may be missed by a crash, never doubled
-            self._book.note_use(said.served, success=True)
+            self._book.note_use(said.served, success=True, subtask=said.about)
         if not self._memory.templates or not said.worked:
             return
         before = self._recorded(said) if resumed else None
@@ -83,10 +83,10 @@ class Teaching:
         entry = self._book.add_template(approval, said.about, template, said.scene.label, derived_from=said.sources)
         self._session.emit(EntryStored(entry.id, entry.kind, said.about, entry.text, approval))
 
-    def failed(self, served: Sequence[int]) -> None:
-        """Entries were served to code that a person found fault with."""
+    def failed(self, subtask: Key, served: Sequence[int]) -> None:
+        """Entries were served to code for a subtask that a person found fault with."""
         if self._book is not None:
-            self._book.note_use(served, success=False)
+            self._book.note_use(served, success=False, subtask=subtask)
 
     def _process(self, feedback: Feedback) -> None:
         assert self._book is not None
@@ -112,7 +112,8 @@ class Teaching:
             return
         if notes.unclear:
             self._book.park(feedback.id, f"nothing could be learnt from it: {notes.unclear}")
-            self._session.emit(Problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", notes.unclear))
+            where = f"feedback {feedback.id} is set aside (see `memo skillbook list`)"
+            self._session.emit(Problem(where, notes.unclear))
             return
         notes = self._kept(notes, key)
         for entry in self._book.add_lessons(feedback.id, key, notes.corrections, notes.general, feedback.scene):
