@@ -1,7 +1,7 @@
 """The prompts' files: one a phase, versioned, replaceable from a config, and checked before anything is asked.
 
-A file is a Jinja template below a front matter, which is ``version: …`` between two lines ``---``. Version and digest of
-the files that a question was made from are kept with it.
+A file is a Jinja template below a front matter, which is ``version: …`` between two lines ``---``. Version and digest
+of the files that a question was made from are kept with it.
 """
 
 from __future__ import annotations
@@ -163,9 +163,9 @@ class PromptText:
         known = PLACEHOLDERS[self.name]
         try:
             tree = _environment().parse(self.text)
+            used = meta.find_undeclared_variables(tree)
         except jinja2.TemplateSyntaxError as error:
             raise BadPrompt(self.source, error.lineno + self.line, f"is no Jinja template: {error.message}") from None
-        used = meta.find_undeclared_variables(tree)
         for node in tree.find_all(nodes.Name):
             if node.name in used and node.name not in known:
                 problem = f"unknown placeholder {node.name!r}{close_match(node.name, tuple(known))}; {self._known()}"
