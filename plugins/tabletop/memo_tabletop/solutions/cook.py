@@ -13,7 +13,8 @@ def folded(yaw, period):
     return yaw
 
 
-def put_pan_on_burner():
+def put_pan_on_burner(beside=0.0):
+    # beside (m): how far from the burner's middle, for mistakes
     pan, handle, burner = get_position("pan"), get_position("pan handle"), get_position("burner")
     out = [pan[i] - handle[i] for i in range(3)]  # along the handle, away from its end
     hand = top_orientation(folded(level_yaw(out), math.pi))
@@ -26,7 +27,7 @@ def put_pan_on_burner():
     lift = get_bounds("burner")[1][2] - get_bounds("pan")[0][2]
     move_straight([grip[0], grip[1], grip[2] + lift + 0.08], hand, slack=0.0)
     # the handle keeps its direction; the pan's middle goes over the burner's
-    target = [burner[0] + grip[0] - pan[0], burner[1] + grip[1] - pan[1], grip[2] + lift + 0.004]
+    target = [burner[0] + grip[0] - pan[0] + beside, burner[1] + grip[1] - pan[1], grip[2] + lift + 0.004]
     above = [target[0], target[1], target[2] + 0.07]
     move_to(above, hand, then=[[target, hand]], slack=0.0)
     move_straight(target, hand, slack=0.0, speed=0.2)
@@ -35,7 +36,8 @@ def put_pan_on_burner():
     look()
 
 
-def put_food_in_pan():
+def put_food_in(place):
+    # place: where the middle of its underside goes to
     food, size, axes = get_position("food"), get_size("food"), get_axes("food")
     level = [i for i in range(3) if abs(axes[i][2]) < 0.5]
     thin = min(level, key=lambda i: size[i])
@@ -46,12 +48,11 @@ def put_food_in_pan():
     move_straight([food[0], food[1], food[2] + grip], hand, slack=0.0)
     close_gripper(40)
     move_straight([food[0], food[1], food[2] + grip + 0.18], hand, slack=0.0)
-    room, depth = get_position("pan inside"), get_size("pan inside")[2]
-    height = room[2] - depth / 2 + get_size("food")[2] / 2 + grip + 0.004
-    move_to([room[0], room[1], height + 0.08], hand, slack=0.0)
-    move_straight([room[0], room[1], height], hand, slack=0.0, speed=0.2)
+    height = place[2] + get_size("food")[2] / 2 + grip + 0.004
+    move_to([place[0], place[1], height + 0.08], hand, slack=0.0)
+    move_straight([place[0], place[1], height], hand, slack=0.0, speed=0.2)
     open_gripper(0.065)
-    move_straight([room[0], room[1], height + 0.15], hand, slack=0.0)
+    move_straight([place[0], place[1], height + 0.15], hand, slack=0.0)
     look()
 
 
@@ -74,6 +75,6 @@ def turn_knob(angle):
     look()
 
 
-put_pan_on_burner()
-put_food_in_pan()
-turn_knob(math.radians(60))
+def floor_of(name):
+    inside, size = get_position(name + " inside"), get_size(name + " inside")
+    return [inside[0], inside[1], inside[2] - size[2] / 2]

@@ -14,7 +14,8 @@ def yaw_across(name):
     return yaw
 
 
-def insert_bread():
+def insert_bread(aside=0.0):
+    # aside (m): how far beside the slot, for mistakes
     bread, height = get_position("bread"), get_size("bread")[2]
     grip = height / 2 - 0.010
     hand = top_orientation(yaw_across("bread"))
@@ -26,6 +27,7 @@ def insert_bread():
 
     slot, size = get_position("toaster slot"), get_size("toaster slot")
     rim = slot[2] + size[2] / 2
+    slot = [slot[0], slot[1] - aside, slot[2]]
     hand = top_orientation(yaw_across("toaster slot"))
     over = rim + 0.03 + height / 2 + grip
     inside = rim + 0.03 - height / 2 + grip  # 5 mm above what the bread will stand on
@@ -35,7 +37,7 @@ def insert_bread():
     move_straight([slot[0], slot[1], over], hand, slack=0.0)
 
 
-def press_lever():
+def press_lever(down=0.043, let_go=True):
     lever, size = get_position("toaster lever"), get_size("toaster lever")
     slot = get_position("toaster slot")
     out = [lever[0] - slot[0], lever[1] - slot[1], 0.0]
@@ -44,11 +46,8 @@ def press_lever():
     top = lever[2] + size[2] / 2 + 0.010  # the fingertips reach 10 mm beyond the point between them
     hand = top_orientation(yaw_across("toaster slot"))
     close_gripper()
-    move_to([x, y, top + 0.06], hand, then=[[[x, y, top - 0.042], hand]], slack=0.0)
-    move_straight([x, y, top - 0.043], hand, slack=0.0, speed=0.2)
-    move_straight([x, y, top + 0.06], hand, slack=0.0)
-    look()
-
-
-insert_bread()
-press_lever()
+    move_to([x, y, top + 0.06], hand, then=[[[x, y, top - down], hand]], slack=0.0)
+    move_straight([x, y, top - down], hand, slack=0.0, speed=0.2)
+    if let_go:
+        move_straight([x, y, top + 0.06], hand, slack=0.0)
+        look()

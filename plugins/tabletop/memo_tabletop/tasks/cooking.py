@@ -98,4 +98,5 @@ class CookTheFood(Task):
 
     @property
     def reference_solution(self) -> str:
-        return solution("cook")
+        calls = 'put_pan_on_burner()\nput_food_in(floor_of("pan"))\nturn_knob(math.radians(60))\n'
+        return solution("cook", calls=calls)

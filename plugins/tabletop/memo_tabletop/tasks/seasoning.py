@@ -96,4 +96,4 @@ class SeasonTheFood(Task):
 
     @property
     def reference_solution(self) -> str:
-        return solution("season", calls='season("salt shaker", "food")\n')
+        return solution("pour", calls='season("salt shaker", "food")\n')

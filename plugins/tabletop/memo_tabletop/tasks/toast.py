@@ -85,4 +85,4 @@ class MakeToast(Task):
 
     @property
     def reference_solution(self) -> str:
-        return solution("make_toast")
+        return solution("make_toast", calls="insert_bread()\npress_lever()\n")
