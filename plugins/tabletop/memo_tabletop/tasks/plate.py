@@ -97,7 +97,9 @@ class WipeThePlate(Task):
     name = "wipe-the-plate"
     instruction = "wipe the plate"
     kind = "CR"
-    lesson = "press the sponge down lightly until you feel the plate, and keep pressing while you go over all of it in rows"
+    lesson = (
+        "press the sponge down lightly until you feel the plate, and keep pressing while you go over all of it in rows"
+    )
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         x, y = np.array([0.52, 0.02]) + rng.uniform(-0.03, 0.03, 2)
