@@ -82,12 +82,12 @@ def apple(name: str, place: Vector, yaw: float = 0.0) -> Body:
 
 def plate(name: str, place: Vector, colour: Colour = PORCELAIN) -> Body:
     """A flat disc with a rim of sixteen upright pieces; its frame is in the middle of its underside."""
-    floor, sides = 0.006, 16
+    floor, sides, clear = 0.006, 16, 0.001  # only the disc stands on the table: sixteen more contacts would be dear
     geoms = [Geom("cylinder", (PLATE_RADIUS - 0.006, floor), Pose((0, 0, floor / 2)), colour, mass=0.35)]
     for i in range(sides):
         yaw = 2 * math.pi * i / sides
-        at = ((PLATE_RADIUS - 0.003) * math.cos(yaw), (PLATE_RADIUS - 0.003) * math.sin(yaw), PLATE_RIM / 2)
-        size = (0.006, 2 * PLATE_RADIUS * math.tan(math.pi / sides), PLATE_RIM)
+        at = ((PLATE_RADIUS - 0.003) * math.cos(yaw), (PLATE_RADIUS - 0.003) * math.sin(yaw), (PLATE_RIM + clear) / 2)
+        size = (0.006, 2 * PLATE_RADIUS * math.tan(math.pi / sides), PLATE_RIM - clear)
         geoms.append(Geom("box", size, Pose.from_yaw(at, yaw), colour, mass=0.01))
     return Body(name, tuple(geoms), Pose(place), Free(), label=name)
 
