@@ -16,6 +16,7 @@ class TabletopSettings:
 def tasks(settings: TabletopSettings):
     """The tasks in the paper's order, the held-out ones last."""
     from memo_tabletop.tasks.banana import PutTheBananaOnThePlate
+    from memo_tabletop.tasks.bottle import CloseTheBottle, OpenTheBottle
     from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
     from memo_tabletop.tasks.clean_table import CleanUpTheTable
     from memo_tabletop.tasks.cooking import CookTheFood
@@ -29,6 +30,7 @@ def tasks(settings: TabletopSettings):
     from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
     from memo_tabletop.tasks.oven import PutTheFoodInTheOven
     from memo_tabletop.tasks.pan_in_microwave import PutTheFoodInThePanAndPlaceItInTheMicrowave
+    from memo_tabletop.tasks.plate import WipeThePlate
     from memo_tabletop.tasks.pouring import PourTheCan
     from memo_tabletop.tasks.seasoning import SeasonTheFood
     from memo_tabletop.tasks.set_table import SetTheTable
@@ -53,9 +55,12 @@ def tasks(settings: TabletopSettings):
         MoveTheLonelyObjectToTheOthers(),
         MoveTheRightCanToTheLeftCan(),
         OpenTheFridge(),
+        OpenTheBottle(),
+        WipeThePlate(),
         SeasonTheFood(),
         PlaceTheAppleOnTheTable(),
         PourTheCan(),
+        CloseTheBottle(),
         EmptyTheCabinet(),
         PutTheFoodInTheOven(),
     )
