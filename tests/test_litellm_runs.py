@@ -57,7 +57,6 @@ def run(registry, tmp_path: Path, *overrides: str) -> RunReport:
         "teacher.backend=nobody",
         "run.video=off",
         f"skillbook.url={tmp_path / 'book.db'}",
-        "run.subtasks=1",
         "run.retry_wait_s=0.01",
     ]
     experiment = load_experiment(registry, None, [*common, *overrides], SECTIONS, TASK, 0)
@@ -101,7 +100,7 @@ def test_tokens_and_cost_in_the_summary_add_up_to_the_calls(registry, tmp_path, 
 
     priced = ["llm.prompt_price=1.5", "llm.completion_price=4"]
     with Wire(reply) as wire:
-        report = run(registry, tmp_path, *settings_of(wire), *priced)
+        report = run(registry, tmp_path, *settings_of(wire), *priced, "run.subtasks=1")
         assert report.calls == len(wire.asked)
     summary = json.loads((report.folder / "summary.json").read_text())
     calls = calls_of(report.folder)
@@ -162,7 +161,6 @@ def test_a_planted_key_is_in_no_file_and_on_no_screen(tmp_path, offline):
             "teacher.backend=nobody",
             "run.video=off",
             "run.retry_wait_s=0.01",
-            "run.subtasks=1",
         ]
         command = [sys.executable, "-m", "memo_core.cli.main", "run", "--task", TASK, "--json", "--debug"]
         command += ["--book", str(tmp_path / "book.db"), "--out", str(tmp_path / "runs")]

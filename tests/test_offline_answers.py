@@ -203,10 +203,9 @@ class _Wrong(LanguageModel):
 
     def __init__(self, spoil):
         self.spoil, self.asked = spoil, 0
+        self.name = "" if spoil == "name" else "wrong"
 
-    def open(self):
-        if self.spoil == "name":
-            self.name = ""
+    def open(self): ...
 
     def close(self): ...
 
@@ -224,7 +223,7 @@ class _Wrong(LanguageModel):
         if on_text is not None:
             on_text(text[:1] if self.spoil == "on_text" else text)
         usage = Usage(-1 if self.spoil == "usage" else 1, 1)
-        return "text" if self.spoil == "Answer" else Answer(text, usage=usage)
+        return "text" if self.spoil == "Answer" else Answer(text, usage=usage, model="wrong-1")
 
 
 @pytest.mark.parametrize(
