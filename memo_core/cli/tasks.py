@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Annotated, Any
 
-import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
@@ -19,17 +13,18 @@ from memo_core.errors import InvalidArgument
 
 app = typer.Typer(help="The tasks there are.")
 
-SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
+Suite = Annotated[str | None, typer.Option("--suite", metavar="NAME", help="Another suite than the experiment's.")]
 
 
 @app.command("list")
-def list_tasks(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the tasks of the suite."""
     from memo_core.experiment.assembly import tasks_of
 
-    tasks = tasks_of(load(config, overrides)[1])
+    experiment = load(config, _with_suite(overrides, suite))[1]
+    tasks, suite = tasks_of(experiment), experiment.choice("suite").backend.name
     if json:
-        print_json({"tasks": [_summary(task) for task in tasks]})
+        print_json({"suite": suite, "tasks": [_summary(task) | {"suite": suite} for task in tasks]})
     else:
         print_table(("task", "kind", "split", "instruction"), [(t.name, t.kind, t.split, t.instruction) for t in tasks])
 
@@ -39,6 +34,7 @@ def show(
     name: Annotated[str, typer.Argument(help="The task's name.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Which scene of it.")] = 0,
     reference: Annotated[bool, typer.Option("--reference", help="Print its hand-written solution too.")] = False,
+    suite: Suite = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
@@ -47,7 +43,7 @@ def show(
     from memo_core.experiment.assembly import task_of
     from memo_core.experiment.world import generator
 
-    task = task_of(load(config, overrides)[1], name)
+    task = task_of(load(config, _with_suite(overrides, suite))[1], name)
     scene = task.scene(generator(seed, "scene"))
     bodies = [
         {"name": body.name, "label": body.label, "joint": type(body.joint).__name__.lower() if body.joint else "fixed"}
@@ -71,42 +67,50 @@ def verify(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
     seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-19 or 3,5.")] = "0-19",
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes to use.")] = 1,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Keep each result as a JSON line; what is in it is not run again."),
+    ] = None,
+    suite: Suite = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
     """Run each task's reference solution, and nothing at all, and let the success check judge both.
 
-    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or doing nothing on any.
+    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or doing nothing on any. "x real time"
+    is how many seconds are simulated in a second of one core's time, planning included.
     """
+    from memo_core.cli import verification
     from memo_core.experiment.assembly import task_of, tasks_of
 
-    wanted = read_seeds(seeds)
+    wanted, overrides = read_seeds(seeds), _with_suite(overrides, suite)
     _, experiment = load(config, overrides)
     chosen = [task_of(experiment, name).name for name in names] if names else [t.name for t in tasks_of(experiment)]
-    trials = [Trial(config, tuple(overrides or ()), name, seed) for name in dict.fromkeys(chosen) for seed in wanted]
-    results = _with_progress(trials, jobs)
-    report = [_report(name, [r for r in results if r["task"] == name]) for name in dict.fromkeys(chosen)]
+    chosen = list(dict.fromkeys(chosen))
+    trials = [verification.Trial(config, tuple(overrides), name, seed) for name in chosen for seed in wanted]
+    log = verification.TrialLog(out, verification.digest_of(experiment))
+    results = verification.run_trials(trials, jobs, log)
+    report = [verification.report_of(name, [r for r in results if r["task"] == name]) for name in chosen]
     if json:
-        print_json({"tasks": report})
+        print_json({"suite": experiment.choice("suite").backend.name, "tasks": report})
     else:
-        rows = [(t["name"], f"{t['reference']}/{t['seeds']}", f"{t['null']}/{t['seeds']}", t["wall_s"]) for t in report]
-        print_table(("task", "reference", "nothing", "seconds"), rows)
+        rows = [
+            (
+                t["name"],
+                f"{t['reference']}/{t['seeds']}",
+                f"{t['null']}/{t['seeds']}",
+                t["wall_s"],
+                t["real_time_factor"],
+            )
+            for t in report
+        ]
+        print_table(("task", "reference", "nothing", "seconds", "x real time"), rows)
         for task in report:
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")
-    if any(t["reference"] < SHARE_REQUIRED * t["seeds"] or t["null"] for t in report):
+    if not all(verification.holds(task) for task in report):
         raise typer.Exit(1)
-
-
-@attrs.frozen
-class Trial:
-    """One task on one seed; travels to another process."""
-
-    config: Path | None
-    overrides: tuple[str, ...]
-    task: str
-    seed: int
 
 
 def read_seeds(text: str) -> tuple[int, ...]:
@@ -120,87 +124,8 @@ def read_seeds(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(seeds))
 
 
-def run_trial(trial: Trial) -> dict[str, Any]:
-    """Verify one task on one seed (also the entry of a worker process)."""
-    from memo_core.experiment.assembly import sandbox_of, task_of, world_of
-    from memo_core.experiment.world import verify_task
-
-    started = time.monotonic()
-    _, experiment = load(trial.config, list(trial.overrides))
-    task = task_of(experiment, trial.task)
-    [found] = verify_task(lambda seed: world_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed])
-    return {
-        "task": trial.task,
-        "seed": trial.seed,
-        "reference": found.reference.success,
-        "reference_why": found.error or found.reference.reason,
-        "null": found.null.success,
-        "null_why": found.null.reason,
-        "wall_s": time.monotonic() - started,
-        "sim_s": found.sim_s,
-    }
-
-
-def _with_progress(trials: list[Trial], jobs: int) -> list[dict[str, Any]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("verifying", total=len(trials))
-        results = []
-        for result in _run(
-            trials, jobs, lambda trial: progress.update(bar, description=f"{trial.task}, seed {trial.seed}")
-        ):
-            results.append(result)
-            progress.advance(bar)
-    return results
-
-
-def _run(trials: list[Trial], jobs: int, began: Callable[[Trial], None]) -> Iterable[dict[str, Any]]:
-    if jobs == 1:
-        for trial in trials:
-            began(trial)
-            yield run_trial(trial)
-        return
-    # A fresh interpreter each: rendering contexts and solver threads do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent) as pool:
-        waiting = {pool.submit(run_trial, trial): trial for trial in trials}
-        try:
-            for done in as_completed(waiting):
-                began(waiting[done])
-                yield done.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
-            raise
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _report(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
-    results = sorted(results, key=lambda result: result["seed"])
-    failures = [
-        {"seed": r["seed"], "what": "reference solution failed", "why": r["reference_why"]}
-        for r in results
-        if not r["reference"]
-    ]
-    failures += [
-        {"seed": r["seed"], "what": "doing nothing succeeded", "why": r["null_why"]} for r in results if r["null"]
-    ]
-    return {
-        "name": name,
-        "seeds": len(results),
-        "reference": sum(r["reference"] for r in results),
-        "null": sum(r["null"] for r in results),
-        "wall_s": round(sum(r["wall_s"] for r in results), 2),
-        "sim_s": round(sum(r["sim_s"] for r in results), 2),
-        "failures": failures,
-    }
+def _with_suite(overrides: list[str] | None, suite: str | None) -> list[str]:
+    return [*(overrides or ()), *([f"suite.backend={suite}"] if suite else ())]
 
 
 def _summary(task: Any) -> dict[str, Any]:

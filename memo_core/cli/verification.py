@@ -1,0 +1,207 @@
+"""Trials of ``memo tasks verify``: one task on one seed each, in this process or several, kept in a file if wanted."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.cli.options import load
+from memo_core.cli.output import note
+from memo_core.errors import InvalidArgument
+
+SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
+
+
+@attrs.frozen
+class Trial:
+    """One task on one seed; travels to another process."""
+
+    config: Path | None
+    overrides: tuple[str, ...]
+    task: str
+    seed: int
+
+
+def run_trial(trial: Trial) -> dict[str, Any]:
+    """Verify one task on one seed (also the entry of a worker process)."""
+    from memo_core.experiment.assembly import sandbox_of, task_of, world_of
+    from memo_core.experiment.world import verify_task
+
+    started = time.monotonic()
+    _, experiment = load(trial.config, list(trial.overrides))
+    task = task_of(experiment, trial.task)
+    [found] = verify_task(lambda seed: world_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed])
+    return {
+        "task": trial.task,
+        "seed": trial.seed,
+        "reference": found.reference.success,
+        "reference_why": found.error or found.reference.reason,
+        "null": found.null.success,
+        "null_why": found.null.reason,
+        "wall_s": time.monotonic() - started,
+        "sim_s": found.sim_s,
+        "cpu_s": found.cpu_s,
+    }
+
+
+class TrialLog:
+    """Results in a file, one JSON line a trial, written as each ends: an interrupted sweep goes on where it was.
+
+    A line counts only for the same settings, scene and reference solution, of which it carries a digest. A success
+    check that was changed in between it cannot know.
+    """
+
+    def __init__(self, file: Path | None, digest: Callable[[str, int], str]) -> None:
+        self._file, self._digest = file, digest
+        self._done: dict[tuple[str, int, str], dict[str, Any]] = {}
+        if file is not None and file.exists():
+            self._read(file)
+
+    def _read(self, file: Path) -> None:
+        try:
+            lines = file.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidArgument(
+                "--out", f"{file} cannot be read ({error})", "a file that verify wrote, or none"
+            ) from None
+        for number, line in enumerate(lines, 1):
+            try:
+                result = json.loads(line)
+                key = result["task"], result["seed"], result["digest"]
+            except (ValueError, KeyError, TypeError):
+                if not line.endswith("}"):
+                    continue  # cut off when the process was killed
+                expected = "a file that verify wrote, or a new one"
+                raise InvalidArgument("--out", f"line {number} of {file} is no result", expected) from None
+            self._done[key] = result
+
+    def known(self, trial: Trial) -> dict[str, Any] | None:
+        if not self._done:
+            return None
+        return self._done.get((trial.task, trial.seed, self._digest(trial.task, trial.seed)))
+
+    def add(self, result: dict[str, Any]) -> None:
+        if self._file is None:
+            return
+        line = json.dumps(result | {"digest": self._digest(result["task"], result["seed"])}, ensure_ascii=False)
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with self._file.open("ab+") as file:
+                if file.tell():
+                    file.seek(-1, os.SEEK_END)
+                    if file.read(1) != b"\n":  # the last line was cut off
+                        file.write(b"\n")
+                file.write(line.encode() + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise InvalidArgument(
+                "--out", f"{self._file} cannot be written ({error.strerror})", "a writable file"
+            ) from None
+
+
+def digest_of(experiment: Any) -> Callable[[str, int], str]:
+    """What a result depends on, as far as data tell: the experiment's values, the scene, the reference solution."""
+    from memo_core.experiment.assembly import task_of
+    from memo_core.experiment.world import generator
+
+    values = {key: value for key, value in experiment.public().items() if key not in ("task", "seed")}
+
+    def digest(name: str, seed: int) -> str:
+        task = task_of(experiment, name)
+        parts = (sorted(values.items(), key=repr), task.scene(generator(seed, "scene")), task.reference_solution)
+        return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+
+    return digest
+
+
+def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
+    """All results, with progress on stderr; those in the log are not run again."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    results, waiting = [], []
+    for trial in trials:
+        known = log.known(trial)
+        if known is None:
+            waiting.append(trial)
+        else:
+            results.append(known)
+    if results:
+        note(f"{len(results)} of {len(trials)} trials are in the file already")
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("verifying", total=len(trials), completed=len(results))
+        for result in _run(
+            waiting, jobs, lambda trial: progress.update(bar, description=f"{trial.task}, seed {trial.seed}")
+        ):
+            log.add(result)
+            results.append(result)
+            progress.advance(bar)
+    return results
+
+
+def _run(trials: list[Trial], jobs: int, began: Callable[[Trial], None]) -> Iterable[dict[str, Any]]:
+    if jobs == 1:
+        for trial in trials:
+            began(trial)
+            yield run_trial(trial)
+        return
+    # A fresh interpreter each: rendering contexts and solver threads do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent) as pool:
+        waiting = {pool.submit(run_trial, trial): trial for trial in trials}
+        try:
+            for done in as_completed(waiting):
+                began(waiting[done])
+                yield done.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
+    """One task's results together. ``real_time_factor``: seconds simulated in a second of one core's time, with all
+    that the reference solutions need: physics, planning, monitors."""
+    results = sorted(results, key=lambda result: result["seed"])
+    failures = [
+        {"seed": r["seed"], "what": "reference solution failed", "why": r["reference_why"]}
+        for r in results
+        if not r["reference"]
+    ]
+    failures += [
+        {"seed": r["seed"], "what": "doing nothing succeeded", "why": r["null_why"]} for r in results if r["null"]
+    ]
+    simulated, busy = sum(r["sim_s"] for r in results), sum(r["cpu_s"] for r in results)
+    return {
+        "name": name,
+        "seeds": len(results),
+        "reference": sum(r["reference"] for r in results),
+        "null": sum(r["null"] for r in results),
+        "wall_s": round(sum(r["wall_s"] for r in results), 2),
+        "sim_s": round(simulated, 2),
+        "cpu_s": round(busy, 2),
+        "real_time_factor": round(simulated / busy, 1) if busy > 0 else None,
+        "failures": failures,
+    }
+
+
+def holds(report: dict[str, Any]) -> bool:
+    """Whether a task is verified: its reference solution on 19 of 20 seeds, doing nothing on none."""
+    return report["reference"] >= SHARE_REQUIRED * report["seeds"] and not report["null"]
