@@ -18,6 +18,7 @@ COMMANDS = {
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",
+    "budget": "What the runs that share a ledger have spent on language models.",
     "bench": "Measure this machine: simulation, retrieval, start-up, stopping.",
     "doctor": "What works on this machine, and what would make the rest work.",
 }

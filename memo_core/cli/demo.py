@@ -52,7 +52,7 @@ def command(
         # Another machine may round a digit the other way; what was answered loosely is said at each call.
         experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="numbers")
     narrator = Narrator()
-    report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading)
+    report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading, on_text=narrator.on_text)
     if json:
         print_json(report.summary())
     else:

@@ -98,10 +98,11 @@ def run_demo(
     out: Path,
     listener: Callable[[Event], None] | None = None,
     chapter: Callable[[str], None] = lambda title: None,
+    on_text: Callable[[str, str], None] | None = None,
 ) -> DemoReport:
     """Run the story on the experiment's seed in a new folder under ``out``. ``listener`` hears every event, ``chapter``
-    the title of each run as it begins. Call it in the main thread. Raises ``MemoError`` for what keeps it from
-    beginning."""
+    the title of each run as it begins, ``on_text`` (phase, piece) while models write. Call it in the main thread.
+    Raises ``MemoError`` for what keeps it from beginning."""
     suite = experiment.choice("suite").backend
     if suite.demo is None:
         raise InvalidArgument("suite.backend", f"{suite.name!r} offers no demo", "a suite that declares one")
@@ -128,7 +129,7 @@ def run_demo(
         )
         config = experiment.public() | {"task": name, "demo.chapter": part.name}
         runs[part.name] = perform(
-            cast, task, experiment.seed, RunFolder(folder / part.folder), registry, config, listener
+            cast, task, experiment.seed, RunFolder(folder / part.folder), registry, config, listener, on_text=on_text
         )
         if runs[part.name].ended_by_person:
             break

@@ -1,0 +1,45 @@
+"""``memo budget``: what the runs that share a ledger have spent on language models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from memo_core.cli.options import Json
+from memo_core.cli.output import print_json, print_table
+from memo_core.errors import InvalidArgument
+
+
+def command(
+    ledger: Annotated[Path, typer.Argument(metavar="LEDGER", help="The file that run.study_ledger names.")],
+    json: Json = False,
+) -> None:
+    """Say what the runs that share a ledger have spent: calls, tokens and dollars, by run and together.
+
+    Calls that began and of which nothing was heard since are "unfinished": of runs that are at it, or were killed.
+    Their questions' tokens are estimates.
+    """
+    from memo_core.policy.ledger import Ledger
+
+    if not ledger.is_file():
+        raise InvalidArgument("LEDGER", f"{ledger} does not exist", "the file that run.study_ledger names")
+    opened = Ledger(ledger)
+    runs, total = opened.runs(), opened.spent()
+    if json:
+        print_json({"runs": [{"run": run} | _numbers(spent) for run, spent in runs], "total": _numbers(total)})
+        return
+    columns = ("run", "calls", "tokens asked", "answered", "dollars", "unpriced", "unfinished")
+    print_table(columns, [(run, *_cells(spent)) for run, spent in runs] + [("together", *_cells(total))])
+
+
+def _numbers(spent: Any) -> dict[str, Any]:
+    import attrs
+
+    return attrs.asdict(spent)
+
+
+def _cells(spent: Any) -> tuple[Any, ...]:
+    cost = f"{spent.cost:.4f}"
+    return spent.calls, spent.prompt_tokens, spent.completion_tokens, cost, spent.unpriced, spent.unfinished
