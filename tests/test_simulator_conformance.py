@@ -1,19 +1,22 @@
-"""The conformance suite for simulators passes for MuJoCo, and rejects one deliberately wrong simulator a rule."""
+"""The conformance suite passes for every simulator here, and rejects one deliberately wrong simulator a rule."""
 
 from __future__ import annotations
 
 import pytest
 from memo_sim_mujoco.simulator import MujocoSimulator
+from memo_sim_pybullet.simulator import PybulletSimulator
 
 from memo_core.testing.simulator import RULES, check_simulator
 from memo_core.testing.wrong_simulators import wrong_simulators
 
+SIMULATORS = {"mujoco": MujocoSimulator, "pybullet": PybulletSimulator}
 WRONG = wrong_simulators(MujocoSimulator)
 
 
+@pytest.mark.parametrize("simulator", SIMULATORS)
 @pytest.mark.parametrize("name", RULES)
-def test_mujoco_keeps_the_rule(name):
-    RULES[name](MujocoSimulator)
+def test_the_simulator_keeps_the_rule(name, simulator):
+    RULES[name](SIMULATORS[simulator])
 
 
 def test_every_rule_has_a_wrong_simulator():

@@ -491,7 +491,9 @@ def continuing_after_restore_is_exact(make: Make) -> None:
     times, from any state."""
     simulator = _built(make)
     with simulator:
-        # In the middle of closing, of lifting, and of a fall: targets are on their way.
+        # At the outset, and in the middle of closing, of lifting, and of a fall: targets are on their way.
+        outset = simulator.checkpoint()
+        after_outset = _history(simulator)
         simulator.command_gripper(0.0, 40.0)
         _run(simulator, 0.3)
         closing = simulator.checkpoint()
@@ -504,7 +506,12 @@ def continuing_after_restore_is_exact(make: Make) -> None:
         simulator.command_gripper(0.08, 10.0)
         simulator.command_joints(np.zeros(3))
         _run(simulator, 0.5)
-        for state, expected in ((closing, after_closing), (lifted, after_lifting), (closing, after_closing)):
+        for state, expected in (
+            (closing, after_closing),
+            (lifted, after_lifting),
+            (outset, after_outset),
+            (closing, after_closing),
+        ):
             simulator.restore(state)
             if state is lifted:
                 assert simulator.contacts() == contacts, "the contacts read right after the restore differ"

@@ -48,6 +48,7 @@ class RobotDrive:
         self.speeds_before = np.zeros(self._count)  # rad/s, before the last step
         self.opening = 0.0  # m, the gripper's set point
         self.force = world.robot.gripper.max_force
+        self.sent: tuple[list[float], list[float], list[float]] = ([], [], [])  # with the last step
         self._gravity: list[float] = [0.0] * len(self._joints)
         self._still = [0.0] * len(moving)
 
@@ -88,11 +89,14 @@ class RobotDrive:
             strength = min(_FINGER_STIFFNESS * abs(gap), self.force)
             wanted += [share] * len(self._fingers)
             limit += [strength] * len(self._fingers)
-        client = self._client
-        client.setJointMotorControlArray(
-            self._body, self._joints, self._velocity, targetVelocities=wanted, forces=limit
-        )
-        client.setJointMotorControlArray(self._body, self._joints, self._torque, forces=self._gravity)
+        self.sent = (wanted, limit, self._gravity)
+        self.send(*self.sent)
+
+    def send(self, velocities: list[float], limits: list[float], torques: list[float]) -> None:
+        """Hand one step's commands to the engine."""
+        control = self._client.setJointMotorControlArray
+        control(self._body, self._joints, self._velocity, targetVelocities=velocities, forces=limits)
+        control(self._body, self._joints, self._torque, forces=torques)
 
 
 @attrs.define(eq=False)
@@ -119,6 +123,7 @@ class SceneDrive:
             name: _Spring(joint.body, joint.index, joint.spec.stiffness, joint.spec.rest, self._catches.get(name, ()))
             for name, joint in world.joints.items()
         }
+        self.sent: list[tuple[int, int, float]] = []  # with the last step
         self._choose()
 
     def _choose(self) -> None:
@@ -136,6 +141,7 @@ class SceneDrive:
         self._client.changeDynamics(found.body, found.index, jointLowerLimit=lower, jointUpperLimit=upper)
 
     def push(self) -> None:
+        self.sent = []
         for spring in self._active:
             position, speed = self._client.getJointState(spring.body, spring.index)[:2]
             effort = spring.stiffness * (spring.rest - position)
@@ -144,4 +150,10 @@ class SceneDrive:
                     stiffness = 4.0 * latch.effort / latch.width
                     pull = stiffness * (latch.position - position) - 0.02 * stiffness * speed
                     effort += min(max(pull, -latch.effort), latch.effort)
-            self._client.setJointMotorControl2(spring.body, spring.index, self._torque, force=effort)
+            self.sent.append((spring.body, spring.index, effort))
+        self.send(self.sent)
+
+    def send(self, efforts: list[tuple[int, int, float]]) -> None:
+        """Hand one step's efforts (body, joint, Nm or N) to the engine."""
+        for body, index, effort in efforts:
+            self._client.setJointMotorControl2(body, index, self._torque, force=effort)

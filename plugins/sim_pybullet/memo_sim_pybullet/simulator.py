@@ -7,9 +7,10 @@ import math
 import os
 import struct
 import tempfile
+import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import attrs
 import numpy as np
@@ -21,6 +22,7 @@ from memo_core.scene.building import families
 from memo_core.scene.description import Camera, SceneDescription
 from memo_core.scene.mechanisms import Mechanisms
 from memo_core.scene.pose import Array, Pose
+from memo_sim_pybullet.chatter import caught_output
 from memo_sim_pybullet.pictures import Pictures
 from memo_sim_pybullet.settings import PybulletSettings
 
@@ -44,17 +46,20 @@ class PybulletSimulator(Simulator):
         """Import PyBullet and start an engine. Raises ``BackendUnavailable``."""
         if self.client is not None:
             return
-        try:
-            import pybullet
-            from pybullet_utils.bullet_client import BulletClient
-        except ImportError as error:
-            raise BackendUnavailable("simulator", "pybullet", str(error), "pip install 'pybullet>=3.2.7,<4'") from error
-        self.client = BulletClient(pybullet.DIRECT)
+        with caught_output():
+            try:
+                import pybullet
+                from pybullet_utils.bullet_client import BulletClient
+            except ImportError as error:
+                remedy = "pip install 'pybullet>=3.2.7,<4'"
+                raise BackendUnavailable("simulator", "pybullet", str(error), remedy) from error
+            self.client = BulletClient(pybullet.DIRECT)
 
     def close(self) -> None:
         client, self.client = self.client, None
         if client is not None:
-            client.disconnect()
+            with caught_output():
+                client.disconnect()
         self._listeners = ()
         self._world = None
 
@@ -77,12 +82,15 @@ class PybulletSimulator(Simulator):
         self._scene = SceneDrive(self.client, world, scene.latches)
         self._goal = self._ramp = self._arm.opening = self.gripper_width()
         self._ramp_step = robot.gripper.speed * self.control_period
+        self._sent: list[Any] = []
         self._steps = 0
         self._contacts: tuple[Contact, ...] | None = None  # as read since the last step
         self._effort: float | None = None
         self.mechanisms = Mechanisms(scene, self, self)
         self._moving_parts = bool(self.mechanisms)
         self._arm.compensate()
+        # A file without contacts, restored later, would leave the contacts of that time as they are.
+        self.client.performCollisionDetection()
 
     # -- reading the world -------------------------------------------------------------------------------------------
     @property
@@ -211,10 +219,13 @@ class PybulletSimulator(Simulator):
         self._arm.opening = self._ramp
         self._arm.compensate()
         step, push_arm, push_scene = self.client.stepSimulation, self._arm.push, self._scene.push
+        sent = []
         for _ in range(self.settings.steps_per_tick):
             push_arm()
             push_scene()
+            sent.append((self._arm.sent, self._scene.sent))
             step()
+        self._sent = sent
         self._steps += self.settings.steps_per_tick
         self._contacts = self._effort = None
         if self._moving_parts:
@@ -306,3 +317,24 @@ class PybulletSimulator(Simulator):
         if min(size) < 1 or max(size) > 4096:
             raise InvalidArgument("width, height", f"{size[0]} x {size[1]} pixels", "1 to 4096 each")
         return self._pictures.shoot(camera, *size)
+
+    # -- for benchmarks ------------------------------------------------------------------------------------------------
+    def engine_controls(self) -> object:
+        """What the engine was given with each step of the last tick: servos, in Bullet, are outside of it."""
+        if self._moving_parts:
+            raise NotImplementedError("a scene with mechanisms has no bare loop: what they do is not in the controls")
+        return self._sent
+
+    def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:
+        self.restore(checkpoint)
+        steps = [one for tick in controls for one in cast(list[Any], tick)]
+        step, send_arm, send_scene = self.client.stepSimulation, self._arm.send, self._scene.send
+        started = clock.thread_time()
+        for arm, scene in steps:
+            send_arm(*arm)
+            send_scene(scene)
+            step()
+        taken = clock.thread_time() - started
+        self._steps += len(steps)
+        self._contacts = self._effort = None
+        return taken

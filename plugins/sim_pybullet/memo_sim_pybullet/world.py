@@ -16,6 +16,7 @@ from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, joined_pairs
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
+from memo_sim_pybullet.chatter import caught_output
 from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, principal, robot_tree, scene_tree, urdf_text
 from memo_sim_pybullet.settings import PybulletSettings
 
@@ -126,10 +127,13 @@ def _mesh_volume(file: str) -> float:
 def _load(client: Any, pybullet: Any, file: Path, tree: Tree) -> int:
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION
     flags |= pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT | pybullet.URDF_USE_MATERIAL_COLORS_FROM_MTL
-    try:
-        body = client.loadURDF(str(file), useFixedBase=tree.fixed, flags=flags)
-    except pybullet.error as error:
-        raise InvalidArgument("scene", f"PyBullet cannot build it ({error})", "a scene that can exist") from error
+    with caught_output() as said:
+        try:
+            body = client.loadURDF(str(file), useFixedBase=tree.fixed, flags=flags)
+        except pybullet.error as error:
+            what = tree.links[0].name
+            problem = f"PyBullet cannot build {what!r} ({said() or error})"
+            raise InvalidArgument("scene", problem, "a scene that can exist") from error
     centre = Pose(*_pose(*client.getDynamicsInfo(body, -1)[3:5]))
     base = tree.pose * centre
     client.resetBasePositionAndOrientation(body, base.position, _xyzw(base))
