@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
+from memo_core.cli import skillbook_history
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from memo_core.skillbook.entries import Entry
 
 app = typer.Typer(help="Skillbooks.")
+skillbook_history.register(app)
 
 KINDS = ("correction", "general", "template")
 WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries
@@ -64,14 +66,14 @@ def show(
     """Show one entry and the words it was made from."""
     with _reading(book, config, overrides) as opened:
         found = opened.entry(entry)
-        origin = opened.feedback(found.feedback) if found.feedback is not None else None
+        origins = [opened.feedback(source) for source in opened.sources([entry])]
     if json:
-        print_json(_as_json(found) | {"from": attrs.asdict(origin) if origin else None})
+        print_json(_as_json(found) | {"from": [attrs.asdict(origin) for origin in origins]})
         return
-    state = f"superseded by entry {found.superseded_by}" if found.superseded_by else "valid"
+    state = f"superseded by revision {found.superseded_by}" if found.superseded_by else "valid"
     print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
     print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
-    if origin:
+    for origin in origins:
         when = datetime.datetime.fromtimestamp(origin.time).strftime("%Y-%m-%d %H:%M")
         print(f"\nfrom {origin.who}, {when}, about {origin.subtask} ({origin.task}):\n  {origin.words or '(approved)'}")
 

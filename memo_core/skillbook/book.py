@@ -167,6 +167,22 @@ class Skillbook:
         """Set feedback aside that could not be processed; it is kept and shown with the reason."""
         self._set_status(feedback_id, "parked", reason)
 
+    def reopen(self, feedback_ids: Iterable[int] | None = None) -> list[Feedback]:
+        """Make feedback that was set aside pending again, all of it or some; the next run begins with it. An approval
+        that no template was made of is not: its code worked in a scene that is gone. Returns what was reopened.
+
+        Raises ``UnknownName`` for an id that is not of feedback that was set aside.
+        """
+        parked = (_F.status == "parked", _F.kind == "correction")
+        with self._database.write() as connection:
+            found = {one.id: one for one in rows.feedback_where(connection, *parked)}
+            wanted = sorted(found) if feedback_ids is None else sorted(set(feedback_ids))
+            for missing in (one for one in wanted if one not in found):
+                raise UnknownName("feedback that was set aside", str(missing), tuple(map(str, found)))
+            where = _F.id.in_(wanted)
+            connection.execute(sa.update(tables.feedback).where(where).values(status="pending", reason=""))
+            return rows.feedback_where(connection, where)
+
     # -- what was learnt -----------------------------------------------------------------------------------------------
     def add_lessons(
         self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
@@ -247,15 +263,15 @@ class Skillbook:
 
     # -- history -------------------------------------------------------------------------------------------------------
     def history(self, key: Key | str | None = None) -> list[Revision]:
-        """Every change to the set of valid entries, oldest first, or those that touched a key's entries."""
+        """Every change to the set of valid entries, oldest first, or those that touched a key's entries (``"*"``: the
+        general statements)."""
         with self._database.read() as connection:
-            about = None if key is None else rows.alias_rows(connection).get(str(_key(key)), _key(key))
-            return revisions(self._database, connection, about)
+            return revisions(self._database, connection, None if key is None else _meant(connection, key))
 
     def versions(self, key: Key | str) -> list[Version]:
         """The templates of a key with their records, oldest first."""
         with self._database.read() as connection:
-            return versions(self._database, connection, rows.alias_rows(connection).get(str(_key(key)), _key(key)))
+            return versions(self._database, connection, _meant(connection, key))
 
     def difference(self, one: int, other: int | None = None) -> Difference:
         """What revision ``one`` changed; with ``other``, between the book after the one and after the other. Raises
@@ -506,6 +522,13 @@ class Skillbook:
 
 def _key(key: Key | str) -> Key:
     return key if isinstance(key, Key) else Key.parse(key)
+
+
+def _meant(connection: sa.Connection, key: Key | str) -> Key:
+    """The key that a spelling is kept under."""
+    if key == "*":
+        return GLOBAL_KEY
+    return rows.alias_rows(connection).get(str(_key(key)), _key(key))
 
 
 def reembed(url: str, embedder: Embedder) -> int:

@@ -1,0 +1,243 @@
+"""``memo skillbook history|diff|rollback|why|retry``: how a book became what it is, why a subtask is served what it is,
+and taking things back."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.output import note, print_json, print_table
+
+if TYPE_CHECKING:
+    from memo_core.skillbook.book import Skillbook
+    from memo_core.skillbook.entries import Entry
+    from memo_core.skillbook.history import Revision, Version
+    from memo_core.skillbook.retrieval import Retrieval
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the group ``memo skillbook``."""
+    for command in (history, diff, rollback, why, retry):
+        app.command()(command)
+
+
+def history(
+    key: Annotated[
+        str | None, typer.Argument(metavar="[KEY]", help="Only this key, e.g. 'OPEN(oven)'; * for general statements.")
+    ] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """List what changed, revision by revision; of a key also its entries and the versions of its template."""
+    with _opened(book, config, overrides, read_only=True) as opened:
+        revisions = opened.history(key)
+        versions = opened.versions(key) if key is not None else []
+    if json:
+        print_json({"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]})
+        return
+    rows = [
+        (one.id, _when(one.time), _key(one), one.reason, *(one.count(c) or "" for c in ("added", "superseded")))
+        + (one.count("restored") or "",)
+        for one in revisions
+    ]
+    print_table(("revision", "when", "key", "reason", "added", "gone", "back"), rows)
+    if key is None:
+        return
+    print()
+    for one in revisions:
+        for change in one.changes:
+            sign = {"added": "+", "superseded": "-", "restored": "+", "joined": "="}[change.change]
+            said = f" [{change.why}]" if change.why and change.change != "joined" else ""
+            said = f" [was under {change.why}]" if change.change == "joined" else said
+            print(f"{one.id:>5} {sign} {change.entry.id}: {_line(change.entry)}{said}")
+    if versions:
+        print()
+        record = [(v.entry.id, v.state, f"{v.confirmed_uses}/{v.uses}", _line(v.entry)) for v in versions]
+        print_table(("template", "", "approved/served here", ""), record)
+
+
+def diff(
+    revision: Annotated[int, typer.Argument(metavar="REV", help="What this revision changed.")],
+    other: Annotated[
+        int | None, typer.Argument(metavar="[REV]", help="From the book after REV to the book after this one.")
+    ] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Show which entries a revision took out and brought in, or the difference between two states of the book."""
+    with _opened(book, config, overrides, read_only=True) as opened:
+        found = opened.difference(revision, other)
+    if json:
+        print_json({"removed": [_entry(one) for one in found.removed], "added": [_entry(one) for one in found.added]})
+        return
+    for sign, entries in (("-", found.removed), ("+", found.added)):
+        for one in entries:
+            print(f"{sign} {one.id} [{_label(one)}] {one.text.rstrip()}")
+    if not found.removed and not found.added:
+        note("no difference")
+
+
+def rollback(
+    revision: Annotated[int, typer.Argument(metavar="REV", help="The revision to take back (memo skillbook history).")],
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Take back one revision: what it brought in goes, what it took out is there again. Can be rolled back itself."""
+    with _opened(book, config, overrides, read_only=True):
+        pass  # a mistyped path is an error, not a new empty book
+    with _opened(book, config, overrides, read_only=False) as opened:
+        made = opened.rollback(revision)
+    if json:
+        print_json(_revision(made))
+        return
+    gone, back = made.count("superseded"), made.count("restored")
+    print(f"revision {made.id} is the rollback of {revision}: {gone} entries gone, {back} there again")
+
+
+def why(
+    subtask: Annotated[str, typer.Argument(metavar="SUBTASK", help="E.g. 'OPEN(oven)'.")],
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Explain what a subtask is served: each term of each score, the order, and what was cut by which rule."""
+    from memo_core.experiment.assembly import book_of
+
+    with book_of(load(config, overrides)[1], book, read_only=True) as opened:
+        found = opened.retrieve(subtask)
+        settings = opened.settings
+        retired = {
+            key: [e for e in opened.entries(key=key, superseded=True) if e.superseded_by is not None]
+            for key in dict.fromkeys(s.entry.key for s in found.served if s.entry.key.objects)
+        }
+    first, second = settings.weights
+    if json:
+        weights = {"lambda_action": first, "lambda_objects": second, "cut": settings.cut}
+        print_json({"subtask": str(found.query), **weights, **_retrieval(found), "superseded": _count(retired)})
+        return
+    print(f"{found.query}: r = ({first:g} action + {second:g} objects) / {first + second:g}, cut at {settings.cut:g}")
+    print("of equal r: likeness of the text to the subtask, then approved uses, then the newest")
+    columns = ("rank", "r", "action", "objects", "text", "approved", "when", "id", "key", "entry")
+    for name, served in (("corrections", found.corrections), ("templates", found.templates)):
+        print(f"\n{name}: {len(served)}")
+        if served:
+            print_table(columns, [_served_row(s) for s in served])
+    print(f"\ngeneral statements, by likeness of the text: {len(found.general)}")
+    if found.general:
+        rows = [_served_row(s) for s in found.general]
+        print_table(tuple(c for i, c in enumerate(columns) if i not in (2, 3, 4)), [r[:2] + r[5:] for r in rows])
+    print(f"\nnot served: {len(found.cut)} keys that are near")
+    if found.cut:
+        near = [
+            (f"{c.score:.3f}", f"{c.action_cosine:.3f}", f"{c.objects_cosine:.3f}", c.key, c.entries, c.rule)
+            for c in found.cut
+        ]
+        print_table(("r", "action", "objects", "key", "entries", "rule"), near)
+    for key, entries in retired.items():
+        if entries:
+            print(f"{key}: {len(entries)} entries are superseded (memo skillbook history '{key}')")
+
+
+def retry(
+    feedback: Annotated[list[int] | None, typer.Argument(metavar="[ID]...", help="Feedback; none: all of it.")] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Give words that were set aside another chance: they are pending again, and the next run begins with them."""
+    with _opened(book, config, overrides, read_only=True):
+        pass
+    with _opened(book, config, overrides, read_only=False) as opened:
+        reopened = opened.reopen(feedback or None)
+    if json:
+        print_json({"pending": [{"id": one.id, "who": one.who, "words": one.words} for one in reopened]})
+        return
+    for one in reopened:
+        print(f"feedback {one.id}, {one.who} about {one.subtask}: {one.words!r}: pending, the next run begins with it")
+    if not reopened:
+        note("nothing is set aside")
+
+
+def _opened(book: str | None, config: Path | None, overrides: list[str] | None, read_only: bool) -> Skillbook:
+    """Without embedder and store: none of this needs them."""
+    from memo_core.skillbook.book import Skillbook as Book_
+
+    return Book_(book or load(config, overrides)[1].section("skillbook").url, read_only=read_only)
+
+
+def _when(time: float) -> str:
+    return datetime.datetime.fromtimestamp(time).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def _key(revision: Revision) -> str:
+    from memo_core.skillbook.entries import key_label
+
+    return "" if revision.key is None else key_label(revision.key)
+
+
+def _label(entry: Entry) -> str:
+    from memo_core.skillbook.entries import key_label
+
+    return key_label(entry.key)
+
+
+def _line(entry: Entry) -> str:
+    from memo_core.skillbook.entries import headline
+
+    return headline(entry.kind, entry.text)
+
+
+def _served_row(served: Any) -> tuple[Any, ...]:
+    entry = served.entry
+    terms = (served.score, served.action_cosine, served.objects_cosine, served.text_similarity)
+    used = f"{entry.confirmed_uses}/{entry.uses}"
+    return (served.rank, *(f"{t:.3f}" for t in terms), used, _when(entry.created), entry.id, served.key, _line(entry))
+
+
+def _entry(entry: Entry) -> dict[str, Any]:
+    return attrs.asdict(entry, filter=lambda field, _: field.name != "key") | {"key": _label(entry)}
+
+
+def _revision(one: Revision) -> dict[str, Any]:
+    changes = [
+        {"change": c.change, "entry": c.entry.id, "kind": c.entry.kind, "text": c.entry.text}
+        | {"why": c.why, "because": c.because}
+        for c in one.changes
+    ]
+    return {"revision": one.id, "time": one.time, "key": _key(one), "reason": one.reason, "changes": changes}
+
+
+def _version(version: Version) -> dict[str, Any]:
+    record = {"state": version.state, "uses": version.uses, "confirmed_uses": version.confirmed_uses}
+    return {"entry": version.entry.id, **record, "created": version.entry.created, "text": version.entry.text}
+
+
+def _retrieval(found: Retrieval) -> dict[str, Any]:
+    served = {
+        name: [
+            {"rank": s.rank, "entry": s.entry.id, "key": s.key, "text": s.text, "score": s.score}
+            | {"action_cosine": s.action_cosine, "objects_cosine": s.objects_cosine}
+            | {"text_similarity": s.text_similarity, "uses": s.entry.uses, "confirmed_uses": s.entry.confirmed_uses}
+            | {"created": s.entry.created}
+            for s in getattr(found, name)
+        ]
+        for name in ("corrections", "general", "templates")
+    }
+    return served | {"cut": [attrs.asdict(one) for one in found.cut], "generation": found.generation}
+
+
+def _count(retired: dict[Any, list[Entry]]) -> dict[str, int]:
+    return {str(key): len(entries) for key, entries in retired.items() if entries}
