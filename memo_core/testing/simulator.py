@@ -195,7 +195,8 @@ def returned_arrays_are_copies(make: Make) -> None:
     with make() as simulator:
         simulator.build(check_scene(), check_robot())
         simulator.command_joints(np.array([0.5, 0.0, 0.0]))
-        for read in (simulator.joint_positions, simulator.joint_velocities, simulator.joint_torques):
+        reading = (simulator.joint_positions, simulator.joint_velocities)
+        for read in (*reading, simulator.joint_torques, simulator.joint_accelerations):
             values = read()
             assert values.shape == (3,), f"{read.__name__} has shape {values.shape}"
             before = values.copy()
@@ -483,6 +484,54 @@ def _lift(simulator: Simulator) -> None:
         angle = 0.3 * step / 100
         simulator.command_joints(np.array([0.0, -angle, angle]))
         simulator.tick()
+
+
+@rule
+def torques_carry_the_arm_and_its_load(make: Make) -> None:
+    """At rest joint_torques hold up the arm itself and what it carries: from them is estimated what the hand feels."""
+    simulator = _built(make)
+    with simulator:
+        _run(simulator, 0.5)
+        for what, load in (("nothing", 0.0), ("the cube", 0.2)):
+            torque = float(simulator.joint_torques()[1])
+            _, shoulder, elbow = simulator.joint_positions()
+            out = REACH * math.cos(shoulder)
+            tool = out - DROP * math.sin(shoulder + elbow)
+            carried = -9.81 * (1.0 * out + 0.2 * tool + load * tool)
+            assert abs(torque - carried) < 0.15, f"carrying {what}, the shoulder pulls {torque:.2f} Nm of {carried:.2f}"
+            at_rest = np.abs(simulator.joint_accelerations()).max()
+            assert at_rest < 0.1, f"at rest, an acceleration of {at_rest:.2f} rad/s2"
+            if load == 0.0:
+                _lift(simulator)
+                _run(simulator, 3.0)
+
+
+@rule
+def torques_go_with_accelerations(make: Make) -> None:
+    """joint_accelerations are those that joint_torques make: in free motion torque is inertia times acceleration."""
+    with make() as simulator:
+        simulator.build(check_scene(), check_robot())
+        _lift_hand(simulator)
+        hand = 1.2 * REACH**2 + 0.01 * 3  # kg m2 about the column, fingers included
+        inertia = hand + check_robot().joints[0].armature
+        torques, products = [], []
+        for number in range(30):
+            simulator.command_joints(np.array([0.004 * number, *simulator.joint_positions()[1:]]))
+            simulator.tick()
+            torques.append(float(simulator.joint_torques()[0]))
+            products.append(inertia * float(simulator.joint_accelerations()[0]))
+        most = float(np.abs(torques).max())
+        off = float(np.abs(np.array(torques) - products).max())
+        assert off < 0.1 * most, f"torque and inertia times acceleration differ by {off:.2f} Nm of {most:.2f}"
+
+
+def _lift_hand(simulator: Simulator) -> None:
+    """Clear of the cube, so that nothing is touched."""
+    simulator.command_gripper(0.08, 60.0)
+    for step in range(1, 101):
+        simulator.command_joints(np.array([0.0, -0.003 * step, 0.003 * step]))
+        simulator.tick()
+    _run(simulator, 1.0)
 
 
 @rule

@@ -158,6 +158,14 @@ def wrong_simulators(right: type) -> dict[str, type]:
                 seen[key] = super().render(camera, width, height)
             return seen[key]
 
+    class LeavesOutGravity(base):
+        def joint_torques(self):
+            return super().joint_torques() * (1.0, 0.0, 1.0)
+
+    class NeverAccelerates(base):
+        def joint_accelerations(self):
+            return np.zeros_like(super().joint_accelerations())
+
     class ClosesOnce(base):
         _closed = False
 
@@ -186,6 +194,8 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "gripper_keeps_its_speed": SlamsShut,
         "a_grip_is_let_go_at_once": OpensFully,
         "a_held_object_is_lifted": LetsGo,
+        "torques_carry_the_arm_and_its_load": LeavesOutGravity,
+        "torques_go_with_accelerations": NeverAccelerates,
         "continuing_after_restore_is_exact": ForgetsTheGripper,
         "foreign_checkpoints_are_refused": TakesAnyCheckpoint,
         "the_same_commands_give_the_same_motion": Drifts,
