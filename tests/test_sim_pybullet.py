@@ -1,0 +1,144 @@
+"""What PyBullet promises beyond the conformance suite: servos, friction, many shapes, resumption, a quiet stdout."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+
+import attrs
+import numpy as np
+import pytest
+from memo_sim_pybullet.settings import PybulletSettings
+from memo_sim_pybullet.simulator import PybulletSimulator
+
+from memo_core.errors import InvalidArgument
+from memo_core.scene.description import Body, Free, Geom, Hinge, Material, SceneDescription
+from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_core.testing.simulator import check_robot, check_scene
+
+
+def built(scene: SceneDescription) -> PybulletSimulator:
+    simulator = PybulletSimulator()
+    simulator.open()
+    simulator.build(scene, check_robot())
+    return simulator
+
+
+def run(simulator: PybulletSimulator, seconds: float) -> None:
+    for _ in range(round(seconds / simulator.control_period)):
+        simulator.tick()
+
+
+def test_a_held_joint_is_pushed_with_the_servos_torque():
+    wall = Body("wall", (Geom("box", (0.5, 0.02, 0.5)),), Pose((0.4, 0.15, 0.3)))
+    with built(SceneDescription((wall,))) as simulator:
+        target = np.array([0.1, 0.0, 0.0])
+        for step in range(200):
+            simulator.command_joints(target * min(1.0, step / 100))
+            simulator.tick()
+        held = simulator.joint_positions()[0]
+        run(simulator, 0.5)
+        expected = 4000.0 * (0.1 - simulator.joint_positions()[0])
+        assert abs(held - simulator.joint_positions()[0]) < 1e-3, "it still moves"
+        assert 0.1 - held > 0.002, "the wall does not hold it"
+        assert simulator.joint_torques()[0] == pytest.approx(min(expected, 100.0), rel=0.1)
+
+
+@pytest.mark.parametrize(("friction", "slides"), [(0.9, False), (0.3, True)])
+def test_things_slide_on_a_slope_steeper_than_their_friction(friction, slides):
+    slope = quaternion_from_axis_angle((0, 1, 0), 0.45)  # tan is 0.48
+    material = Material(friction=friction)
+    ramp = Body("ramp", (Geom("box", (0.6, 0.3, 0.02), material=material),), Pose((0.9, 0.6, 0.3), slope))
+    above = Pose((0.9, 0.6, 0.3), slope) * Pose((0.0, 0.0, 0.0301))
+    block = Body("block", (Geom("box", (0.04, 0.04, 0.04), material=material),), above, Free(), mass=0.2)
+    with built(SceneDescription((ramp, block))) as simulator:
+        run(simulator, 0.6)
+        moved = math.dist(simulator.body_pose("block").position, above.position)
+        assert (moved > 0.05) == slides, f"it moved {moved:.3f} m"
+
+
+def test_a_body_of_many_shapes_has_all_of_them():
+    rim = tuple(
+        Geom("box", (0.02, 0.08, 0.05), Pose.from_yaw((0.1 * math.cos(a), 0.1 * math.sin(a), 0.025), a))
+        for a in np.linspace(0, 2 * math.pi, 24, endpoint=False)
+    )
+    ring = Body("ring <&>", rim, Pose((0.6, 0.6, 0.0)), Free(), mass=0.5)
+    ball = Body("ball", (Geom("sphere", (0.02,)),), Pose((0.6, 0.6, 0.02)), Free(), mass=0.05)
+    with built(attrs.evolve(check_scene(), bodies=(ring, ball), latches=())) as simulator:
+        pushed = {name for contact in simulator.contacts() for name in (contact.first, contact.second)}
+        for _ in range(100):
+            simulator.client.applyExternalForce(
+                simulator._world.places["ball"].body, -1, (0.3, 0.2, 0), simulator.body_pose("ball").position, 1
+            )
+            simulator.tick()
+            pushed |= {name for contact in simulator.contacts("ball") for name in (contact.first, contact.second)}
+        away = math.dist(simulator.body_pose("ball").position[:2], simulator.body_pose("ring <&>").position[:2])
+        assert "ring <&>" in pushed and away < 0.1, "the ball left the ring through its wall"
+
+
+def test_a_hinge_turns_about_its_anchor():
+    door = Body(
+        "door",
+        (Geom("box", (0.2, 0.02, 0.1)),),
+        Pose((0.7, 0.4, 0.3)),
+        Hinge("hinge", (0, 0, 1), (-0.1, 0.0, 0.0), (0.0, 1.5), initial=0.5),
+        mass=1.0,
+    )
+    with built(SceneDescription((door,))) as simulator:
+        run(simulator, 0.02)
+        centre = np.array(simulator.body_pose("door").position)
+        expected = np.array((0.6, 0.4, 0.3)) + 0.1 * np.array((math.cos(0.5), math.sin(0.5), 0.0))
+        assert np.allclose(centre, expected, atol=1e-3)
+
+
+def test_dry_friction_holds_a_joint_up_to_its_effort():
+    for friction, turns in ((0.6, False), (0.2, True)):
+        flap = Body(  # 0.5 kg, 0.1 m out: 0.49 Nm
+            "flap",
+            (Geom("box", (0.2, 0.05, 0.01), Pose((0.1, 0.0, 0.0))),),
+            Pose((0.7, 0.4, 0.4)),
+            Hinge("hinge", (0, 1, 0), range=(0.0, 1.5), friction=friction),
+            mass=0.5,
+        )
+        with built(SceneDescription((flap,))) as simulator:
+            run(simulator, 1.0)
+            assert (simulator.joint_position("hinge") > 0.1) == turns
+
+
+def test_a_checkpoint_continues_in_another_process(tmp_path):
+    program = """
+import json, sys
+from pathlib import Path
+from memo_sim_pybullet.simulator import PybulletSimulator
+from memo_core.testing.simulator import _history, check_robot, check_scene
+with PybulletSimulator() as simulator:
+    simulator.build(check_scene(), check_robot())
+    if sys.argv[1] == "go":
+        simulator.command_gripper(0.0, 40.0)
+        for _ in range(60):
+            simulator.tick()
+        Path(sys.argv[2]).write_bytes(simulator.checkpoint())
+    else:
+        simulator.restore(Path(sys.argv[2]).read_bytes())
+    print(json.dumps(repr(_history(simulator))))
+"""
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", program, what, str(tmp_path / "state")], capture_output=True, text=True, check=True
+        ).stdout
+        for what in ("go", "on")
+    ]
+    assert json.loads(said[0]) == json.loads(said[1])  # and nothing but JSON on the standard output
+
+
+def test_what_bullet_cannot_build_is_named():
+    mesh = Body("statue", (Geom("mesh", (1.0,), mesh="nowhere.obj", mass=1.0),), joint=Free())
+    with pytest.raises(InvalidArgument, match="statue"):
+        built(SceneDescription((mesh,)))
+
+
+def test_a_control_period_longer_than_the_stop_allows_is_refused():
+    with pytest.raises(ValueError, match="control period of 20 ms"):
+        PybulletSettings(timestep=0.004, steps_per_tick=5)
