@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import re
+from typing import Any, Literal
 
 import attrs
+
+from memo_core.errors import InvalidArgument
 
 
 @attrs.frozen
@@ -19,6 +22,14 @@ class SentenceTransformersSettings:
     )
     cache_dir: str = attrs.field(default="", metadata={"help": "where the export is kept; default: the user's cache"})
     threads: int = attrs.field(default=1, validator=attrs.validators.ge(1), metadata={"help": "threads for one text"})
+
+
+def _variable(_: Any, __: Any, name: str) -> None:
+    if name and not re.fullmatch(r"[A-Za-z_]\w*", name):
+        # Perhaps it is the key itself: it is not repeated.
+        raise InvalidArgument(
+            "api_key_env", "not the name of an environment variable", "a name; the key belongs into that variable"
+        )
 
 
 @attrs.frozen
@@ -36,7 +47,9 @@ class LiteLLMEmbedderSettings:
         metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
     )
     api_key_env: str = attrs.field(
-        default="", metadata={"help": "environment variable that holds the key; default: the provider's own"}
+        default="",
+        validator=_variable,
+        metadata={"help": "environment variable that holds the key; default: the provider's own"},
     )
     dimensions: int | None = attrs.field(
         default=None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Literal
 
 import attrs
@@ -54,6 +55,14 @@ def _provider_and_model(_: Any, __: Any, model: str) -> None:
         )
 
 
+def _variable(_: Any, __: Any, name: str) -> None:
+    if name and not re.fullmatch(r"[A-Za-z_]\w*", name):
+        # Perhaps it is the key itself: it is not repeated.
+        raise InvalidArgument(
+            "api_key_env", "not the name of an environment variable", "a name; the key belongs into that variable"
+        )
+
+
 _not_negative = attrs.validators.optional(attrs.validators.ge(0.0))
 
 
@@ -72,7 +81,9 @@ class LiteLLMSettings:
         metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
     )
     api_key_env: str = attrs.field(
-        default="", metadata={"help": "environment variable that holds the key; default: the provider's own"}
+        default="",
+        validator=_variable,
+        metadata={"help": "environment variable that holds the key; default: the provider's own"},
     )
     timeout_s: float = attrs.field(
         default=120.0,
