@@ -72,8 +72,8 @@ class Chronicle:
         self.state = attrs.evolve(
             self.state,
             progress=progress,
-            # What was said belongs to the step before it: its answers may still be wanted.
-            calls=self.state.calls if progress.said is not None else self.folder.calls,
+            # Answers that were given since the attempt began first may be wanted again.
+            calls=self.state.calls if _same_attempt(self.state.progress, progress) else self.folder.calls,
             teacher=self._teacher.state() if self._teacher is not None else "",
             book=None if self._book is None else (self._book.url, self._book.generation()),
             when=time.time(),
@@ -91,3 +91,7 @@ class Chronicle:
 
     def _write(self) -> None:
         self.folder.write_json(FILE, self.state.record())
+
+
+def _same_attempt(one: Progress | None, other: Progress) -> bool:
+    return one is not None and (one.number, one.key, one.attempt) == (other.number, other.key, other.attempt)

@@ -5,7 +5,8 @@ events.jsonl         everything that was observed, one JSON object a line, as it
 calls/001-plan.json  each question to a model and its answer
 code/01-OPEN.microwave/attempt-1.py
 retrieved/…          which entries a subtask was served, and why
-checkpoints/01.json  the world at the start of each subtask; 01-plan.json before it was planned
+checkpoints/01.json  the world at the start of each subtask; 01-plan.json before it was planned, 01-after.json when
+                     nobody found fault with it
 progress.json        how far it has come: what `memo run --resume` goes on from
 video/…              an attempt each
 summary.json         how it ended; missing when the run was killed
@@ -133,6 +134,9 @@ class RunFolder:
 
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
         self._checkpoint(f"{number:02d}", number, subtask, done, checkpoint)
+
+    def attempt_over(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
+        self._checkpoint(f"{number:02d}-after", number, subtask, done, checkpoint)
 
     def at_subtask(self, number: int) -> None:
         """Which subtask's code comes next."""

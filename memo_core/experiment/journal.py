@@ -50,6 +50,9 @@ class WorldJournal:
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
         self._folder.subtask_start(number, subtask, done, checkpoint)
 
+    def attempt_over(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
+        self._folder.attempt_over(number, subtask, done, checkpoint)
+
     def progress(self, progress: Progress) -> None:
         self._subtask = progress.key
         self._folder.at_subtask(progress.number)

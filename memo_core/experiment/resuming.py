@@ -59,12 +59,20 @@ class State:
         progress = self.progress
         if progress is None:
             return None
-        file = folder / "checkpoints" / f"{progress.number:02d}{'' if progress.key else '-plan'}.json"
-        kept = _read(file, "a run that has all its checkpoints")
-        world = kept.get("world") if isinstance(kept, dict) else None
-        if kept.get("number") != progress.number or kept.get("subtask") != progress.key:
-            raise InvalidArgument("--resume", f"{file} belongs to another subtask", f"{progress.key or 'planning'}")
-        return Resumed(progress, json.dumps(world).encode() if world else b"")
+        start = _world(folder, progress, "" if progress.key else "-plan")
+        stays = progress.key and progress.said is not None and progress.said.stays
+        return Resumed(progress, start, _world(folder, progress, "-after") if stays else b"")
+
+
+def _world(folder: Path, progress: Progress, which: str) -> bytes:
+    """A checkpoint of the step at hand; empty where the world had none. Raises ``InvalidArgument``."""
+    file = folder / "checkpoints" / f"{progress.number:02d}{which}.json"
+    kept = _read(file, "a run that has all its checkpoints")
+    if not isinstance(kept, dict) or not {"number", "subtask", "world"} <= set(kept):
+        raise InvalidArgument("--resume", f"{file} is damaged (it lacks its world)", "the file as the run wrote it")
+    if (kept["number"], kept["subtask"]) != (progress.number, progress.key):
+        raise InvalidArgument("--resume", f"{file} is of another subtask", f"one of {progress.key or 'planning'}")
+    return json.dumps(kept["world"]).encode() if kept["world"] else b""
 
 
 def read_state(folder: Path) -> State:
@@ -105,7 +113,8 @@ def run_config(folder: Path) -> Path:
 
 
 def check_config(folder: Path, now: Mapping[str, Any]) -> None:
-    """Raises ``InvalidArgument`` naming what the experiment says otherwise than the run's ``config.yaml``."""
+    """Raises ``InvalidArgument`` naming what the experiment says otherwise than the run's ``config.yaml``. A key that
+    the file does not have came with a newer version, and has its default."""
     file = folder / "config.yaml"
     try:
         before = _flat(yaml.safe_load(file.read_text(encoding="utf-8")))
@@ -113,7 +122,7 @@ def check_config(folder: Path, now: Mapping[str, Any]) -> None:
         problem = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise InvalidArgument("--resume", f"{file}: {problem}", "the folder of a run") from None
     after = _flat(nested(dict(now)))
-    differ = [key for key in sorted({*before, *after}) if before.get(key) != after.get(key)]
+    differ = [key for key in sorted(before) if before[key] != after.get(key)]
     differ = [key for key in differ if not key.startswith(MAY_DIFFER)]
     if differ:
         told = "; ".join(f"{key} was {before.get(key)!r}, is {after.get(key)!r}" for key in differ[:5])
@@ -122,12 +131,9 @@ def check_config(folder: Path, now: Mapping[str, Any]) -> None:
 
 
 def _flat(tree: Any, path: str = "") -> dict[str, Any]:
-    if isinstance(tree, dict) and tree:
-        items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
-    elif isinstance(tree, list) and tree:
-        items = [(f"{path}.{index}", value) for index, value in enumerate(tree)]
-    else:
+    if not isinstance(tree, dict) or not tree:
         return {path: tree if tree not in ({}, []) else None}
+    items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
     return {key: value for name, branch in items for key, value in _flat(branch, name).items()}
 
 

@@ -237,6 +237,9 @@ def perform(
         ended.problem = "ended by a person"
     except MemoError as error:
         ended.problem = str(error)
+    except BaseException as error:
+        ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+        raise
     finally:
         budget.wait(LATE_CALLS_S)
         budget.close()

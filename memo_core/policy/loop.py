@@ -281,6 +281,9 @@ class Loop:
             sources=attempt.served.sources,
             interrupted=interrupted,
         )
+        if at.said.stays and self._exact and at.key != PLANNING:
+            self._leaving.wait()
+            self._session.journal.attempt_over(self._number, str(at.key), self._done(), self._stage.checkpoint())
         self._save(at)
         return at.said
 
@@ -350,7 +353,7 @@ class Loop:
         said = progress.said
         at = _Subtask(key, resumed.checkpoint, self._stage.glance(), Attempt(progress.attempt, self._scene))
         if self._exact and resumed.checkpoint:
-            self._stage.restore(resumed.checkpoint)
+            self._stage.restore(resumed.after or resumed.checkpoint)
         elif progress.key and not self._put_back(at):
             raise Stopped("nobody put the world back")
         self._scene = self._stage.control.scene()

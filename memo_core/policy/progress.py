@@ -41,6 +41,11 @@ class Said:
     sources: tuple[int, ...] = ()  # feedback that they derive from
     interrupted: bool = False  # said after a stop
 
+    @property
+    def stays(self) -> bool:
+        """Whether the world stays as the attempt left it."""
+        return self.kind == "approve" or (self.kind == "silent" and not self.interrupted)
+
 
 @attrs.frozen(eq=False)
 class Progress:
@@ -64,10 +69,12 @@ class Progress:
 
 @attrs.frozen(eq=False)
 class Resumed:
-    """What a run goes on from. ``checkpoint`` is empty where the world cannot be put back exactly."""
+    """What a run goes on from: the world at the start of the step at hand, and as the attempt left it where that
+    ``stays``. Both are empty where the world cannot be put back exactly."""
 
     progress: Progress
     checkpoint: bytes = b""
+    after: bytes = b""
 
 
 def progress_record(progress: Progress) -> dict[str, Any]:

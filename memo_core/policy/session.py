@@ -41,6 +41,9 @@ class Journal(Protocol):
 
     def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
 
+    def attempt_over(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
+        """The world as an attempt left it that nobody found fault with."""
+
     def progress(self, progress: Progress) -> None:
         """How far the run has come: a resumed run goes on from the last of these."""
 
