@@ -68,7 +68,9 @@ def show(
         found = opened.entry(entry)
         origins = [opened.feedback(source) for source in opened.sources([entry])]
     if json:
-        print_json(_as_json(found) | {"from": [attrs.asdict(origin) for origin in origins]})
+        all_of_them = [attrs.asdict(origin) for origin in origins]
+        first = next((one for one in all_of_them if one["id"] == found.feedback), None)
+        print_json(_as_json(found) | {"from": first, "sources": all_of_them})
         return
     state = f"superseded by revision {found.superseded_by}" if found.superseded_by else "valid"
     print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
