@@ -7,7 +7,7 @@ between the fingers, positions beyond the reach are refused before anything move
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import attrs
 
@@ -184,7 +184,11 @@ class FakeControl(Control):
         self._refuse(skill, path)
         self._press(skill, direction, force)
         for position, orientation in path:
-            self._go(position, orientation, 2 * speed)
+            above = [p - _GIVES_WAY * d for p, d in zip(position, direction, strict=True)]
+            free = self._free_way(direction, above)
+            if free > 2 * _GIVES_WAY:
+                raise MotionError(skill, "contact was lost", cause="no-contact")
+            self._go([p + free * d for p, d in zip(above, direction, strict=True)], orientation, 2 * speed)
         self._felt = tuple(-force * d for d in direction)
         return force
 
@@ -201,16 +205,17 @@ class FakeControl(Control):
         self._go([p + free * d for p, d in zip(self.pose.position, direction, strict=True)], None, 0.1)
         self._felt = tuple(-force * d for d in direction)
 
-    def _free_way(self, direction: list[float]) -> float:
-        """m that the hand can go along a unit direction before it meets the table or a thing's box."""
+    def _free_way(self, direction: list[float], origin: Sequence[float] | None = None) -> float:
+        """m from the hand, or a point, along a unit direction to the table or a thing's box."""
+        origin = self.pose.position if origin is None else origin
         nearest = math.inf
         if direction[2] < -1e-9:
-            nearest = (self.pose.position[2] - self.floor) / -direction[2]
+            nearest = (origin[2] - self.floor) / -direction[2]
         for node in self.nodes:
             if node.kind == "space" or node.id == self.held:
                 continue
             turned = node.pose.inverse()
-            start = turned.apply(self.pose.position).tolist()
+            start = turned.apply(origin).tolist()
             along = (turned.rotation @ direction).tolist()
             enters, leaves = 0.0, math.inf
             for at, step, extent in zip(start, along, node.size, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from memo_core.scene.pose import Array
 
 class IdealLink(Link):
     """Follows every target exactly. ``thing`` is the width (m) of what is between the fingers, None for nothing;
-    ``blocked`` bounds how far each joint gets (rad), None where nothing is in the way; ``sent`` is the record of all
-    targets and ``stop_at`` the number of sends after which the stop is pressed."""
+    ``felt`` gives the contact wrench (6,) at targets (n,); ``blocked`` bounds how far each joint gets (rad), None where
+    nothing is in the way; ``sent`` is the record of all targets and ``stop_at`` the number of sends after which the
+    stop is pressed."""
 
     can_restore = True
+    feels_force = True
 
     def __init__(self, description: RobotDescription, start: Array | None = None) -> None:
         super().__init__(description)
@@ -26,6 +29,7 @@ class IdealLink(Link):
         self._width = self._goal = description.gripper.stroke
         self._time = 0.0
         self.thing: float | None = None
+        self.felt: Callable[[Array], Array] = lambda joints: np.zeros(6)
         self.blocked: Array | None = None
         self.sent: list[Array] = []
         self.stop_at: int | None = None
@@ -44,6 +48,9 @@ class IdealLink(Link):
 
     def holding(self) -> bool:
         return self.thing is not None and self._goal < self.thing and self._width <= self.thing + 1e-9
+
+    def contact_wrench(self) -> Array:
+        return np.array(self.felt(self._targets), dtype=float)
 
     def send(self, targets: Array) -> None:
         self.check_stop("moving")

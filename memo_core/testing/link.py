@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from memo_core.errors import InvalidArgument, Stopped
+from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.scene.pose import Array
 
@@ -25,6 +25,7 @@ RULES: dict[str, Rule] = {}
 
 _SMALL = 0.05  # rad, a move that every arm can make near its home
 _TICKS = 60
+_BIAS, _NOISE = 5.0, 3.0  # N
 
 
 def rule(check: Rule) -> Rule:
@@ -127,6 +128,33 @@ def the_fingers_follow(make: MakeLink) -> None:
             f"commanded {width:.3f} m, reached {link.gripper_width():.3f} m"
         )
         assert not link.holding(), f"it claims to hold something at {width:.3f} m, with nothing there"
+
+
+@rule
+def a_free_hand_feels_nothing(make: MakeLink) -> None:
+    """A link that feels forces tells six finite numbers, near 0 with nothing touched: the arm's own weight and motion
+    are none of them. One that does not says so."""
+    link = make()
+    if not link.feels_force:
+        try:
+            link.contact_wrench()
+        except BackendUnavailable:
+            return
+        raise AssertionError("feels_force is False, and yet contact_wrench() answers")
+    felt = [link.contact_wrench()]
+    assert np.shape(felt[0]) == (6,), f"contact_wrench() has shape {np.shape(felt[0])}, not (6,)"
+    start = link.joint_targets()
+    for i in range(1, 61):
+        link.send(start + _SMALL * i / 60)
+        felt.append(link.contact_wrench())
+    for _ in range(_TICKS):
+        link.send(start + _SMALL)
+    felt.append(link.contact_wrench())
+    assert np.all(np.isfinite(felt)), "contact_wrench() is not finite"
+    bias = float(np.linalg.norm(felt[0][:3]))
+    assert bias < _BIAS, f"at rest {bias:.1f} N are felt"
+    change = float(np.linalg.norm(np.array(felt)[:, :3] - felt[0][:3], axis=1).max())
+    assert change < _NOISE, f"moving slowly changes what is felt by {change:.1f} N"
 
 
 @rule

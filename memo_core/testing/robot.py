@@ -161,6 +161,27 @@ def the_gripper_opens_by_its_stroke(make: Make) -> None:
 
 
 @rule
+def it_may_press_with_some_force(make: Make) -> None:
+    """``max_contact_force`` is above 0, and no more than the arm's joints can exert at home."""
+    robot = make()
+    most = robot.max_contact_force
+    assert math.isfinite(most) and most > 0, f"it is {most} N"
+    urdf = _read(robot)
+    home = dict(zip(robot.joint_names, robot.home, strict=True))
+    poses = link_poses(urdf, home)
+    tool = np.array(_tool(robot, urdf).position)
+    # Straight down, every joint must bear the force at its lever.
+    for joint in robot.joints:
+        stated = urdf.joint(joint.name)
+        pose = poses[stated.child]
+        if stated.kind != "revolute":
+            continue
+        axis = pose.rotation @ np.array(stated.axis)
+        lever = abs(float(axis @ np.cross(tool - np.array(pose.position), (0.0, 0.0, 1.0))))
+        assert lever * most <= joint.effort, f"{most} N are {lever * most:.0f} Nm at {joint.name}, of {joint.effort}"
+
+
+@rule
 def the_tool_frame_sits_between_the_fingers(make: Make) -> None:
     """Fingers slide along the tool's y axis, in opposite directions and alike, with the tool centre in their middle."""
     robot = make()
@@ -227,6 +248,7 @@ def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:
         "home_is_within_the_limits": evolve(right, home=(99.0, *right.home[1:])),
         "what_moves_has_mass": evolve(right, urdf=weightless),
         "the_gripper_opens_by_its_stroke": evolve(right, gripper=evolve(gripper, stroke=gripper.stroke * 2)),
+        "it_may_press_with_some_force": evolve(right, max_contact_force=1000.0),
         "the_tool_frame_sits_between_the_fingers": evolve(right, tool_offset=right.tool_offset * turned),
         "the_approach_axis_leads_out_of_the_hand": evolve(right, tool_offset=right.tool_offset * flipped),
         "the_reach_is_that_of_the_links": evolve(right, reach=99.0),

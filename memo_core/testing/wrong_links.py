@@ -45,6 +45,13 @@ class EagerGrip(IdealLink):
         return self._width < 0.001
 
 
+class FeelsItsOwnMotion(IdealLink):
+    def contact_wrench(self) -> Array:
+        wrench = super().contact_wrench()
+        wrench[2] += 200.0 * float(np.abs(self.joint_velocities()).max())
+        return wrench
+
+
 class StopForOneCommand(IdealLink):
     """The stop is not latched: the first refusal clears it."""
 
@@ -101,6 +108,7 @@ WRONG_LINKS: dict[str, type[Link]] = {
     "a_send_takes_one_period": SlowClock,
     "the_arm_follows": LazyArm,
     "the_fingers_follow": EagerGrip,
+    "a_free_hand_feels_nothing": FeelsItsOwnMotion,
     "stop_refuses_every_command": StopForOneCommand,
     "stop_comes_from_any_thread": DeafToThreads,
     "halting_is_allowed_while_stopped": HaltReleases,

@@ -45,6 +45,9 @@ class PandaSettings:
     pad_friction: float = attrs.field(
         default=1.0, validator=gt(0.0), metadata={"help": "sliding friction of the finger pads"}
     )
+    max_contact_force: float = attrs.field(
+        default=60.0, validator=[gt(0.0), le(100.0)], metadata={"help": "most that the hand may press with, N"}
+    )
     max_force: float = attrs.field(default=80.0, validator=[ge(5.0), le(140.0)], metadata={"help": "strongest grip, N"})
 
 
@@ -61,7 +64,7 @@ def configured(settings: PandaSettings) -> RobotDescription:
         if not joint.lower <= angle <= joint.upper:
             expected = f"{joint.lower:.4f} to {joint.upper:.4f} rad"
             raise InvalidArgument("robot.home", f"{angle:.4f} rad is outside {joint.name}'s limits", expected)
-    return attrs.evolve(description, gripper=gripper, home=home)
+    return attrs.evolve(description, gripper=gripper, home=home, max_contact_force=settings.max_contact_force)
 
 
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
