@@ -9,6 +9,7 @@ Positions are those of hinge and slide joints (rad, m), forces N, times s of sim
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
@@ -69,10 +70,12 @@ class Lasting:
 
 @attrs.frozen
 class Times:
-    """The condition has become true so many times. What is true at the outset does not count: it must become so."""
+    """The condition has become true so many times, the first not longer ago than ``within`` (s) when the last does.
+    What is true at the outset does not count: it must become so."""
 
     condition: Condition
     count: int
+    within: float = math.inf
 
 
 @attrs.frozen
@@ -262,7 +265,7 @@ class Mechanisms:
         if isinstance(condition, Lasting):
             return _Timer(self._watch(condition.condition), condition.seconds, self._world)
         if isinstance(condition, Times):
-            return _Counter(self._watch(condition.condition), condition.count)
+            return _Counter(self._watch(condition.condition), condition, self._world)
         return _Group([self._watch(one) for one in condition.conditions], all if isinstance(condition, AllOf) else any)
 
     def _bolts_now(self, name: str) -> bool:
@@ -416,28 +419,33 @@ class _Timer(_Watch):
 
 
 class _Counter(_Watch):
-    def __init__(self, inner: _Watch, count: int) -> None:
-        self._inner, self._count = inner, count
+    def __init__(self, inner: _Watch, condition: Times, world: Reader) -> None:
+        self._inner, self._count, self._within, self._world = inner, condition.count, condition.within, world
         self._before: bool | None = None
-        self._seen = 0
+        self._seen: list[float] = []  # when it became true, the last so many times
+        self._done = False
 
     def now(self) -> bool:
         holds = self._inner.now()
         if holds and self._before is False:
-            self._seen += 1
+            time = self._world.time
+            self._seen = [*self._seen, time][-self._count :]
+            enough = len(self._seen) == self._count
+            self._done = self._done or (enough and time - self._seen[0] <= self._within + _TIME_SLACK)
         self._before = holds
-        return self._seen >= self._count
+        return self._done
 
     def forget(self) -> None:
-        self._before, self._seen = None, 0
+        self._before, self._seen, self._done = None, [], False
         self._inner.forget()
 
     def memory(self) -> list[Any]:
-        return [self._before, self._seen, self._inner.memory()]
+        return [self._before, self._seen, self._done, self._inner.memory()]
 
     def recall(self, memory: Any) -> None:
-        before, seen, kept = memory
-        self._before, self._seen = None if before is None else bool(before), int(seen)
+        before, seen, done, kept = memory
+        self._before, self._done = None if before is None else bool(before), bool(done)
+        self._seen = [float(time) for time in seen]
         self._inner.recall(kept)
 
 
@@ -517,6 +525,8 @@ def _check_condition(
     elif isinstance(condition, Times):
         if condition.count < 1:
             raise InvalidArgument(where, f"{what} waits for {condition.count} times", "1 or more")
+        if condition.within <= 0:
+            raise InvalidArgument(where, f"{what} gives {condition.within} s for it", "more than 0")
     elif not condition.conditions:
         raise InvalidArgument(where, f"{what} has no conditions", "at least one")
 

@@ -6,6 +6,7 @@ Each function takes a piece as ``memo_tabletop.furniture`` makes it and returns 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import attrs
 
@@ -19,12 +20,13 @@ def with_mover(fixture: Body, change: Callable[[Body], Body]) -> Body:
     return attrs.evolve(fixture, bodies=(change(mover), *rest))
 
 
-def with_joint(fixture: Body, **changes: object) -> Body:
+def with_joint(fixture: Body, **changes: Any) -> Body:
     """The fixture with its door's or drawer's joint changed (fields of ``Hinge`` or ``Slide``)."""
 
     def change(mover: Body) -> Body:
         assert isinstance(mover.joint, (Hinge, Slide))
-        return attrs.evolve(mover, joint=attrs.evolve(mover.joint, **changes))
+        joint: Hinge | Slide = attrs.evolve(mover.joint, **changes)
+        return attrs.evolve(mover, joint=joint)
 
     return with_mover(fixture, change)
 

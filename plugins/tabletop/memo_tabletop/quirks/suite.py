@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from memo_tabletop.quirks.buttons import OpenTheRiceCooker, OpenTheSafe
 from memo_tabletop.quirks.doors import (
     OpenTheCupboard,
     OpenTheFreezer,
@@ -10,7 +11,10 @@ from memo_tabletop.quirks.doors import (
     OpenTheWardrobe,
 )
 from memo_tabletop.quirks.drawers import OpenTheDresser, OpenTheNightstand, OpenTheWorkbench
+from memo_tabletop.quirks.shaken import PepperTheSoup, SugarTheCake
 from memo_tabletop.quirks.task import QuirkTask
+from memo_tabletop.quirks.thin import PutTheCanOnTheTray, PutTheCartonOnTheBoard
+from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
 
 
 def quirk_tasks() -> tuple[QuirkTask, ...]:
@@ -20,8 +24,16 @@ def quirk_tasks() -> tuple[QuirkTask, ...]:
         OpenTheNightstand(),
         OpenTheLocker(),
         OpenTheWorkbench(),
+        OpenTheMedicineBottle(),
+        TurnOnTheHeater(),
         OpenTheDresser(),
         OpenTheWardrobe(),
         OpenTheMedicineCabinet(),
         OpenTheFreezer(),
+        PepperTheSoup(),
+        SugarTheCake(),
+        PutTheCanOnTheTray(),
+        PutTheCartonOnTheBoard(),
+        OpenTheRiceCooker(),
+        OpenTheSafe(),
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -41,25 +40,31 @@ def thin_walled(
         geoms=(core,),
         pose=Pose.from_yaw(place, yaw),
         joint=Free(),
-        bodies=tuple(
-            _wall(name, i, 2 * math.pi * i / sides, apothem, (width, height), 0.3 * mass / sides, colour)
-            for i in range(sides)
-        ),
+        bodies=tuple(_wall(name, i, sides, apothem, (width, height), 0.3 * mass / sides, colour) for i in range(sides)),
     )
 
 
 def _wall(
-    name: str, number: int, angle: float, apothem: float, size: tuple[float, float], mass: float, colour: Colour
+    name: str,
+    number: int,
+    sides: int,
+    apothem: float,
+    size: tuple[float, float],
+    mass: float,
+    colour: Colour,
 ) -> Body:
-    """``size`` is (width, height); the walls are what it stands on."""
+    """``size`` is (width, height) of what others touch; drawn, the walls meet. They are what it stands on."""
     width, height = size
+    angle = 2 * math.pi * number / sides
     panel = Geom("box", (WALL, width, height), colour=colour)
+    full = 2 * apothem * math.tan(math.pi / sides)
+    look = Geom("box", (WALL, full, height - 0.002), Pose((0.0005, 0.0, 0.0)), colour, collides=False)
     middle = apothem - WALL / 2
     at = Pose.from_yaw((middle * math.cos(angle), middle * math.sin(angle), height / 2), angle)
     joint = Slide(
         f"{name}/wall {number}", (-1.0, 0.0, 0.0), range=(0.0, DENT), stiffness=300.0, rest=-0.002, damping=4.0
     )
-    return Body(name=f"{name}/side {number}", geoms=(panel,), pose=at, joint=joint, mass=mass)
+    return Body(name=f"{name}/side {number}", geoms=(panel, look), pose=at, joint=joint, mass=mass)
 
 
 def gives_way(name: str, sides: int) -> tuple[Mechanism, ...]:
