@@ -20,13 +20,14 @@ from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.asking import Questions
 from memo_core.policy.attempt import Attempt, Coding
 from memo_core.policy.memories import Memory
+from memo_core.policy.noting import PLANNING
 from memo_core.policy.progress import Progress, Said, Tried
 from memo_core.policy.prompting import done_line
 from memo_core.policy.readers import Unreadable, read_plan
 from memo_core.policy.retrieving import retrieve
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
 from memo_core.policy.stopping import Leaving
-from memo_core.policy.teaching import PLANNING, Teaching
+from memo_core.policy.teaching import Teaching
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from memo_core.errors import MemoError, Stopped
+from memo_core.errors import Stopped
 from memo_core.events import EntryStored, FeedbackGiven, Problem
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.policy.asking import Questions
 from memo_core.policy.memories import Memory
+from memo_core.policy.noting import NOT_NOW, Noting
 from memo_core.policy.progress import Said
 from memo_core.policy.prompting import scene_table
-from memo_core.policy.readers import Notes, Unreadable, read_notes, read_template
+from memo_core.policy.readers import Unreadable, read_template
 from memo_core.policy.session import Session
 from memo_core.skillbook.entries import Feedback, FeedbackKind
 from memo_core.skillbook.keys import Key
-
-PLANNING = Key("plan", ("task",))  # what is said about the plan itself, before a subtask is known
 
 
 class Teaching:
@@ -28,6 +27,8 @@ class Teaching:
         self._questions = questions
         book = session.book
         self._book = book if book is not None and not book.read_only else None
+        if self._book is not None:
+            self._noting = Noting(questions.ask, self._book, memory, session.emit)
 
     def keep(self, said: Said, resumed: bool = False) -> bool:
         """Write down what a person said, verbatim. On disk when this returns, where there is a book to write. With
@@ -46,12 +47,7 @@ class Teaching:
         for feedback in self._book.pending_feedback():
             if feedback.kind != "correction":
                 continue  # an approval whose template was never made lacks nothing that somebody said
-            try:
-                self._process(feedback)
-            except Stopped:
-                raise
-            except LanguageModelError as error:
-                self._problem(f"feedback {feedback.id} stays pending", error)
+            if self._noting.process(feedback).outcome == "pending":
                 return
 
     def approve(self, said: Said, resumed: bool = False) -> None:
@@ -73,10 +69,10 @@ class Teaching:
             self._book.park(approval, error.problem)
             self._problem(f"no template for {said.about}", error)
             return
-        except (LanguageModelError, Stopped) as error:
+        except (*NOT_NOW, Stopped) as error:
             # Pending is what somebody said and nobody made anything of yet; here nothing more will be made.
             self._book.park(approval, f"no template was made: {error}")
-            if isinstance(error, Stopped):
+            if not isinstance(error, LanguageModelError):
                 raise
             self._problem(f"no template for {said.about}", error)
             return
@@ -87,47 +83,6 @@ class Teaching:
         """Entries were served to code for a subtask that a person found fault with."""
         if self._book is not None:
             self._book.note_use(served, success=False, subtask=subtask)
-
-    def _process(self, feedback: Feedback) -> None:
-        assert self._book is not None
-        try:
-            notes, _ = self._questions.ask(
-                "feedback",
-                feedback.scene_graph,
-                read_notes,
-                task=feedback.task,
-                subtask=feedback.subtask,
-                code=feedback.code.rstrip("\n"),
-                ended="a person found fault with it",
-                words=feedback.words,
-            )
-            key = Key.parse(feedback.subtask)
-        except Stopped:
-            raise
-        except LanguageModelError:
-            raise
-        except MemoError as error:
-            self._book.park(feedback.id, str(getattr(error, "problem", error)))
-            self._problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", error)
-            return
-        if notes.unclear:
-            self._book.park(feedback.id, f"nothing could be learnt from it: {notes.unclear}")
-            where = f"feedback {feedback.id} is set aside (see `memo skillbook list`)"
-            self._session.emit(Problem(where, notes.unclear))
-            return
-        notes = self._kept(notes, key)
-        for entry in self._book.add_lessons(feedback.id, key, notes.corrections, notes.general, feedback.scene):
-            shown = str(entry.key) if entry.key.objects else "*"
-            self._session.emit(EntryStored(entry.id, entry.kind, shown, entry.text, feedback.id))
-
-    def _kept(self, notes: Notes, key: Key) -> Notes:
-        """The notes that this method keeps; what is said of planning has no key of its own and holds everywhere."""
-        if key == PLANNING:
-            notes = Notes((), (*notes.corrections, *notes.general))
-        return Notes(
-            notes.corrections if self._memory.corrections else (),
-            notes.general if self._memory.general else (),
-        )
 
     def _record(self, kind: FeedbackKind, said: Said) -> int:
         assert self._book is not None
