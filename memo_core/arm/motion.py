@@ -93,6 +93,7 @@ class MotionPlanner:
                 pushed |= more
                 left = [one for one in world.obstacles if one.node not in pushed]
                 ahead = self._checker(attrs.evolve(world, obstacles=left), start)
+            assert isinstance(found, Blocked)
             failure = _further(failure, (found, path))
         assert failure is not None
         raise self._reasons.error(skill, failure[0], failure[1], 0.0, start, slack)

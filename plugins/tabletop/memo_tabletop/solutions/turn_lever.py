@@ -1,7 +1,7 @@
 import math
 
 
-def turn_lever(name, side, angle):
+def turn_lever(name, side, angle, let_go=True):
     # side: 1 to push its end to the left, -1 to the right
     lever, column = get_position(name + " lever"), get_position(name)
     axes, size = get_axes(name + " lever"), get_size(name + " lever")
@@ -24,6 +24,8 @@ def turn_lever(name, side, angle):
     close_gripper()
     move_to([before[0], before[1], before[2] + 0.10], hand, then=[[before, hand]] + arc + [[back, arc[-1][1]]])
     follow_path([[before, hand], [touch, hand]] + arc)
+    if not let_go:
+        return
     move_straight(back)
     move_straight(above)
     look()

@@ -46,7 +46,7 @@ class MakeToast(Task):
         mishaps = monitors["mishaps"].story(world) if "mishaps" in monitors else ""
         conditions = (
             (self._in_slot(world), "the bread is not in the toaster's slot"),
-            (self._latched(world), f"the lever is not latched, {down * 1000:.0f} mm down"),
+            (self._latched(world), f"the lever is not latched, {max(0.0, down) * 1000:.0f} mm down"),
             (sunk > SUNK_M, f"the bread's top is {-sunk * 1000:.0f} mm above the toaster"),
             *judging.let_go(world, "bread"),
             (judging.released(world, "toaster/carriage"), "the robot still touches the lever"),
