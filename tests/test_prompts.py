@@ -6,9 +6,11 @@ from __future__ import annotations
 import json
 import re
 import textwrap
+from pathlib import Path
 
 import attrs
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from memo_llm.offline.prompt import Prompt
@@ -286,3 +288,11 @@ def test_show_prints_the_text_in_use(folder, capsys):
 def test_a_placeholder_without_a_value_is_said_and_not_left_empty():
     with pytest.raises(BadPrompt, match="'task' is undefined"):
         messages("plan", ROBOT, SCENE, done=[])
+
+
+def test_a_built_in_text_does_not_change_without_a_new_version():
+    known = yaml.safe_load((Path(__file__).parent / "prompt_versions.yaml").read_text(encoding="utf-8"))
+    for name in PLACEHOLDERS:
+        text = built_in(name)
+        said = f"{name} v{text.version} is {text.digest}: give it a new version and note that in tests/prompt_versions.yaml"
+        assert str(known.get(name, {}).get(int(text.version))) == text.digest, said
