@@ -22,7 +22,7 @@ NAMES = {
     "stack-the-cubes": "stack the cubes",
     "put-the-food-in-the-microwave": "put the food in the microwave",
     "open-the-fridge": "open the fridge",
-    "put-the-cube-away": "put the cube away in the drawer",
+    "put-the-cube-away": "put the cube away",
     "put-the-food-in-the-oven": "put the food in the oven",
 }
 each_task = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)

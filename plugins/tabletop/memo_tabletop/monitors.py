@@ -17,7 +17,7 @@ from memo_core.interfaces.task import Monitor
 from memo_tabletop import judging
 
 SAMPLE_S = 0.02
-FALLING_M_S = 0.5  # faster than a hand sets anything down
+FALLING_M_S = 1.4  # after 10 cm; nobody sets anything down from higher
 OVER_RAD = 1.0  # what leans further lies on its side
 BELOW_TABLE_M = -0.1
 STILL_M = 0.0003  # between two samples; what moves less was not moved by anybody

@@ -4,7 +4,8 @@ def put_in_pan(thing, name):
     put_down([inside[0], inside[1], inside[2] - size[2] / 2], above)
 
 
-def put_pan_in(name, oven):
+def put_pan_in(name, oven, short=0.0):
+    # short: how much nearer to the opening than its place (m)
     handle, middle = get_position(name + " handle"), get_position(name + " inside")
     along = add(middle, handle, -1)
     length = math.hypot(along[0], along[1])
@@ -16,7 +17,7 @@ def put_pan_in(name, oven):
     opening, inside = get_opening(oven + " inside"), get_position(oven + " inside")
     floor = get_bounds(oven + " inside")[0][2]
     # the pan's middle a little behind the oven's, the handle towards its opening
-    place = add(inside, opening, length - 0.035)
+    place = add(inside, opening, length - 0.035 + short)
     place = [place[0], place[1], floor + grip[2] - get_table_height() + 0.003]
     above = add(place, [0, 0, 0.05])
     front = add(above, opening, 0.24)

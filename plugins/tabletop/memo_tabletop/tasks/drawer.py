@@ -25,7 +25,7 @@ class PutTheCubeAway(Task):
     """Success: the cube lies in the drawer, let go and at rest, and the drawer is shut."""
 
     name = "put-the-cube-away"
-    instruction = "put the cube away in the drawer"
+    instruction = "put the cube away"
     kind = "LH"
 
     def __init__(self, handle_height: float = 0.08, handle_length: float = 0.12, bar_friction: float = 0.8) -> None:
