@@ -155,27 +155,31 @@ class ForceMotion:
         return float(self._dynamics.placement(self._link.joint_positions())[1] @ direction)
 
     def _along(self, skill: str, targets: Array, loop: _Loop, until: Callable[[float], bool] | None) -> bool:
-        lost = over = 0
+        """Whether ``until`` ended it. A search stands still while it drops, so as not to pass over what it found."""
+        lost = over = number = 0
         before = targets[0]
-        for row in targets:
+        while number < len(targets):
             wrench = self.wrench()
             felt = loop.felt(wrench)
+            free = felt < _LOST * loop.force
+            falling = free and until is not None
+            row = before if falling else targets[number]
+            number += not falling
             loop.step(felt, self._period)
             loop.bend = self._bend(wrench, loop)
             self._shifted(row, row - before, loop)
             before = row
             over = over + 1 if np.linalg.norm((wrench - loop.bias)[:3]) > self._limit else 0
-            lost = lost + 1 if felt < _LOST * loop.force else 0
+            lost = lost + 1 if free and not falling else 0
             if over > _OVERLOAD_TICKS:
                 self._ease()
                 raise self._overloaded(skill, (wrench - loop.bias)[:3])
             if lost * self._period > _PATIENCE or loop.offset - loop.surface > STRAY:
-                raise MotionError(
-                    skill,
-                    f"contact was lost: {max(felt, 0.0):.1f} N were felt of {loop.force:.1f} N",
-                    cause="no-contact",
-                )
+                self._ease()
+                problem = f"contact was lost: {max(felt, 0.0):.1f} N were felt of {loop.force:.1f} N"
+                raise MotionError(skill, problem, cause="no-contact")
             if until is not None and until(loop.offset - loop.surface):
+                self._rest()
                 return True
         return False
 
@@ -203,10 +207,13 @@ class ForceMotion:
         wanted = np.clip(joints + step, self._kinematics.lower, self._kinematics.upper)
         self._send(self._last + np.clip(wanted - self._last, -self._fastest, self._fastest), change)
 
-    def _ease(self) -> None:
-        """Come to rest, no longer pressing: the targets end where the arm is."""
+    def _rest(self) -> None:
         for row in stopping(self._kinematics, self._before, self._last, self._period):
             self._send(row, np.zeros_like(row))
+
+    def _ease(self) -> None:
+        """Come to rest, no longer pressing: the targets end where the arm is."""
+        self._rest()
         ahead = self._last
         here = self._link.joint_positions()
         for part in np.linspace(0.0, 1.0, _EASE_TICKS + 1)[1:]:
