@@ -61,6 +61,8 @@ def test_an_answer_comes_as_written_with_what_it_cost(served):
 def test_a_price_is_litellms_or_the_configs_or_unknown_with_the_remedy(served):
     known = model_at(served, model="openai/gpt-4o")
     assert known.unpriced() == "" and known.answer(user("hi")).usage.cost > 0
+    unlisted = model_at(served, model="gemini/gemini-3-pro-preview")
+    assert unlisted.unpriced(), "on litellm's list without a price, and that is no price of 0"
     unknown = model_at(served)
     assert "llm.prompt_price" in unknown.unpriced() and unknown.answer(user("hi")).usage.cost is None
     assert model_at(served, prompt_price=0.0, completion_price=0.0).unpriced() == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import threading
@@ -35,3 +36,13 @@ def quiet_litellm() -> Any:
             litellm.sync_transport = traced_transport()
             litellm.client_session = httpx.Client(transport=litellm.sync_transport, follow_redirects=True)
         return litellm
+
+
+def warm_up(litellm: Any, model: str) -> None:
+    """What litellm imports at its first call, imported now: it keeps other threads waiting, and a stop has to be heard
+    while a model is asked. Asks nobody."""
+    import openai.resources.chat.completions
+    import openai.resources.embeddings
+
+    with contextlib.suppress(Exception):  # the first real call says what is wrong
+        litellm.completion(model, [{"role": "user", "content": ""}], mock_response="ready", api_key="none")

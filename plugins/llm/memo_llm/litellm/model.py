@@ -14,7 +14,7 @@ import attrs
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.redaction import Redactor
-from memo_llm.litellm.library import quiet_litellm
+from memo_llm.litellm.library import quiet_litellm, warm_up
 from memo_llm.litellm.line import Line
 from memo_llm.litellm.problems import problem_of
 from memo_llm.litellm.speech import Spoken, messages_of, read_stream, read_whole, response_format
@@ -73,6 +73,7 @@ class LiteLLMModel(LanguageModel):
             ) from None
         self._find_key(litellm)
         self._redact = Redactor.of_environment([self._key_variable] if self._key_variable else [])
+        warm_up(litellm, settings.model)
         self._litellm = litellm
 
     def close(self) -> None:
@@ -127,7 +128,13 @@ class LiteLLMModel(LanguageModel):
             )
         except Exception:  # litellm raises a plain Exception for a model that is not on its list
             return None
+        if not prompt + completion and not self._listed_as_free(model):
+            return None  # on the list, but without a price: litellm says 0 then
         return float(prompt + completion)
+
+    def _listed_as_free(self, model: str) -> bool:
+        prices = self._litellm.model_cost
+        return "input_cost_per_token" in (prices.get(f"{self._provider}/{model}") or prices.get(model) or {})
 
     def _usage(self, request: Request, spoken: Spoken, took: float) -> Usage:
         raw = spoken.usage
