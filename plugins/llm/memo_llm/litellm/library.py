@@ -41,8 +41,6 @@ def quiet_litellm() -> Any:
 def warm_up(litellm: Any, model: str) -> None:
     """What litellm imports at its first call, imported now: it keeps other threads waiting, and a stop has to be heard
     while a model is asked. Asks nobody."""
-    import openai.resources.chat.completions
-    import openai.resources.embeddings
 
     with contextlib.suppress(Exception):  # the first real call says what is wrong
         litellm.completion(model, [{"role": "user", "content": ""}], mock_response="ready", api_key="none")
