@@ -14,6 +14,7 @@ COMMANDS = {
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
+    "new": "Begin a plugin of your own: a task that works.",
     "skillbook": "Look into a skillbook, search it, take things out.",
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",

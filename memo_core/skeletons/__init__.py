@@ -1,0 +1,1 @@
+"""What ``memo new`` writes: templates of small, working plugins."""

@@ -1,0 +1,87 @@
+"""``memo new task`` writes a plugin that installs and is verified as it is; the example in ``examples/`` is one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from memo_core.cli.new import write_task
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "own-task"
+EXAMPLE_NAME = "put-the-block-on-the-mat"
+
+
+def memo(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    environment = os.environ | more
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+
+
+def install(project: Path, target: Path) -> None:
+    """Without isolation: the build backend is one of the development requirements, so no index is asked."""
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*command, "--target", str(target), str(project)], check=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("new") / "sort-the-buttons"
+    made = memo("new", "task", "sort-the-buttons", "--folder", str(folder), "--json")
+    assert made.returncode == 0, made.stderr
+    assert sorted(Path(file).name for file in json.loads(made.stdout)["files"]) == [
+        "memo_sort_the_buttons.py",
+        "pyproject.toml",
+    ]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(written, tmp_path_factory) -> str:
+    """Where the new plugin and the example are installed."""
+    target, copy = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("example")
+    for file in EXAMPLE.iterdir():  # a copy, so that a build leaves nothing in the checkout
+        if file.is_file():
+            (copy / file.name).write_bytes(file.read_bytes())
+    install(written, target)
+    install(copy, target)
+    return str(target)
+
+
+@pytest.mark.parametrize("name", ["sort-the-buttons", EXAMPLE_NAME])
+def test_the_plugin_is_verified_as_it_is(installed, name):
+    done = memo("tasks", "verify", "--suite", name, "--seeds", "0", "--json", PYTHONPATH=installed)
+    assert done.returncode == 0, done.stderr + done.stdout
+    [task] = json.loads(done.stdout)["tasks"]
+    assert (task["name"], task["reference"], task["null"]) == (name, 1, 0)
+
+
+@pytest.mark.parametrize("name", ["sort-the-buttons", EXAMPLE_NAME])
+def test_the_plugin_keeps_the_rules_for_suites(installed, name):
+    done = memo("plugins", "check", name, "--json", PYTHONPATH=installed)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_example_is_what_the_command_writes_in_fewer_than_sixty_lines(tmp_path):
+    for file in write_task(EXAMPLE_NAME, tmp_path):
+        assert (EXAMPLE / file.name).read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
+    [module] = EXAMPLE.glob("*.py")
+    assert len(module.read_text(encoding="utf-8").splitlines()) < 60
+
+
+@pytest.mark.parametrize("name", ["SortTheButtons", "sort_the_buttons", "sort--buttons", "4-buttons", "ä"])
+def test_a_name_that_is_none_is_refused_with_what_would_be_right(tmp_path, name):
+    done = memo("new", "task", name, "--folder", str(tmp_path / "x"))
+    assert done.returncode == 2 and not (tmp_path / "x").exists()
+    assert "NAME" in done.stderr and "lower case" in done.stderr
+
+
+def test_what_is_there_is_never_written_over(tmp_path):
+    (tmp_path / "mine.py").write_text("precious")
+    done = memo("new", "task", "sort-the-buttons", "--folder", str(tmp_path))
+    assert done.returncode == 2 and "not empty" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.py"]
