@@ -294,5 +294,5 @@ def test_a_built_in_text_does_not_change_without_a_new_version():
     known = yaml.safe_load((Path(__file__).parent / "prompt_versions.yaml").read_text(encoding="utf-8"))
     for name in PLACEHOLDERS:
         text = built_in(name)
-        said = f"{name} v{text.version} is {text.digest}: give it a new version and note that in tests/prompt_versions.yaml"
+        said = f"{name} v{text.version} is {text.digest}: raise its version and note both in tests/prompt_versions.yaml"
         assert str(known.get(name, {}).get(int(text.version))) == text.digest, said
