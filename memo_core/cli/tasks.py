@@ -113,6 +113,39 @@ def verify(
         raise typer.Exit(1)
 
 
+@app.command()
+def pictures(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
+    folder: Annotated[Path, typer.Option("--folder", "-f", help="Where the pictures go.", metavar="DIR")] = Path("."),
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Which scene of each.")] = 0,
+    camera: Annotated[str, typer.Option("--camera", help="Whose view; a task without it: its first.")] = "overview",
+    width: Annotated[int, typer.Option("--width", min=64, max=1920, help="Pixels; 4:3.")] = 480,
+    suite: Suite = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Draw each task at its start and where its reference solution ends: NAME-start.jpg and NAME-end.jpg.
+
+    Exit code 1 when a reference solution did not succeed; its picture is drawn all the same.
+    """
+    from memo_core.cli.pictures import draw
+    from memo_core.experiment.assembly import task_of, tasks_of
+
+    _, experiment = load(config, _with_suite(overrides, suite))
+    chosen = [task_of(experiment, name) for name in dict.fromkeys(names)] if names else tasks_of(experiment)
+    drawn = list(draw(experiment, chosen, folder, seed, camera, width))
+    if json:
+        print_json({"pictures": drawn})
+    else:
+        print_table(("task", "start", "end", "done"), [(d["task"], d["start"], d["end"], d["success"]) for d in drawn])
+        for found in drawn:
+            if not found["success"]:
+                note(f"{found['task']}: {found['why']}")
+    if not all(found["success"] for found in drawn):
+        raise typer.Exit(1)
+
+
 def read_seeds(text: str) -> tuple[int, ...]:
     """``0-19``, ``7`` or ``1,4-6``. Raises ``InvalidArgument``."""
     seeds: list[int] = []

@@ -1,0 +1,70 @@
+"""Pictures of tasks for ``memo tasks pictures``: at the start, and where the reference solution ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.interfaces.simulator import Simulator
+from memo_core.interfaces.task import Task
+
+QUALITY = 85  # of the JPEG
+
+
+def draw(
+    experiment: Any, tasks: Sequence[Task], folder: Path, seed: int, camera: str, width: int
+) -> Iterator[dict[str, Any]]:
+    """Draw one task after the other; yields what was written and how the reference solution fared. Raises
+    ``BackendUnavailable`` where nothing can draw, ``InvalidArgument`` where nothing can be written."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    from memo_core.experiment.assembly import sandbox_of, world_of
+    from memo_core.experiment.world import run_code
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with (
+        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+        sandbox_of(experiment) as sandbox,
+    ):
+        bar = progress.add_task("drawing", total=len(tasks))
+        for task in tasks:
+            progress.update(bar, description=task.name)
+            start, end = (folder / f"{task.name}-{when}.jpg" for when in ("start", "end"))
+            with world_of(experiment, task, seed) as world:
+                cameras = [one.name for one in world.description.cameras]
+                if not cameras:
+                    raise InvalidArgument(task.name, "its scene has no camera", "a scene with one")
+                view = camera if camera in cameras else cameras[0]
+                _save(world.simulator, view, start, width)
+                execution = run_code(world, task.reference_solution, sandbox)
+                outcome = world.check()
+                _save(world.simulator, view, end, width)
+            progress.advance(bar)
+            yield {
+                "task": task.name,
+                "seed": seed,
+                "camera": view,
+                "start": str(start),
+                "end": str(end),
+                "success": outcome.success,
+                "why": execution.error or outcome.reason,
+            }
+
+
+def _save(simulator: Simulator, camera: str, path: Path, width: int) -> None:
+    try:
+        from PIL import Image
+    except ImportError:
+        raise BackendUnavailable("pictures", "jpeg", "pillow is not installed", "pip install pillow") from None
+    picture = simulator.render(camera, width, width * 3 // 4)
+    try:
+        Image.fromarray(picture).save(path, quality=QUALITY)
+    except OSError as error:
+        raise InvalidArgument("--folder", f"{path}: {error.strerror}", "a folder that can be written") from None
