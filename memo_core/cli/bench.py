@@ -70,6 +70,32 @@ def retrieval(
 
 
 @app.command()
+def clustering(
+    keys: Annotated[int, typer.Option("--keys", min=1, max=190, help="Keys in the book; about 12 notes each.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
+    keep: Annotated[
+        Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the book, questions and answers.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Cluster a book with planted contradictions and repetitions: what is gone of them, what is kept of the rest."""
+    import attrs
+
+    from memo_core.experiment.bench_clustering import bench_clustering
+
+    _, experiment = load(config, overrides)
+    measured = _measured(
+        "clustering", lambda progress: attrs.asdict(bench_clustering(experiment, keys, seed, keep, progress))
+    )
+    missed, problems = measured["missed"], measured["problems"]
+    _report(measured if json else measured | {"missed": len(missed), "problems": len(problems)}, json)
+    if not json:
+        print("\n".join(["", *missed, *problems]))
+
+
+@app.command()
 def stop(
     signals: Annotated[int, typer.Option("--signals", min=1, help="Stops in each phase.")] = 20,
     phases: Annotated[list[str] | None, typer.Option("--phase", help="Only this phase; repeatable.")] = None,

@@ -108,6 +108,10 @@ class Clustering:
         self._emit = emit
         self._seed = seed
 
+    @property
+    def model(self) -> str:
+        return self._model
+
     def near_keys(self) -> list[NearKeys]:
         """Keys that would be joined; none where the settings say so."""
         return self._book.near_keys() if self._settings.join_keys else []

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 import attrs
 
-from memo_llm.offline.conduct import Conduct, conduct_of, disputed, matter_of, supports
+from memo_llm.offline.conduct import Conduct, claims, conduct_of, disputed, supported
 from memo_llm.offline.prompt import Prompt
 from memo_llm.offline.reading import Edit, read_sentence
 from memo_llm.offline.vocabulary import Vocabulary
@@ -23,9 +23,15 @@ _TEMPLATE = re.compile(r"^Template (\d+) \[([^\]\n]*)\][^\n]*\n```(?:python)?\n(
 _BREAK = re.compile(r"(\s*[;:.](?:\s+|$)|,?\s+(?:but|and then|then)\s+|,\s+(?:and\s+)?|\s+and\s+)")
 _CONDITION = re.compile(r"\b(?:if|when|whenever|while|unless|once|until|before|after|as soon as)\b")
 _UNIVERSAL = re.compile(r"\b(?:always|never|everything|anything|any|every|all|everywhere)\b")
+_WHERE_WORDS = """
+near nearest far farthest left right top bottom upper lower front back behind inside outside under over above below
+beside between edge end corner side middle centre center hinge handle bar up down off before after until first last only again
+"""
+_WHERE = frozenset(_WHERE_WORDS.split())
 _LIGHT_WORDS = """
 a an the this that it its it's them they you your please just do does is are be to of with by at in on and then so
-always should must need have can not don't never no instead rather than but make sure ok there here
+always should must need have can not don't never no instead rather than but make sure ok there here for has
+was were been while
 """
 _LIGHT = frozenset(_LIGHT_WORDS.split())
 
@@ -43,6 +49,7 @@ class _Note:
     number: int
     text: str
     edits: tuple[Edit, ...]
+    wants: frozenset[tuple[object, ...]]  # the same, whatever the words
     rest: frozenset[str]  # words of weight that are in no edit
     words: frozenset[str]
     numbers: frozenset[str]
@@ -74,16 +81,13 @@ def condense(prompt: Prompt, vocabulary: Vocabulary) -> CondensedAnswer:
     ]
     kept, dropped = [], []
     for note in notes:
-        against = None if note.fixed else _contradicted(note, key, notes, templates, vocabulary)
+        against = None if note.fixed else _contradicted(note, key, templates, vocabulary)
         if against is None:
             kept.append(note)
-            continue
-        template, why = against
-        left = _remainder(note, template.conduct, vocabulary)
-        if left:
-            kept.append(_note(note.number, left, False, vocabulary))
+        elif against.left:
+            kept.append(_note(note.number, against.left, False, vocabulary))
         else:
-            dropped.append({"number": note.number, "template": template.number, "reason": why})
+            dropped.append({"number": note.number, "template": against.template, "reason": against.why})
     groups = sorted(_groups(kept), key=lambda group: min(note.number for note in group))
     entries = [{"text": group[0].text, "from": sorted(note.number for note in group)} for group in groups]
     answer = {"entries": entries, "dropped": dropped}
@@ -94,41 +98,34 @@ def condense(prompt: Prompt, vocabulary: Vocabulary) -> CondensedAnswer:
 # -- contradictions ---------------------------------------------------------------------------------------------------
 
 
-def _contradicted(
-    note: _Note, key: str, notes: Sequence[_Note], templates: Sequence[_Template], vocabulary: Vocabulary
-) -> tuple[_Template, str] | None:
-    """The template that a note contradicts, and in what."""
-    if note.conditions and key != "*":
-        return None  # it speaks of something else than what a template always does
+@attrs.frozen
+class _Against:
+    """A note's contradiction to a template, and what is left of the note without the pieces that contradict."""
+
+    template: int
+    why: str
+    left: str
+
+
+def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabulary: Vocabulary) -> _Against | None:
+    """Of other things' templates nothing here can tell whether this thing works alike, so they overrule no note but a
+    general statement that claims to hold for them."""
     if key == "*":
-        return _contradicted_everywhere(note, templates, vocabulary)
+        return _contradicted_everywhere(note, templates)
+    pieces = [_note(note.number, piece, False, vocabulary) for piece in _BREAK.split(note.text)[::2] if piece.strip()]
     for template in templates:
-        matter = disputed(note.edits, template.conduct)
-        if not matter:
+        if template.key != key:
             continue
-        if template.key == key or _works_alike(note, matter, notes, template, templates, key):
-            return template, f"the template {template.conduct.said(matter)}"
+        # What holds under a condition is about something else than what a template always does.
+        against = [p for p in pieces if not p.conditions and disputed(p.edits, template.conduct)]
+        if against:
+            matter = disputed(against[0].edits, template.conduct)
+            left = [p for p in pieces if p not in against and (p.edits or len(p.rest) > 1)]
+            return _Against(template.number, f"the template {template.conduct.said(matter)}", _joined(left, note.text))
     return None
 
 
-def _works_alike(
-    note: _Note,
-    matter: str,
-    notes: Sequence[_Note],
-    template: _Template,
-    templates: Sequence[_Template],
-    key: str,
-) -> bool:
-    """Whether another thing's template counts: this thing has none that speaks of the matter, and somebody said of this
-    thing what that template does."""
-    if any(own.key == key and own.conduct.speaks_of(matter) for own in templates):
-        return False
-    return any(supports(other.edits, matter, template.conduct) for other in notes if other is not note)
-
-
-def _contradicted_everywhere(
-    note: _Note, templates: Sequence[_Template], vocabulary: Vocabulary
-) -> tuple[_Template, str] | None:
+def _contradicted_everywhere(note: _Note, templates: Sequence[_Template]) -> _Against | None:
     """A general statement is given up where it claims to hold for what a template is about, and no template agrees."""
     noun, verb = note.scope
     if not (noun or verb or _UNIVERSAL.search(note.text.lower())) or (note.not_understood and not noun):
@@ -138,25 +135,16 @@ def _contradicted_everywhere(
     for template in meant:
         matter = disputed(note.edits, template.conduct)
         if matter and found is None:
-            found = template, f"the template {template.conduct.said(matter)}"
-        elif not matter and any(supports((edit,), matter_of(edit), template.conduct) for edit in note.edits):
+            found = _Against(template.number, f"the template {template.conduct.said(matter)}", "")
+        elif not matter and supported(note.edits, template.conduct):
             return None
     return found
 
 
-def _remainder(note: _Note, conduct: Conduct, vocabulary: Vocabulary) -> str:
-    """What is left of a note without the pieces that contradict; "" when nothing of weight is."""
-    pieces = _BREAK.split(note.text)
-    left = []
-    for piece in pieces[::2]:
-        edits = read_sentence(piece, vocabulary).edits if piece.strip() else ()
-        if edits and not disputed(edits, conduct):
-            left.append(piece.strip(" .,;"))
-    if not left:
-        return ""
-    text = ", ".join(left)
-    text = text[0].upper() + text[1:] + "."
-    return text if len(text) <= len(note.text) else ""
+def _joined(pieces: Sequence[_Note], whole: str) -> str:
+    text = ", ".join(piece.text.strip(" .,;") for piece in pieces)
+    text = text[:1].upper() + text[1:] + "." if text else ""
+    return text if len(text) <= len(whole) else ""
 
 
 # -- repetitions ------------------------------------------------------------------------------------------------------
@@ -181,7 +169,7 @@ def _repeats(one: _Note, other: _Note) -> bool:
     if one.scope != other.scope or one.conditions != other.conditions or not one.numbers <= other.numbers:
         return False
     if one.edits:
-        return set(one.edits) <= set(other.edits) and one.rest <= other.words
+        return one.wants <= other.wants and one.rest <= other.words
     return not other.edits and len(one.words) > 1 and one.words <= other.words and _denies(one) == _denies(other)
 
 
@@ -201,16 +189,46 @@ def _note(number: int, text: str, fixed: bool, vocabulary: Vocabulary) -> _Note:
         number,
         text,
         reading.edits,
-        frozenset(words - taken),
+        _wants(reading.edits),
+        frozenset(word for word in words - taken if _weighs(word, reading.edits, vocabulary)),
         frozenset(words),
         frozenset(re.findall(r"\d+(?:[.,]\d+)?", plain)),
-        tuple(re.findall(_CONDITION.pattern + r"[^,;.]*", plain)),
+        _conditions(plain, reading.edits, vocabulary),
         vocabulary.scope(text),
         fixed,
         reading.not_understood,
     )
 
 
+def _wants(edits: Iterable[Edit]) -> frozenset[tuple[object, ...]]:
+    found: set[tuple[object, ...]] = set()
+    for edit in edits:
+        amount = round(edit.amount.metres, 4) if edit.amount and edit.amount.exact else None
+        said = claims(edit) or [(edit.kind, edit.value)]
+        found |= {(*one, edit.negated, amount) for one in said}
+    return frozenset(found)
+
+
+def _weighs(word: str, edits: Sequence[Edit], vocabulary: Vocabulary) -> bool:
+    """Whether a word that is in no edit tells more than these do: not one that says the same by itself ("curve" beside
+    an arc), nor one that says nothing, unless it says where or when."""
+    if word in _WHERE:
+        return True
+    if word in vocabulary.fillers or f"{word}s" in vocabulary.fillers:
+        return False
+    alone = _wants(read_sentence(word, vocabulary).edits)
+    return not (alone and alone <= _wants(edits))
+
+
+def _conditions(text: str, edits: Iterable[Edit], vocabulary: Vocabulary) -> tuple[str, ...]:
+    """Pieces that say when a note holds. "When you are done" says nothing of the sort, nor does what is part of what is
+    to be done ("before you reach for it")."""
+    for edit in edits:
+        text = text.replace(edit.said, " ; ")
+    found = (match.group() for match in re.finditer(_CONDITION.pattern + r"[^,;.]*", text))
+    return tuple(one.strip() for one in found if set(re.findall(r"[\w'-]+", one)) - vocabulary.fillers)
+
+
 def _stems(text: str) -> set[str]:
     words = re.findall(r"[\w'-]+", text.lower())
-    return {re.sub(r"(?:ing|ed|es|s|ly)$", "", word) if len(word) > 4 else word for word in words if word not in _LIGHT}
+    return {re.sub(r"(?:ing|ed|s|ly)$", "", word) if len(word) > 4 else word for word in words if word not in _LIGHT}

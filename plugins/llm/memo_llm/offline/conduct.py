@@ -9,36 +9,32 @@ from collections.abc import Iterable
 
 import attrs
 
+from memo_llm.offline.editing import GENTLE
 from memo_llm.offline.reading import Edit, read_sentence
 from memo_llm.offline.vocabulary import Vocabulary
 
-# edit -> the matter it is about; edits of one matter with different positions differ
-_MATTERS = {
+_BY_KIND = {  # edits that are two sides of one matter
     "arc": "path",
     "straight": "path",
-    "pivot": "edge",
-    "hold-at": "place to hold",
-    "approach": "side to come from",
     "follow-hand": "turning of the hand",
     "stiff-hand": "turning of the hand",
-    "fingers": "way the fingers close",
-    "finger-width": "width of the fingers",
-    "force": "force",
-    "speed": "speed",
     "release": "letting go",
     "hold-on": "letting go",
     "open-first": "fingers at first",
     "close-first": "fingers at first",
-    "way": "direction",
-    "offset": "offset",
-    "angle": "angle",
-    "turn-thing": "turn",
     "all-the-way": "how far",
     "less-far": "how far",
-    "repeat": "repetition",
+}
+_BY_VALUE = {  # edits whose value is what they want
+    "pivot": "edge",
+    "hold-at": "place to hold",
+    "approach": "side to come from",
+    "fingers": "way the fingers close",
+    "finger-width": "width of the fingers",
+    "way": "direction",
+    "offset": "offset",
 }
 _OPPOSED = {frozenset(pair.split("|")) for pair in ("up|down", "in|out", "left|right", "away|towards", "in|towards")}
-_GENTLE = ("gently", "softly", "lightly", "carefully", "delicately", "softer", "less hard", "with less force")
 _ANGLE_SLACK = 0.2  # share by which angles may differ that are about the same
 _VERBS = """
 grasp grip grab hold take pull push press lead guide move bring lift raise lower open turn rotate twist tilt swing go
@@ -78,9 +74,8 @@ def conduct_of(template: str, vocabulary: Vocabulary) -> Conduct:
     told: dict[str, set[str | float]] = {}
     for sentence in re.split(r"(?<=[.!?])\s+|\n+", ast.get_docstring(function) or ""):
         for edit in read_sentence(_told_to(sentence), vocabulary).edits:
-            position = position_of(edit)
-            if position is not None and not edit.negated:
-                told.setdefault(matter_of(edit), set()).add(position)
+            for matter, does in claims(edit) if not edit.negated else ():
+                told.setdefault(matter, set()).add(does)
     # What it says of itself is meant; what its calls look like is a guess.
     merged = found | told
     return Conduct({matter: frozenset(positions) for matter, positions in merged.items()})
@@ -91,50 +86,50 @@ def _told_to(sentence: str) -> str:
     return _THIRD_PERSON.sub(lambda match: match.group(1), sentence)
 
 
-def matter_of(edit: Edit) -> str:
-    """What an edit is about; "" where nothing can be said against it."""
-    return _MATTERS.get(edit.kind, "")
-
-
-def position_of(edit: Edit) -> str | float | None:
-    """What an edit wants in its matter; None where it does not say."""
+def claims(edit: Edit) -> list[tuple[str, str | float]]:
+    """What an edit wants, by matter; nothing where nothing can be said against it."""
+    found: list[tuple[str, str | float]] = []
     if edit.kind in ("angle", "turn-thing") and edit.degrees is not None:
-        return edit.degrees
+        found.append(("angle", edit.degrees))
+    if edit.kind == "turn-thing" and edit.value:
+        left = edit.value == "left" or edit.value.startswith(("counter", "anti"))
+        found.append(("turn", "counterclockwise" if left else "clockwise"))
     if edit.kind == "force":
-        return "gentle" if edit.value in _GENTLE else "firm"
+        found.append(("force", "gentle" if edit.value in GENTLE else "firm"))
     if edit.kind == "speed":
-        return "slow" if edit.value.startswith("slow") else "fast"
+        found.append(("speed", "slow" if edit.value.startswith("slow") else "fast"))
     if edit.kind == "repeat":
-        return float(edit.count)
-    if edit.kind in ("pivot", "hold-at", "approach", "fingers", "finger-width", "way", "offset"):
-        return edit.value or None
-    return edit.kind if edit.kind in _MATTERS else None
+        found.append(("repetition", float(edit.count)))
+    if edit.kind in _BY_VALUE and edit.value:
+        found.append((_BY_VALUE[edit.kind], edit.value))
+    if edit.kind in _BY_KIND:
+        found.append((_BY_KIND[edit.kind], edit.kind))
+    return found
 
 
 def disputed(edits: Iterable[Edit], conduct: Conduct) -> str:
     """The first matter in which edits want something else than what the template does; "" where there is none."""
     for edit in edits:
-        matter, position = matter_of(edit), position_of(edit)
-        theirs = conduct.positions.get(matter)
-        if not matter or position is None or not theirs:
-            continue
-        agrees = any(_same(matter, position, one) for one in theirs)
-        if edit.negated:
-            if agrees and len(theirs) == 1:
+        for matter, wanted in claims(edit):
+            theirs = conduct.positions.get(matter, frozenset())
+            agrees = any(_same(wanted, one) for one in theirs)
+            if edit.negated and agrees and len(theirs) == 1:
                 return matter
-        elif not agrees and any(_differs(matter, position, one) for one in theirs):
-            return matter
+            if not edit.negated and not agrees and any(_differs(matter, wanted, one) for one in theirs):
+                return matter
     return ""
 
 
-def supports(edits: Iterable[Edit], matter: str, conduct: Conduct) -> bool:
-    """Whether edits want in a matter what the template does."""
-    wanted = [position_of(edit) for edit in edits if matter_of(edit) == matter and not edit.negated]
-    theirs = conduct.positions.get(matter, frozenset())
-    return bool(matter) and any(p is not None and any(_same(matter, p, one) for one in theirs) for p in wanted)
+def supported(edits: Iterable[Edit], conduct: Conduct) -> bool:
+    """Whether edits want in some matter what the template does."""
+    return any(
+        not edit.negated and any(_same(wanted, one) for one in conduct.positions.get(matter, frozenset()))
+        for edit in edits
+        for matter, wanted in claims(edit)
+    )
 
 
-def _same(matter: str, one: str | float, other: str | float) -> bool:
+def _same(one: str | float, other: str | float) -> bool:
     if isinstance(one, float) and isinstance(other, float):
         return abs(one - other) <= _ANGLE_SLACK * max(abs(one), abs(other))
     return one == other
@@ -144,7 +139,7 @@ def _differs(matter: str, one: str | float, other: str | float) -> bool:
     """Unequal words differ in most matters; directions only when one undoes the other."""
     if matter in ("direction", "offset"):
         return frozenset((str(one), str(other))) in _OPPOSED
-    return type(one) is type(other) and not _same(matter, one, other)
+    return type(one) is type(other) and not _same(one, other)
 
 
 def _called(function: ast.FunctionDef) -> Iterable[tuple[str, str]]:
@@ -152,6 +147,8 @@ def _called(function: ast.FunctionDef) -> Iterable[tuple[str, str]]:
     names = [c.func.id if isinstance(c.func, ast.Name) else getattr(c.func, "attr", "") for c in calls]
     if _TURNING & set(names):
         yield "path", "arc"
+    elif "move_straight" in names and "follow_path" not in names:
+        yield "path", "straight"
     for name in names:
         if name in _CALLS:
             yield _CALLS[name]

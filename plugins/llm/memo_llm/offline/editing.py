@@ -11,6 +11,8 @@ from memo_llm.offline.reading import Edit
 from memo_llm.offline.recipe import Recipe
 
 Rough = dict[str, float]
+_GENTLE_WORDS = "gently|softly|lightly|carefully|delicately|softer|less hard|with less force|less force|little force"
+GENTLE = frozenset(_GENTLE_WORDS.split("|"))
 _BASE = {
     "up": (0.0, 0.0, 1.0),
     "down": (0.0, 0.0, -1.0),
@@ -224,16 +226,7 @@ def _back_off_before(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _force(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    gentle = edit.value in (
-        "gently",
-        "softly",
-        "lightly",
-        "carefully",
-        "delicately",
-        "softer",
-        "less hard",
-        "with less force",
-    )
+    gentle = edit.value in GENTLE
     return attrs.evolve(recipe, force=rough["gentle_force"] if gentle != edit.negated else rough["firm_force"])
 
 
