@@ -12,8 +12,10 @@ import pytest
 from memo_core.events import CodeEnded, EntryStored, Event, FeedbackGiven, ModelCalled, Problem, Retrieved
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
+from memo_core.policy.asking import Questions
 from memo_core.policy.loop import Loop
 from memo_core.policy.memories import METHODS
+from memo_core.policy.noting import Noted, Noting, retry
 from memo_core.policy.readers import Unreadable
 from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings
@@ -63,7 +65,15 @@ class Bench:
     """A loop on a fake stage with a real sandbox and a real book, and everything that was observed."""
 
     def __init__(
-        self, sandbox: Sandbox, book: Skillbook | None, script, verdicts, method="memo", stage=None, **settings
+        self,
+        sandbox: Sandbox,
+        book: Skillbook | None,
+        script,
+        verdicts,
+        method="memo",
+        stage=None,
+        session=None,
+        **settings,
     ):
         self.stage = stage or FakeStage()
         self.llm = script if isinstance(script, ScriptedModel) else ScriptedModel(script)
@@ -86,6 +96,7 @@ class Bench:
             book=book,
             teacher=teacher,
             who="ana",
+            **(session or {}),
         )
         self.loop = Loop(self.session, METHODS[method])
 
@@ -430,3 +441,92 @@ def test_an_answer_that_comes_after_a_stop_is_counted_as_cost(sandbox, book):
         threading.Event().wait(0.02)
     [late] = [event for event in bench.of(ModelCalled) if event.abandoned]
     assert late.phase == "code" and late.cost > 0
+
+
+def by_hand() -> FakeStage:
+    """A stage whose world cannot be put back by itself, as with hardware."""
+    stage = FakeStage()
+    stage.link.can_restore = False
+
+    def refuse(*_) -> bytes:
+        raise AssertionError("this world has no checkpoints")
+
+    stage.checkpoint = stage.restore = refuse
+    return stage
+
+
+TWICE = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}
+
+
+def test_a_world_that_cannot_be_restored_is_put_back_by_a_person_and_looked_at_anew(sandbox, book):
+    asked: list[Episode] = []
+
+    def tidy(episode: Episode) -> bool:
+        asked.append(episode)
+        return True
+
+    bench = Bench(sandbox, book, TWICE, [NO, YES], stage=by_hand(), session={"put_back": tidy})
+    [subtask] = bench.run().subtasks
+    assert (subtask.status, subtask.attempts) == ("approved", 2)
+    [episode] = asked
+    assert episode.subtask == "PICK_UP(red cube)" and episode.before.node("red cube")
+
+
+@pytest.mark.parametrize("put_back", [None, lambda episode: False])
+def test_a_world_that_nobody_puts_back_ends_the_subtask_in_clear_words(sandbox, book, put_back):
+    bench = Bench(sandbox, book, TWICE, [NO, YES], stage=by_hand(), session={"put_back": put_back})
+    result = bench.run()
+    [subtask] = result.subtasks
+    assert subtask.status == "corrected" and "cannot be put back" in subtask.problem and not result.finished
+    assert [entry.text for entry in book.entries()] == ["Move over the middle of the object before closing."]
+
+
+def test_what_was_said_last_is_learnt_before_the_run_ends(sandbox, book):
+    bench = Bench(sandbox, book, TWICE, [NO], attempts=1)
+    result = bench.run()
+    assert "corrected 1 times" in result.reason
+    assert not book.pending_feedback() and len(bench.of(EntryStored)) == 1
+
+
+def test_a_model_that_fails_in_the_middle_ends_the_run_so_that_it_can_go_on(sandbox, book):
+    script = TWICE | {"code": [LanguageModelError("scripted", "the line is dead")]}
+    result = Bench(sandbox, book, script, [NO]).run()
+    assert result.resumable and "the line is dead" in result.reason
+
+
+def test_the_tasks_own_time_limit_is_kept_on_the_clock_of_the_world(sandbox, book):
+    slow = "```python\nwait(30)\n```"
+    script = {
+        "plan": ["PICK_UP(red cube)", "PLACE(red cube, bowl)", "DONE"],
+        "code": [slow] * 4,
+        "feedback": [NOTES] * 2,
+    }
+    verdicts = [NO, NO, YES, YES]
+    bench = Bench(sandbox, book, script, verdicts, method="droc-v", session={"time_limit_s": 50.0})
+    result = bench.run()
+    assert "the task's time limit of 50 s" in result.reason and len(result.subtasks) == 2
+    assert result.robot_s > 100, "attempts that were put back do not count for it"
+
+
+def test_nothing_understood_is_set_aside_and_can_be_asked_about_again(sandbox, book):
+    unclear = json.dumps({"corrections": [], "general": [], "unclear": "nobody knows what a flurb is"})
+    bench = Bench(sandbox, book, TWICE | {"feedback": [unclear, NOTES]}, [NO, YES])
+    bench.run()
+    [aside] = [said for said in book.pending_feedback(parked=True) if said.status == "parked"]
+    assert "flurb" in aside.reason and not book.entries("correction")
+    noting = Noting(Questions(bench.session).ask, book, METHODS["memo"], bench.events.append)
+    heard: list[Noted] = []
+    [noted] = retry(noting, book, heard.append)
+    assert noted.outcome == "learnt" and heard == [noted] and len(book.entries("correction")) == 1
+    assert retry(noting, book) == []
+
+
+def test_a_retry_ends_when_no_model_can_be_asked_and_changes_nothing(sandbox, book):
+    for words in ("lower", "higher"):
+        book.park(book.record_feedback(words, "ana", subtask="PICK_UP(red cube)"), "unreadable")
+    down = LanguageModelError("scripted", "down")
+    bench = Bench(sandbox, book, {"feedback": [down, NOTES]}, None, retries=0)
+    noting = Noting(Questions(bench.session).ask, book, METHODS["memo"], bench.events.append)
+    [noted] = retry(noting, book)
+    assert noted.outcome == "pending" and "down" in noted.reason
+    assert [said.status for said in book.pending_feedback(parked=True)] == ["parked", "parked"]
