@@ -11,20 +11,44 @@ from memo_tabletop.plugin import TabletopSettings, tasks
 from memo_tabletop.tasks.fridge import OpenTheFridge
 from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 
+from memo_core.cli.options import load
 from memo_core.errors import InvalidArgument
+from memo_core.experiment.assembly import world_of
 from memo_core.scene.description import Free, Geom, SceneDescription
 from memo_core.scene.hollow import bar, cup, inside, shelf, shell
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.suite import check_suite
 
 TASKS = tasks(TabletopSettings())
-NAMES = {
-    "stack-the-cubes": "stack the cubes",
-    "put-the-food-in-the-microwave": "put the food in the microwave",
-    "open-the-fridge": "open the fridge",
-    "put-the-cube-away": "put the cube away",
-    "put-the-food-in-the-oven": "put the food in the oven",
-}
+# The paper's tasks in its order: instruction, type; the last five are held out.
+PAPER = (
+    ("pick the left can", "SR"),
+    ("put the banana on the plate", "SR"),
+    ("put the cube away", "LH"),
+    ("put the food in the microwave", "TR"),
+    ("put the food in the pan and place it in the microwave", "SR"),
+    ("put the trash away", "SR"),
+    ("stack the cubes", "LH"),
+    ("turn on the faucet", "TR"),
+    ("set the table", "LH"),
+    ("clean up the table", "LH"),
+    ("heat the food", "SR"),
+    ("cook the food", "SR"),
+    ("empty the fridge", "LH"),
+    ("make toast", "SR"),
+    ("move the lonely object to the others", "SR"),
+    ("move the right can to the left can", "SR"),
+    ("open the fridge", "TR"),
+    ("open the bottle", "TR"),
+    ("wipe the plate", "CR"),
+    ("season the food", "SR"),
+    ("place the apple on the table", "LH"),
+    ("pour the can", "TR"),
+    ("close the bottle", "TR"),
+    ("empty the cabinet", "SR"),
+    ("put the food in the oven", "CR"),
+)
+HELD_OUT = 5
 each_task = pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
 
 
@@ -36,9 +60,11 @@ def test_the_suite_keeps_the_rules_for_suites():
     check_suite(lambda: tasks(TabletopSettings()))
 
 
-def test_the_five_tasks_are_there_and_the_oven_is_held_out():
-    assert {task.name: task.instruction for task in TASKS} == NAMES
-    assert [task.name for task in TASKS if task.split == "held-out"] == ["put-the-food-in-the-oven"]
+def test_the_papers_tasks_are_there_in_its_order():
+    assert [(task.instruction, task.kind) for task in TASKS] == list(PAPER)
+    assert [task.name for task in TASKS] == [instruction.replace(" ", "-") for instruction, _ in PAPER]
+    held_out = [task.split == "held-out" for task in TASKS]
+    assert held_out == [False] * (len(PAPER) - HELD_OUT) + [True] * HELD_OUT
 
 
 @each_task
@@ -56,36 +82,30 @@ def test_twenty_seeds_give_twenty_scenes_with_unique_names(task):
 
 
 @pytest.mark.parametrize("task", [t for t in TASKS if scene_of(t, 0).bodies[0].fixture], ids=lambda task: task.name)
-def test_furniture_scatters_by_two_centimetres_and_five_degrees(task):
+def test_furniture_scatters_by_some_centimetres_and_five_degrees(task):
     fixtures = [scene_of(task, seed).bodies[0] for seed in range(40)]
     places = np.array([body.pose.position[:2] for body in fixtures])
     yaws = np.array([2 * math.atan2(body.pose.orientation[3], body.pose.orientation[0]) for body in fixtures])
-    assert np.all(np.ptp(places, axis=0) <= 0.04) and np.all(np.ptp(places, axis=0) > 0.025)
+    assert np.all(np.ptp(places, axis=0) <= 0.06) and np.all(np.ptp(places, axis=0) > 0.025)
     assert np.all(np.abs(yaws) <= math.radians(5)) and np.ptp(yaws) > math.radians(6)
 
 
+@pytest.fixture(scope="module")
+def experiment():
+    return load(None, [])[1]
+
+
 @each_task
-@pytest.mark.parametrize("seed", range(20))
-def test_free_things_start_on_their_support_and_clear_of_the_furniture(task, seed):
-    scene = scene_of(task, seed)
-    free = [body for body in scene.bodies if isinstance(body.joint, Free)]
-    for body in free:
-        for other in scene.bodies:
-            if other is not body and other.name not in ("fridge",):  # the milk stands inside the fridge
-                gap = _gap(body, other)
-                assert gap > 0.02, f"{body.name} is {gap:.3f} m from {other.name}"
-
-
-def _gap(thing, other) -> float:
-    """Level distance (m) between a thing's middle plus its half diagonal and the nearest corner-box of another body."""
-    reach = math.hypot(*thing.geoms[0].size[:2]) / 2
-    nearest = math.inf
-    for geom in other.geoms:
-        local = (other.pose * geom.pose).inverse().apply(thing.pose.position)
-        extents = geom.size if len(geom.size) == 3 else (2 * geom.size[0],) * 3
-        outside = np.maximum(np.abs(local) - np.asarray(extents) / 2, 0.0)
-        nearest = min(nearest, float(np.hypot(*outside[:2])))
-    return nearest - reach
+def test_nothing_falls_jumps_or_rolls_when_the_scene_begins(experiment, task):
+    for seed in (0, 1):
+        with world_of(experiment, task, seed) as world:
+            things = [b for b in world.description.bodies if isinstance(b.joint, Free) and b.label]
+            before = {body.name: world.simulator.body_pose(body.name) for body in things}
+            world.settle(0.6)
+            for name, pose in before.items():
+                moved, turned = pose.distance(world.simulator.body_pose(name))
+                assert moved < 0.006, f"{name}, seed {seed}, moved by {1000 * moved:.0f} mm"
+                assert turned < 0.1, f"{name}, seed {seed}, turned by {math.degrees(turned):.0f} degrees"
 
 
 def test_a_shell_leaves_the_inside_it_names_free():

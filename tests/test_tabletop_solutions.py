@@ -37,7 +37,7 @@ def experiment():
     return load(None, [])[1]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0])
 @pytest.mark.parametrize("make", ALL, ids=lambda make: make.name)
 def test_the_reference_solves_it_and_doing_nothing_does_not(experiment, make, seed):
     task = make()
