@@ -81,12 +81,15 @@ def test_twenty_seeds_give_twenty_scenes_with_unique_names(task):
         assert len(set(labels)) == len(labels)
 
 
-@pytest.mark.parametrize("task", [t for t in TASKS if scene_of(t, 0).bodies[0].fixture], ids=lambda task: task.name)
-def test_furniture_scatters_by_some_centimetres_and_five_degrees(task):
+FURNISHED = [t for t in TASKS if scene_of(t, 0).bodies[0].fixture and "bottle" not in t.name]  # a bottle is round
+
+
+@pytest.mark.parametrize("task", FURNISHED, ids=lambda task: task.name)
+def test_furniture_scatters_by_two_centimetres_and_five_degrees(task):
     fixtures = [scene_of(task, seed).bodies[0] for seed in range(40)]
     places = np.array([body.pose.position[:2] for body in fixtures])
     yaws = np.array([2 * math.atan2(body.pose.orientation[3], body.pose.orientation[0]) for body in fixtures])
-    assert np.all(np.ptp(places, axis=0) <= 0.06) and np.all(np.ptp(places, axis=0) > 0.025)
+    assert np.all(np.ptp(places, axis=0) <= 0.04) and np.all(np.ptp(places, axis=0) > 0.025)
     assert np.all(np.abs(yaws) <= math.radians(5)) and np.ptp(yaws) > math.radians(6)
 
 
