@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -177,3 +180,27 @@ def test_a_planted_key_is_in_no_file_and_on_no_screen(tmp_path, offline):
     assert not found and KEY.encode() not in done.stdout + done.stderr
     written = b"".join(path.read_bytes() for path in files)
     assert b"[OPENAI_API_KEY]" in written and b"cannot work with" in written, "what it said is kept, but for the key"
+
+
+def test_a_call_that_a_stop_gave_up_is_in_the_sums_and_its_connection_closed(registry, tmp_path, offline):
+    def reply(asked: Asked) -> Reply:
+        return offline(asked) if len(wire.asked) < 2 else Reply(silent_s=60.0)
+
+    def end_it() -> None:
+        while len(wire.asked) < 2:
+            time.sleep(0.02)
+        time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    with Wire(reply) as wire:
+        threading.Thread(target=end_it, daemon=True).start()
+        report = run(registry, tmp_path, *settings_of(wire), "llm.prompt_price=1", "llm.completion_price=1")
+        assert wire.hung_up.wait(2.0), "the server still works for nobody"
+    assert report.ended_by_person
+    calls = calls_of(report.folder)
+    assert [call["abandoned"] for call in calls] == [False, True] and "given up" in calls[1]["problem"]
+    summary = json.loads((report.folder / "summary.json").read_text())
+    assert summary["calls"] == 2
+    both = sums([calls[0]["answer"]["usage"], calls[1]["usage"]])
+    assert (summary["prompt_tokens"], summary["completion_tokens"], round(summary["cost"], 9)) == both
+    assert calls[1]["usage"]["prompt_tokens"] > 500, "the question had left"
