@@ -175,6 +175,7 @@ def print_outcome(outcome: Outcome) -> None:
         return
     from memo_core.skillbook.clusters import is_kept
 
+    dropped = {gone.number for gone in proposal.dropped}
     for gone in proposal.dropped:
         member, template = cluster.members[gone.number - 1], cluster.templates[gone.template - 1].entry.id
         why = f"contradicts template {template}" + (f": {gone.why}" if gone.why else "")
@@ -182,6 +183,8 @@ def print_outcome(outcome: Outcome) -> None:
     changed = [one for one in proposal.entries if not is_kept(cluster, one)]
     for one in changed:
         for number in one.of:
+            if number in dropped:
+                continue
             member = cluster.members[number - 1]
             console.print(Text(f"  - {member.id}: {member.text}", style="red"))
         made_of = ", ".join(str(cluster.members[number - 1].id) for number in one.of)

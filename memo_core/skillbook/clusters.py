@@ -83,12 +83,13 @@ class Merged:
     """One entry of a condensed cluster and the members it derives from, by their places in the cluster from 1."""
 
     text: str
-    of: tuple[int, ...]
+    of: tuple[int, ...] = attrs.field(converter=lambda numbers: tuple(dict.fromkeys(numbers)))
 
 
 @attrs.frozen
 class Dropped:
-    """A member that goes, because it contradicts a template (its place among the cluster's templates from 1)."""
+    """A member that contradicts a template (its place among the cluster's templates from 1) and goes; where only a part
+    of it does, an entry derives from the rest."""
 
     number: int
     template: int
@@ -132,9 +133,9 @@ def is_kept(cluster: Cluster, one: Merged) -> bool:
 def problem_with(cluster: Cluster, proposal: Condensed) -> str:
     """Why a proposal cannot be taken, as one sentence for whoever made it; "" when it can.
 
-    Every member is the source of exactly one entry or dropped; entries and characters do not grow; what is merged keeps
-    the numbers that people named; what is dropped names a template that was shown, and was not said of code that was
-    written with the key's own template.
+    Every member is the source of one entry, or dropped, or both where a part of it is; entries and characters do not
+    grow; but for what is dropped, the numbers that people named are kept; what is dropped names a template that was
+    shown, and was not said of code that was written with the key's own template.
     """
     return (
         _misplaced(cluster, proposal)
@@ -146,34 +147,49 @@ def problem_with(cluster: Cluster, proposal: Condensed) -> str:
 
 def _misplaced(cluster: Cluster, proposal: Condensed) -> str:
     count = len(cluster.members)
-    seen: dict[int, str] = {}
-    for where, numbers in _places(proposal):
-        for number in numbers:
-            if not 1 <= number <= count:
-                return f"{where} names number {number}; there are numbers 1 to {count}"
-            if number in seen:
-                return f"number {number} is used twice, in {seen[number]} and in {where}; each number goes to one place"
-            seen[number] = where
-    missing = [number for number in range(1, count + 1) if number not in seen]
-    if missing:
-        listed = ", ".join(map(str, missing))
-        return f'the numbers {listed} are neither in an entry\'s "from" nor dropped; account for every number'
+    seen: set[int] = set()
     for position, one in enumerate(proposal.entries, start=1):
         if not one.text.strip():
             return f"entry {position} has no text"
         if not one.of:
             return f"entry {position} derives from no number; nothing may be added that nobody said"
+        problem = _misnamed(one.of, seen, count, f"entry {position}")
+        if problem:
+            return problem
+        seen |= set(one.of)
+    dropped: set[int] = set()
+    for gone in proposal.dropped:
+        problem = _misnamed((gone.number,), dropped, count, '"dropped"')
+        if problem:
+            return problem
+        dropped.add(gone.number)
+    missing = [number for number in range(1, count + 1) if number not in seen | dropped]
+    if missing:
+        listed = ", ".join(map(str, missing))
+        return f'the numbers {listed} are neither in an entry\'s "from" nor dropped; account for every number'
+    return ""
+
+
+def _misnamed(numbers: Iterable[int], before: set[int], count: int, where: str) -> str:
+    for number in numbers:
+        if not 1 <= number <= count:
+            return f"{where} names number {number}; there are numbers 1 to {count}"
+        if number in before:
+            return f"number {number} stands twice, again in {where}; each number goes to one entry"
     return ""
 
 
 def _lossy(cluster: Cluster, proposal: Condensed) -> str:
+    in_part = {gone.number for gone in proposal.dropped}
     for position, one in enumerate(proposal.entries, start=1):
         said = [cluster.members[number - 1].text for number in one.of]
         if not _words(one.text) & set().union(*map(_words, said)):
             return f"entry {position} has no word in common with what it derives from"
-        if len(said) < 2:
-            continue  # the part of a note that contradicts a template may go, with its amount
         for number, text in zip(one.of, said, strict=True):
+            if number in in_part:
+                if one.text.split() == text.split():
+                    return f"number {number} is dropped, and yet entry {position} is the whole of it"
+                continue
             lost = sorted(set(_NUMBER.findall(text)) - set(_NUMBER.findall(one.text)))
             if lost:
                 return f"entry {position} loses the amount {lost[0]} of number {number}"
@@ -230,13 +246,3 @@ def state_digest(members: Iterable[int], templates: Iterable[int], said_after: I
 
 def _words(text: str) -> set[str]:
     return set(re.findall(r"\w+", text.casefold()))
-
-
-def _places(proposal: Condensed) -> Iterable[tuple[str, tuple[int, ...]]]:
-    for position, one in enumerate(proposal.entries, start=1):
-        if len(set(one.of)) != len(one.of):
-            yield f"entry {position}", tuple(dict.fromkeys(one.of))
-        else:
-            yield f"entry {position}", one.of
-    for gone in proposal.dropped:
-        yield '"dropped"', (gone.number,)

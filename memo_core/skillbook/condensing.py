@@ -169,19 +169,26 @@ def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
 
 
 def _replace(connection: sa.Connection, cluster: Cluster, proposal: Condensed, revision: int, key: int) -> list[int]:
-    added = []
+    added: list[int] = []
+    into: dict[int, int] = {}  # number of a member -> the entry that it is part of
     for ordinal, one in enumerate(proposal.entries):
         if is_kept(cluster, one):
             continue
         made_of = [cluster.members[number - 1] for number in one.of]
         entry = _merged_entry(connection, made_of, one, revision, key, ordinal)
         added.append(entry)
-        for member in made_of:
-            supersede(connection, revision, member.id, f"merged into {entry}", entry)
-    for gone in proposal.dropped:
-        template = cluster.templates[gone.template - 1]
-        why = gone.why.strip() or f"contradicts template {template.entry.id}"
-        supersede(connection, revision, cluster.members[gone.number - 1].id, why, template.entry.id)
+        for number in one.of:
+            into[number] = entry
+    gone = {one.number: one for one in proposal.dropped}
+    for number in sorted(into.keys() | gone.keys()):
+        why, because = [], into.get(number)
+        if number in gone:
+            template = cluster.templates[gone[number].template - 1].entry.id
+            why.append(gone[number].why.strip() or f"contradicts template {template}")
+            because = because or template
+        if number in into:
+            why.append(f"{'the rest ' if why else ''}merged into {into[number]}")
+        supersede(connection, revision, cluster.members[number - 1].id, "; ".join(why), because)
     return added
 
 

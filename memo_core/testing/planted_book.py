@@ -226,8 +226,8 @@ GENERAL: tuple[Fact, ...] = (
 )
 ACTIONS = ("open", "close", "pull", "lift", "push", "turn on", "insert", "wipe")
 _THINGS = """
-oven fridge cupboard chest locker hatch crate wardrobe washer dishwasher freezer trunk bin tin casket closet safe mailbox
-toolbox breadbox pantry aquarium hamper kiln
+oven fridge cupboard chest locker hatch crate wardrobe washer dishwasher freezer trunk bin tin casket closet safe
+mailbox toolbox breadbox pantry aquarium hamper kiln
 """
 THINGS = tuple(_THINGS.split())
 

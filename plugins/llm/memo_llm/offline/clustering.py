@@ -25,7 +25,8 @@ _CONDITION = re.compile(r"\b(?:if|when|whenever|while|unless|once|until|before|a
 _UNIVERSAL = re.compile(r"\b(?:always|never|everything|anything|any|every|all|everywhere)\b")
 _WHERE_WORDS = """
 near nearest far farthest left right top bottom upper lower front back behind inside outside under over above below
-beside between edge end corner side middle centre center hinge handle bar up down off before after until first last only again
+beside between edge end corner side middle centre center hinge handle bar up down off before
+after until first last only again
 """
 _WHERE = frozenset(_WHERE_WORDS.split())
 _LIGHT_WORDS = """
@@ -84,10 +85,10 @@ def condense(prompt: Prompt, vocabulary: Vocabulary) -> CondensedAnswer:
         against = None if note.fixed else _contradicted(note, key, templates, vocabulary)
         if against is None:
             kept.append(note)
-        elif against.left:
+            continue
+        if against.left:
             kept.append(_note(note.number, against.left, False, vocabulary))
-        else:
-            dropped.append({"number": note.number, "template": against.template, "reason": against.why})
+        dropped.append({"number": note.number, "template": against.template, "reason": against.why})
     groups = sorted(_groups(kept), key=lambda group: min(note.number for note in group))
     entries = [{"text": group[0].text, "from": sorted(note.number for note in group)} for group in groups]
     answer = {"entries": entries, "dropped": dropped}
