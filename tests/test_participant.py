@@ -208,3 +208,48 @@ def test_a_script_is_followed_line_by_line_and_silent_otherwise():
     assert teacher.judge(first).words == "pull in an arc"
     assert teacher.judge(attrs.evolve(first, attempt=2)).kind == "approve"
     assert teacher.judge(attrs.evolve(first, subtask="CLOSE(chest)")).kind == "silent"
+
+
+REACH = "line 9: MotionError: move_to: [0.4, 0.1, 0.2] is out of the arm's reach with the hand pointing forward"
+HINT = "; it is reachable with the hand turned by 30 degrees, pointing "
+
+
+@pytest.mark.parametrize(
+    ("spoken", "cause", "edit", "value"),
+    [
+        (f"{REACH}{HINT}forward and 30 degrees down", "refused-tilt", "tilt", "down"),
+        (f"{REACH}{HINT}20 degrees to the left of forward and 40 degrees up", "refused-tilt", "tilt", "up"),
+        (f"{REACH}{HINT}down", "refused-from", "approach", "top"),
+        (f"{REACH}{HINT}forward", "refused-from", "approach", "side"),
+        (f"{REACH}; the arm falls short by 4 cm", "refused", "approach", ""),
+        (
+            "MotionError: move_to: [0, 0, 0] cannot be reached, because the hand would hit the shelf",
+            "refused",
+            "approach",
+            "",
+        ),
+        ("line 3: NameError: grip is not defined", "nothing-moved", "", ""),
+    ],
+)
+def test_a_robot_that_says_why_it_did_not_move_is_told_what_would_help(spoken, cause, edit, value):
+    from memo_llm.offline.reading import read_sentence
+    from memo_llm.offline.vocabulary import Vocabulary
+
+    still = Pose((0.3, 0.0, 0.5))
+    seen = [scene_with_door(0.0, still, 0.08)] * 3
+    episode = attrs.evolve(
+        arc_pull(1.4),
+        before=seen[0],
+        after=seen[0],
+        sightings=tuple(Sighting(0.5 * i, scene) for i, scene in enumerate(seen)),
+        spoken_error=spoken,
+    )
+    found = impression(episode)
+    assert found.cause == cause and not found.fine
+    if not edit:
+        return
+    for phrase in yaml.safe_load(Path(participant_module.__file__).with_name("phrases.yaml").read_text())[cause]:
+        words = phrase.format(**found.blanks)
+        edits = read_sentence(words, Vocabulary.load(), ["chest"]).edits
+        assert [one.kind for one in edits] == [edit], words
+        assert value in edits[0].value, words

@@ -64,7 +64,30 @@ def impression(episode: Episode) -> Impression:
         found = _placed(episode, names)
     else:
         return Impression(False, "unclear", blanks, sure=False)
+    if found.cause in ("nothing-moved", "untouched-handle", "never-near"):
+        found = _refused(episode.spoken_error) or found
     return attrs.evolve(found, blanks=blanks | found.blanks)
+
+
+_REFUSED = re.compile(
+    r"out of the arm's reach|joints beyond their limits|cannot be reached|no free way|cannot get past"
+)
+_OFFERED = re.compile(r"reachable with the hand turned by \d+ degrees, (pointing .*?)(?:$|[;.\n])")
+_STEEPER = re.compile(r"and (\d+) degrees (down|up)")
+
+
+def _refused(spoken: str) -> Impression | None:
+    """What somebody answers a robot that says why it did not move: what it offers itself, or another way."""
+    if not _REFUSED.search(spoken):
+        return None
+    offered = _OFFERED.search(spoken)
+    if offered is None:
+        return Impression(False, "refused")
+    steeper = _STEEPER.search(offered.group(1))
+    if steeper is not None:
+        return Impression(False, "refused-tilt", {"amount": f"{steeper.group(1)} degrees", "side": steeper.group(2)})
+    way = {"pointing down": "the top", "pointing up": "below"}.get(offered.group(1).strip(), "the side")
+    return Impression(False, "refused-from", {"side": way})
 
 
 def _spoken(subtask: str) -> tuple[str, list[str]]:
