@@ -68,8 +68,12 @@ def containment(nodes: Sequence[Node]) -> list[Relation]:
     return found
 
 
-def support(nodes: Sequence[Node], table_height: float, held: Collection[str] = ()) -> list[Relation]:
-    """``on`` relations between objects, fixtures and the table. What is held is on nothing."""
+def support(
+    nodes: Sequence[Node], table_height: float, held: Collection[str] = (), inside: Iterable[Relation] = ()
+) -> list[Relation]:
+    """``on`` relations between objects, fixtures and the table. What is held is on nothing; what is in something, by
+    the ``inside`` relations, is on nothing but what is in there with it."""
+    holder = {relation.subject: relation.object for relation in inside}
     found = []
     for thing in [*_things(nodes), *_heaps(nodes)]:
         if thing.id in held:
@@ -77,23 +81,18 @@ def support(nodes: Sequence[Node], table_height: float, held: Collection[str] = 
         below = [
             n
             for n in nodes
-            if n.id != thing.id and n.part_of != thing.id and n.kind in ("object", "fixture") and lies_on(thing, n)
+            if n.id != thing.id
+            and n.part_of != thing.id
+            and n.kind in ("object", "fixture")
+            and (thing.id not in holder or holder.get(n.id) == holder[thing.id])
+            and lies_on(thing, n)
         ]
         if below:
             nearest = max(below, key=lambda n: n.bounds()[1][2])
             found.append(Relation(thing.id, "on", nearest.id))
-        elif abs(thing.bounds()[0][2] - table_height) <= TOUCHING_M:
+        elif thing.id not in holder and abs(thing.bounds()[0][2] - table_height) <= TOUCHING_M:
             found.append(Relation(thing.id, "on", TABLE))
     return found
-
-
-def apart_from_containers(supports: Sequence[Relation], inside: Sequence[Relation]) -> list[Relation]:
-    """Of the ``on`` relations those worth saying: what is in something is on nothing but what is in there with it."""
-    holders: dict[str, set[str | None]] = {}
-    for relation in inside:
-        holders.setdefault(relation.subject, set()).add(relation.object)
-    none: set[str | None] = set()
-    return [r for r in supports if r.subject not in holders or holders[r.subject] & holders.get(r.object or "", none)]
 
 
 def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = ()) -> list[Relation]:

@@ -197,7 +197,7 @@ def _check_graph(graph: SceneGraph) -> None:
     assert len(set(labels)) == len(labels), f"labels are unique: {sorted(labels)}"
     assert all(labels), "every node has a label"
     for node in graph.nodes:
-        assert node.kind in ("object", "fixture", "part", "space"), f"{node.id!r}: kind {node.kind!r}"
+        assert node.kind in ("object", "fixture", "part", "space", "heap"), f"{node.id!r}: kind {node.kind!r}"
         assert node.part_of is None or node.part_of in ids, f"{node.id!r} is part of {node.part_of!r}, which is absent"
         assert all(s > 0 for s in node.size), f"{node.id!r}: extents must be positive, got {node.size}"
         assert (node.kind == "space") == (node.opening is not None), f"{node.id!r}: an inside, and only that, opens"

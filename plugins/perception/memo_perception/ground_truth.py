@@ -212,8 +212,7 @@ class GroundTruth(Perception):
             yield Relation(held.id, "held")
         held_ids = {held.id} if held else set()
         inside = relations.containment(nodes)
-        supports = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids)
-        on = relations.apart_from_containers(supports, inside)
+        on = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids, inside)
         yield from inside
         yield from on
         related = [(r.subject, r.object) for r in [*inside, *on] if r.object]

@@ -46,7 +46,7 @@ class SeasonTheFood(Task):
         return (Mishaps(("salt shaker", "food"), upright=("salt shaker", "food")),)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        on, still = self._on_food(world), []
+        on = self._on_food(world)
         still = [name for name in on if np.linalg.norm(world.body_velocity(name)[0]) < STILL_M_S]
         left = len(contained(world, "salt shaker", *SHAKER[:2], self._grains()))
         measures = {"on_food": float(len(on)), "in_shaker": float(left)}
@@ -84,10 +84,13 @@ class SeasonTheFood(Task):
         return [f"salt/{number}" for number in range(COUNT)]
 
     def _on_food(self, world: WorldState) -> list[str]:
-        """Grains that lie on top of the food: above its upper face and no higher than their own size."""
+        """Grains that lie on top of the food itself: no higher than their own size, and not in the shaker."""
         frame = world.body_pose("food").inverse()
+        held_back = contained(world, "salt shaker", *SHAKER[:2], self._grains())
         found = []
         for name in self._grains():
+            if name in held_back:
+                continue
             x, y, z = frame.apply(np.asarray(world.body_pose(name).position))
             on_top = 0.0 < z - FOOD[2] / 2 < 2 * RADIUS
             if abs(x) < FOOD[0] / 2 and abs(y) < FOOD[1] / 2 and on_top:
