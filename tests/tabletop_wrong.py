@@ -89,6 +89,15 @@ class Rehearsal:
         execution = run_code(world, code, self._sandbox)
         return world.check(), execution.error
 
+    @property
+    def world(self) -> World:
+        """As the last behaviour left it."""
+        return self._world
+
+    def further(self, code: str) -> str:
+        """More code where the last behaviour ended; how it ended if not at its end."""
+        return run_code(self._world, code, self._sandbox).error
+
     def must_fail(self, make: Callable[[], Task], wrong: Wrong) -> None:
         files = solution(*wrong.using) if wrong.using else ""
         before = f"{files}\n{wrong.before}" if wrong.before else ""
