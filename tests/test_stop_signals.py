@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import Stopped
+from memo_core.experiment.nobody import Nobody
 from memo_core.experiment.stop import Supervisor
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.policy.stopping import StopSwitch, abandonable
@@ -276,3 +278,21 @@ def test_a_signal_that_another_thread_receives_is_heard_all_the_same():
         assert supervisor.run(work) < PROMISE_S
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def test_where_nobody_answers_a_second_press_ends_the_run():
+    stop = StopSwitch()
+    supervisor = Supervisor(stop, Nobody())
+
+    def work() -> str:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+            give_up = time.monotonic() + 5
+            while not stop.pressed and time.monotonic() < give_up:
+                time.sleep(0.001)
+            with contextlib.suppress(Stopped):
+                supervisor.ask(an_episode(), interrupted=True)
+            stop.release()
+        return "ending" if supervisor.ending else "endless"
+
+    assert supervisor.run(work) == "ending"

@@ -27,6 +27,7 @@ from memo_core.policy.stopping import StopSwitch
 T = TypeVar("T")
 SECOND_PRESS_S = 2.0
 LISTENING_S = 0.02
+NOBODY_S = 0.2  # an answer that comes sooner is a program's: whoever pressed stop was not asked
 
 
 class _PromptInterrupted(BaseException):
@@ -151,9 +152,11 @@ class Supervisor:
             return self.teacher.put_back(question.episode)
         if question.kind == "judge":
             return self.teacher.judge(question.episode)
-        self.prompt_ready.append(time.monotonic())
+        ready = time.monotonic()
+        self.prompt_ready.append(ready)
         verdict = self.teacher.interrupted(question.episode)
-        self._last_press = -1e9  # it was answered: the next press is a new stop, not a second one
+        if time.monotonic() - ready > NOBODY_S:
+            self._last_press = -1e9  # a person answered: the next press is a new stop, not a second one
         return verdict
 
     @contextmanager
