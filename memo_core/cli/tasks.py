@@ -118,7 +118,7 @@ def pictures(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
     folder: Annotated[Path, typer.Option("--folder", "-f", help="Where the pictures go.", metavar="DIR")] = Path("."),
     seed: Annotated[int, typer.Option("--seed", min=0, help="Which scene of each.")] = 0,
-    camera: Annotated[str, typer.Option("--camera", help="Whose view; a task without it: its first.")] = "overview",
+    camera: Annotated[str, typer.Option("--camera", help="Whose view; a task without it: its first.")] = "front",
     width: Annotated[int, typer.Option("--width", min=64, max=1920, help="Pixels; 4:3.")] = 480,
     suite: Suite = None,
     config: ConfigFile = None,
