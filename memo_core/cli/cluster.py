@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json
+from memo_core.cli.stopping import stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 
 if TYPE_CHECKING:
@@ -54,14 +54,13 @@ def command(
     _, experiment = load(config, overrides)
     from memo_core.experiment.assembly import book_of
     from memo_core.experiment.clustering import Spending, check_method, clustering_of
-    from memo_core.policy.stopping import StopSwitch
 
     check_method(experiment)
     with book_of(experiment, book, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
-    stop, spending = StopSwitch(), Spending()
+    spending = Spending()
     with (
-        _stopping(stop),
+        stopping() as stop,
         book_of(experiment, book, read_only=False) as opened,
         clustering_of(experiment, opened, spending.note, stop, keep) as clustering,
     ):
@@ -227,23 +226,6 @@ def _watch(
 def _said_of(spending: Spending) -> str:
     cost = "" if spending.cost is None else f", {spending.cost:.4f} USD"
     return f"{spending.calls} calls, {spending.prompt_tokens} + {spending.completion_tokens} tokens{cost}"
-
-
-@contextmanager
-def _stopping(stop: StopSwitch) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end it after what is being written; a second one at once."""
-
-    def press(*_: Any) -> None:
-        if stop.pressed:
-            raise KeyboardInterrupt
-        stop.press()
-
-    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

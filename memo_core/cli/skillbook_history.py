@@ -12,6 +12,7 @@ import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.stopping import stopping
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
@@ -151,24 +152,51 @@ def why(
 
 
 def retry(
-    feedback: Annotated[list[int] | None, typer.Argument(metavar="[ID]...", help="Feedback; none: all of it.")] = None,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Give words that were set aside another chance: they are pending again, and the next run begins with them."""
-    with _opened(book, config, overrides, read_only=True):
-        pass
-    with _opened(book, config, overrides, read_only=False) as opened:
-        reopened = opened.reopen(feedback or None)
+    """Ask the model once more about words that were set aside, or that nobody was asked about yet."""
+    from memo_core.experiment.assembly import book_of, prompts_of
+    from memo_core.experiment.clustering import calls_without_a_run
+    from memo_core.policy.memories import Memory
+    from memo_core.policy.noting import Noted, Noting, asking_without_a_run
+    from memo_core.policy.noting import retry as ask_again
+
+    _, experiment = load(config, overrides)
+    with book_of(experiment, book, read_only=True):
+        pass  # a mistyped path is an error, not a new empty book
+    memory = getattr(experiment.create("method"), "memory", None) or Memory()
+    results: list[Noted] = []
+
+    def done(noted: Noted) -> None:
+        results.append(noted)
+        if not json:
+            said = "; ".join(entry.text for entry in noted.entries) or noted.reason
+            print(f"feedback {noted.feedback}: {noted.outcome}: {said}")
+
+    def ignore(event: Any) -> None:
+        """What became of each is said when it is done."""
+
+    choice = experiment.choice("llm")
+    with (
+        stopping() as stop,
+        book_of(experiment, book, read_only=False) as opened,
+        calls_without_a_run(experiment, choice, ignore, stop, "retry") as calls,
+    ):
+        robot, reasks = experiment.create("robot"), experiment.section("run").reasks
+        ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)
+        ask_again(Noting(ask, opened, memory, ignore), opened, done)
     if json:
-        print_json({"pending": [{"id": one.id, "who": one.who, "words": one.words} for one in reopened]})
-        return
-    for one in reopened:
-        print(f"feedback {one.id}, {one.who} about {one.subtask}: {one.words!r}: pending, the next run begins with it")
-    if not reopened:
-        note("nothing is set aside")
+        print_json({"feedback": [_noted(one) for one in results]})
+    elif not results:
+        note("nothing is set aside or pending")
+
+
+def _noted(noted: Any) -> dict[str, Any]:
+    entries = [_entry(entry) for entry in noted.entries]
+    return {"feedback": noted.feedback, "outcome": noted.outcome, "reason": noted.reason or None, "entries": entries}
 
 
 def _opened(book: str | None, config: Path | None, overrides: list[str] | None, read_only: bool) -> Skillbook:

@@ -66,19 +66,21 @@ def check_method(experiment: Experiment) -> None:
 
 
 @contextmanager
-def clustering_of(
+def calls_without_a_run(
     experiment: Experiment,
-    book: Skillbook,
+    choice: Any,
     emit: Callable[[Event], None],
     stop: StopSwitch,
+    what: str,
     keep: Path | None = None,
-) -> Iterator[Clustering]:
-    """The clustering of an open book, its model opened and within the limits of the ``run`` section. ``keep``: a new
-    folder for questions and answers. Raises ``MemoError`` for what cannot be opened."""
-    settings: ClusteringSettings = experiment.section("clustering")
-    llm: LanguageModel = settings.llm.create() if settings.llm is not None else experiment.create("llm")
+) -> Iterator[ModelCalls]:
+    """Calls of a command that is no run: the chosen model, opened, within the limits of the ``run`` section; ``what``
+    names it in a study's ledger. ``keep``: a new folder for questions and answers. Raises ``MemoError`` for what cannot
+    be opened."""
+    llm: LanguageModel = choice.create()
     folder = RunFolder(keep) if keep is not None else None
-    budget = Budget.of(experiment.section("run"), "cluster")
+    run = experiment.section("run")
+    budget = Budget.of(run, what)
 
     def emitted(event: Event) -> None:
         if folder is not None:
@@ -89,15 +91,28 @@ def clustering_of(
     try:
         budget.open(llm)
         journal: CallJournal = folder or NoJournal()
-        run = experiment.section("run")
-        calls = ModelCalls(llm, stop, journal, emitted, budget, Retrying(run.retries, run.retry_wait_s))
-        yield Clustering(book, calls, llm.name, settings, prompts_of(experiment), emitted, experiment.seed)
+        yield ModelCalls(llm, stop, journal, emitted, budget, Retrying(run.retries, run.retry_wait_s))
     finally:
         budget.wait(LATE_CALLS_S)
         budget.close()
         llm.close()
         if folder is not None:
             folder.close()
+
+
+@contextmanager
+def clustering_of(
+    experiment: Experiment,
+    book: Skillbook,
+    emit: Callable[[Event], None],
+    stop: StopSwitch,
+    keep: Path | None = None,
+) -> Iterator[Clustering]:
+    """The clustering of an open book. Raises as ``calls_without_a_run``."""
+    settings: ClusteringSettings = experiment.section("clustering")
+    choice = settings.llm if settings.llm is not None else experiment.choice("llm")
+    with calls_without_a_run(experiment, choice, emit, stop, "cluster", keep) as calls:
+        yield Clustering(book, calls, calls.model, settings, prompts_of(experiment), emit, experiment.seed)
 
 
 @attrs.frozen(eq=False)

@@ -167,22 +167,6 @@ class Skillbook:
         """Set feedback aside that could not be processed; it is kept and shown with the reason."""
         self._set_status(feedback_id, "parked", reason)
 
-    def reopen(self, feedback_ids: Iterable[int] | None = None) -> list[Feedback]:
-        """Make feedback that was set aside pending again, all of it or some; the next run begins with it. An approval
-        that no template was made of is not: its code worked in a scene that is gone. Returns what was reopened.
-
-        Raises ``UnknownName`` for an id that is not of feedback that was set aside.
-        """
-        parked = (_F.status == "parked", _F.kind == "correction")
-        with self._database.write() as connection:
-            found = {one.id: one for one in rows.feedback_where(connection, *parked)}
-            wanted = sorted(found) if feedback_ids is None else sorted(set(feedback_ids))
-            for missing in (one for one in wanted if one not in found):
-                raise UnknownName("feedback that was set aside", str(missing), tuple(map(str, found)))
-            where = _F.id.in_(wanted)
-            connection.execute(sa.update(tables.feedback).where(where).values(status="pending", reason=""))
-            return rows.feedback_where(connection, where)
-
     # -- what was learnt -----------------------------------------------------------------------------------------------
     def add_lessons(
         self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
