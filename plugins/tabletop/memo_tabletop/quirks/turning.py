@@ -26,7 +26,7 @@ AMBER: Colour = (0.80, 0.45, 0.12, 1.0)
 
 
 def pressed_turner(thing: str, label: str, geoms: tuple[Geom, ...], at: Pose, up: float) -> Body:
-    """Something that goes down by ``DEPTH`` and up by ``up`` (joint ``THING/press``) and turns left (``THING/turn``)."""
+    """Goes down by ``DEPTH`` and up by ``up`` (joint ``THING/press``), and turns left (``THING/turn``)."""
     turner = Body(
         name=f"{thing}/turner",
         label=label,
@@ -131,7 +131,7 @@ class OpenTheMedicineBottle(PressToTurn):
 
     def code(self, push: float) -> str:
         name = f"{self.thing} cap"
-        return quirk_code("turn_top", calls=f'turn_top("{name}", math.radians(95), {push})\nlift_off(0.06)\n')
+        return quirk_code("turn_top", calls=f'turn_top("{name}", math.radians(95), {push})\nrise(0.06)\n')
 
 
 class TurnOnTheHeater(PressToTurn):

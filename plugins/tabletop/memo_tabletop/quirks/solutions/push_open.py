@@ -1,4 +1,4 @@
-def push_open(name):
+def push_open(name, depth=0.004, away=0.16):
     door, handle = name + " door", name + " handle"
     out, grip, centre = outwards(door), get_position(handle), get_position(door)
     # on the panel where the handle is, below the bar
@@ -7,11 +7,12 @@ def push_open(name):
     hand = side_orientation([-v for v in out], "horizontal")
     close_gripper()
     move_to(add(spot, out, 0.10), hand)
-    move_straight(add(spot, out, -0.004), hand)
+    move_straight(add(spot, out, -depth), hand)
     # out of the door's way, away from the hinge
     aside = add(grip, centre, -1)
     aside = add(aside, out, -dot(aside, out))
     aside = unit([aside[0], aside[1], 0.0])
-    follow_path([add(spot, out, 0.12), add(add(spot, out, 0.16), aside, 0.12)])
+    if away:
+        follow_path([add(spot, out, 0.75 * away), add(add(spot, out, away), aside, 0.75 * away)])
     wait(3.0)
     look()

@@ -51,7 +51,7 @@ def lift_and_pull(name, lift, distance):
     release_handle(end, out)
 
 
-def push_in(name):
+def push_in(name, depth=0.005, away=0.14):
     grip, out, _ = read_drawer(name)
     hand = side_orientation([-v for v in out], "horizontal")
     # on the front, above the bar
@@ -59,9 +59,10 @@ def push_in(name):
     spot = [front[0], front[1], get_bounds(name)[1][2] - 0.03]
     close_gripper()
     move_to(add(spot, out, 0.10), hand)
-    move_straight(add(spot, out, -0.005), hand)
+    move_straight(add(spot, out, -depth), hand)
     # out of the drawer's way, upwards
-    follow_path([add(spot, out, 0.10), add(add(spot, out, 0.14), [0, 0, 1], 0.12)])
+    if away:
+        follow_path([add(spot, out, 0.7 * away), add(add(spot, out, away), [0, 0, 1], 0.12)])
     wait(3.0)
     look()
 

@@ -9,8 +9,8 @@ def fold(yaw, period):
     return yaw
 
 
-def turn_top(name, angle, push):
-    # from above, fingers across the narrower side, half of the turn to either side of straight ahead
+def grasp_top(name, angle):
+    # from above, fingers across the narrower side; of a round thing so that half of the turn is to either side
     spot, size, axes = get_position(name), get_size(name), get_axes(name)
     long = axes[0] if size[0] >= size[1] else axes[1]
     yaw = fold(math.atan2(long[1], long[0]), math.pi)
@@ -23,13 +23,13 @@ def turn_top(name, angle, push):
     move_to([spot[0], spot[1], top + 0.08], hand)
     move_straight(grip, hand)
     close_gripper(60)
+
+
+def turn_top(name, angle, push):
+    grasp_top(name, angle)
     rotate_gripper(-angle, push)  # about the approach axis, which points down: left, seen from above
 
 
 def rise(height):
     here = get_gripper_position()
     move_straight([here[0], here[1], here[2] + height])
-
-
-def lift_off(height):
-    rise(height)
