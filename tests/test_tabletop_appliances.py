@@ -7,12 +7,18 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from memo_tabletop.appliances import BURNER
 from memo_tabletop.tasks.cooking import CookTheFood
 from memo_tabletop.tasks.faucet import TurnOnTheFaucet
 from memo_tabletop.tasks.heating import HeatTheFood, Started
 from memo_tabletop.tasks.toast import MakeToast
 from tabletop_wrong import Wrong, each, rehearsal_fixture
+
+from memo_core.interfaces.simulator import Contact
+from memo_core.scene.pose import Pose
+from memo_core.testing.perception import StillWorld
 
 LEVER = ("turn_lever",)
 TOAST = ("make_toast",)
@@ -195,3 +201,60 @@ def test_what_the_button_did_survives_a_checkpoint():
     other = Started(lambda world: True)
     other.recall(json.loads(json.dumps(monitor.memory())))
     assert other.done and not other.armed
+
+
+# -- subtasks, for reports: hand-made states --------------------------------------------------------------------------
+
+
+class Still(StillWorld):
+    """A scene put into a state by hand, in which a moved thing rests on what it is said to."""
+
+    def __init__(self, task, joints: dict[str, float], put: dict[str, tuple[str, tuple[float, float, float]]]) -> None:
+        super().__init__(task.scene(np.random.default_rng(0)))
+        self.joints.update(joints)
+        self.pairs = []
+        for thing, (holder, at) in put.items():
+            self.moved[thing] = self.body_pose(holder) * Pose(at)
+            self.pairs.append((thing, holder))
+
+    def contacts(self, body=None):
+        return tuple(Contact(a, b, (0, 0, 0), 1.0) for a, b in self.pairs if body is None or body in (a, b))
+
+
+FOOD_INSIDE = {"food": ("microwave", (0.10, 0.0, 0.035))}
+ON_BURNER = {"pan": ("stove", (*BURNER, 0.053))}
+IN_PAN = {"pan": ("stove", (*BURNER, 0.053)), "food": ("pan", (0.0, 0.0, 0.028))}
+
+
+@pytest.mark.parametrize(
+    ("make", "joints", "put", "subtask", "done"),
+    [
+        (TurnOnTheFaucet, {"faucet/lever": 0.5}, {}, "TURN_ON(faucet)", True),
+        (TurnOnTheFaucet, {"faucet/lever": 0.1}, {}, "TURN_ON(faucet)", False),
+        (HeatTheFood, {"microwave/hinge": 1.5}, {}, "OPEN(microwave)", True),
+        (HeatTheFood, {"microwave/hinge": 0.5}, {}, "OPEN(microwave)", False),
+        (HeatTheFood, {"microwave/hinge": 0.01}, {}, "CLOSE(microwave)", True),
+        (HeatTheFood, {"microwave/hinge": 1.5}, FOOD_INSIDE, "PLACE(food, microwave)", True),
+        (HeatTheFood, {"microwave/hinge": 1.5}, {}, "PLACE(food, microwave)", False),
+        (CookTheFood, {}, ON_BURNER, "PLACE(pan, burner)", True),
+        (CookTheFood, {}, {"pan": ("stove", (0.15, 0.0, 0.053))}, "PLACE(pan, burner)", False),
+        (CookTheFood, {}, IN_PAN, "PLACE(food, pan)", True),
+        (CookTheFood, {}, ON_BURNER, "PLACE(food, pan)", False),
+        (CookTheFood, {"stove/knob": 0.4}, {}, "TURN_ON(stove)", True),
+        (CookTheFood, {"stove/knob": 0.2}, {}, "TURN_ON(stove)", False),
+        (MakeToast, {}, {"bread": ("toaster", (0.075, 0.0, 0.105))}, "PUT_IN(bread, toaster)", True),
+        (MakeToast, {}, {"bread": ("toaster", (0.075, 0.0, 0.18))}, "PUT_IN(bread, toaster)", False),
+        (MakeToast, {"toaster/lever": 0.039}, {}, "PRESS(toaster lever)", True),
+        (MakeToast, {"toaster/lever": 0.030}, {}, "PRESS(toaster lever)", False),
+    ],
+)
+def test_subtasks_are_judged_by_what_they_are_for(make, joints, put, subtask, done):
+    task = make()
+    outcome = task.check_subtask(subtask, Still(task, joints, put))
+    assert outcome is not None and outcome.success is done, outcome
+
+
+@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
+def test_subtasks_that_a_task_cannot_judge_are_left_open(make):
+    task = make()
+    assert task.check_subtask("SING(song)", Still(task, {}, {})) is None
