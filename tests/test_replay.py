@@ -17,7 +17,7 @@ from memo_llm.replay.settings import ReplaySettings
 
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import InvalidArgument
-from memo_core.experiment.recording import recorded, replayed
+from memo_core.experiment.recording import recorded, replayed, shipped
 from memo_core.experiment.run import run_experiment
 from memo_core.experiment.sections import SECTIONS
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request
@@ -293,3 +293,60 @@ def test_a_recorded_run_replays_with_the_same_events_and_no_model(registry, tmp_
     assert str(tmp_path) not in kept and str(Path.home()) not in kept
     calls: list[Call] = read_recording(tmp_path / "run.jsonl")
     assert len(calls) == first.calls
+
+
+# -- the demo's own recording ------------------------------------------------------------------------------------------
+
+
+def with_recording(experiment, recording: str):
+    """The experiment, its suite's demo coming with that recording, made on seed 4."""
+    suite = experiment.choices["suite"]
+    demo = attrs.evolve(suite.backend.demo, recording=recording, seed=4)
+    chosen = attrs.evolve(suite, backend=attrs.evolve(suite.backend, demo=demo))
+    return attrs.evolve(experiment, choices={**experiment.choices, "suite": chosen})
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch) -> str:
+    """A package with a recording in it: a stand-in, made without any real model."""
+    folder = tmp_path / "standin_suite" / "recordings"
+    folder.mkdir(parents=True)
+    (folder.parent / "__init__.py").write_text("")
+    record(tmp_path / "r.jsonl", {"plan": ["DONE"]}, [question("what next?", "plan")])
+    (folder / "demo.jsonl.gz").write_bytes(gzip.compress((tmp_path / "r.jsonl").read_bytes()))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "standin_suite/recordings/demo.jsonl.gz"
+
+
+def test_the_demo_plays_the_recording_that_ships_with_its_suite_on_its_seed(registry, package, monkeypatch, tmp_path):
+    import memo_core.cli.demo as command
+    import memo_core.experiment.demo as story
+
+    taken = []
+
+    def cut_short(experiment, *_, **__):
+        taken.append(experiment)
+        raise KeyboardInterrupt
+
+    experiment = load_experiment(registry, None, [], SECTIONS)
+    monkeypatch.setattr(command, "load", lambda *_, **__: (registry, with_recording(experiment, package)))
+    monkeypatch.setattr(story, "run_demo", cut_short)
+    with pytest.raises(KeyboardInterrupt):
+        command.command(out=tmp_path, replay=True)
+    [used] = taken
+    assert used.seed == 4 and used.public()["llm.match"] == "numbers"
+    model = used.create("llm")
+    model.open()
+    assert model.answer(question("what next?", "plan")).text == "DONE"
+    with pytest.raises(InvalidArgument, match="was made on seed 4"):
+        command.command(out=tmp_path, replay=True, seed=5)
+    with pytest.raises(InvalidArgument, match="one of them"):
+        command.command(out=tmp_path, replay=True, record=tmp_path / "x.jsonl")
+
+
+def test_a_suite_without_its_recording_says_so(registry, package):
+    experiment = load_experiment(registry, None, [], SECTIONS)
+    with pytest.raises(InvalidArgument, match="ships no recording"):
+        shipped(with_recording(experiment, ""))
+    with pytest.raises(InvalidArgument, match=r"standin_suite lacks its recording other\.gz"):
+        shipped(with_recording(experiment, "standin_suite/other.gz"))
