@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -71,6 +72,13 @@ def test_the_example_is_what_the_command_writes_in_fewer_than_sixty_lines(tmp_pa
         assert (EXAMPLE / file.name).read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
     [module] = EXAMPLE.glob("*.py")
     assert len(module.read_text(encoding="utf-8").splitlines()) < 60
+
+
+def test_the_page_shows_the_example_as_it_is():
+    page = (EXAMPLE.parents[1] / "docs" / "own-task.md").read_text(encoding="utf-8")
+    [shown] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    [module] = EXAMPLE.glob("*.py")
+    assert shown == module.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["SortTheButtons", "sort_the_buttons", "sort--buttons", "4-buttons", "ä"])
