@@ -62,6 +62,23 @@ class Meddler(Quiet):
         return self.words
 
 
+class Moody(Quiet):
+    """Says another thing every time, and keeps nothing of where it was."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.judged = 0
+
+    def judge(self, episode):
+        self.judged += 1
+        return Verdict("correct", f"{self.judged} cm higher")
+
+
+class Evasive(Quiet):
+    def put_back(self, episode):
+        return None
+
+
 class OnceOnly(Quiet):
     def close(self) -> None:
         if not self.open_now:
@@ -75,6 +92,8 @@ WRONG_TEACHERS = {
     "answers_an_interruption": Deaf,
     "a_correction_has_words": Wordless,
     "leaves_the_episode_alone": Meddler,
+    "goes_on_from_its_state": Moody,
+    "says_whether_things_were_put_back": Evasive,
     "closes_twice_and_opens_again": OnceOnly,
 }
 

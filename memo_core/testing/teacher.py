@@ -109,6 +109,31 @@ def leaves_the_episode_alone(make: Make) -> None:
 
 
 @rule
+def goes_on_from_its_state(make: Make) -> None:
+    """Another teacher that takes ``state`` back judges what follows as this one does: a run may be resumed."""
+    with _opened(make) as teacher:
+        for episode in episodes():
+            teacher.judge(episode)
+        state = teacher.state()
+        assert isinstance(state, str), f"state returned {type(state).__name__}"
+        expected = [teacher.judge(episode) for episode in episodes() * 5]
+    with _opened(make) as other:
+        if state:
+            other.restore(state)
+        told = [other.judge(episode) for episode in episodes() * 5]
+    assert told == expected, "with the state of another it judged otherwise"
+
+
+@rule
+def says_whether_things_were_put_back(make: Make) -> None:
+    """``put_back``, asked where the robot cannot undo what it did, says yes or no; where nobody is there, no."""
+    with _opened(make) as teacher:
+        for episode in episodes():
+            done = teacher.put_back(episode)
+            assert isinstance(done, bool), f"put_back returned {type(done).__name__}"
+
+
+@rule
 def closes_twice_and_opens_again(make: Make) -> None:
     """``close`` is idempotent, and a closed teacher can be opened again."""
     with _opened(make) as teacher:
