@@ -1,6 +1,6 @@
-"""The quirks by physics: who knows the trick succeeds, and whoever does not know it, or half knows it, fails.
+"""The quirks by physics: who knows the trick succeeds; whoever does not know it, or half knows it, fails.
 
-All twenty seeds: ``memo tasks verify --set suite.backend=quirks``; what anybody would try first, on more seeds than one:
+All twenty seeds: ``memo tasks verify --set suite.backend=quirks``. What anybody would try first, on more than one seed:
 ``QUIRK_SEEDS=0-19 pytest tests/test_quirks_tasks.py -k first``.
 """
 
