@@ -21,30 +21,36 @@ from memo_core.interfaces.llm import Usage
 from memo_core.plugins import Registry
 from memo_core.policy.ledger import Ledger, Spent
 
-# Whatever wants to leave the machine, or looks up where to, is an error here.
-OPEN_OFFLINE = """
-import socket, sys
+# Whatever wants to leave the machine, looks up where to, or reads an .env file, is noted here.
+WATCHED = """
+import socket, dotenv
 asked = []
 def refuse(*given, **_):
     asked.append(given[:2])
     raise OSError("no network")
 socket.getaddrinfo = socket.create_connection = refuse
 socket.socket.connect = socket.socket.connect_ex = refuse
+dotenv.load_dotenv = lambda *given, **_: asked.append(".env")
+{open}
+assert not asked, asked
+import litellm
+assert not litellm.telemetry and not litellm.callbacks and not litellm.success_callback, "it reports to somebody"
+"""
+OPENINGS = {
+    "llm": """
 from memo_llm.litellm.model import LiteLLMModel
 from memo_llm.settings import LiteLLMSettings
-from memo_embedder.litellm_embedder import _quiet_litellm
-_quiet_litellm()
 for name in ("gemini/gemini-3-flash-preview", "openai/gpt-4o", "anthropic/claude-sonnet-4-5", "ollama_chat/llama3"):
     model = LiteLLMModel(LiteLLMSettings(model=name))
     model.open()
     model.unpriced()
     model.close()
-assert not asked, asked
-import litellm
-assert not litellm.telemetry and not litellm.callbacks and not litellm.success_callback, "it reports to somebody"
-import os
-assert "FROM_A_FILE" not in os.environ, "it read an .env file"
-"""
+""",
+    "embedder": """
+from memo_embedder.litellm_embedder import _quiet_litellm
+_quiet_litellm()
+""",
+}
 
 
 def memo(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -54,18 +60,13 @@ def memo(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
     )
 
 
-def test_opening_touches_no_network_and_reads_no_file_and_prints_nothing(tmp_path: Path):
-    (tmp_path / ".env").write_text("FROM_A_FILE=1\n")
+@pytest.mark.parametrize("kind", OPENINGS)
+def test_opening_touches_no_network_and_reads_no_file_and_prints_nothing(kind, tmp_path: Path):
     keys = {name: "k" * 20 for name in ("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY")}
     environment = {name: value for name, value in os.environ.items() if not name.startswith("LITELLM")} | keys
+    command = [sys.executable, "-W", "ignore", "-c", WATCHED.replace("{open}", OPENINGS[kind])]
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", OPEN_OFFLINE],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env=environment,
-        check=False,
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, env=environment, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout == done.stderr == ""

@@ -245,6 +245,21 @@ def test_several_processes_spend_no_more_than_one_call_each_too_much(tmp_path: P
     assert spent.cost == pytest.approx(0.01 * sum(made)) and spent.unfinished == 0
 
 
+def test_nobody_gets_in_between_a_look_at_the_ledger_and_the_line(tmp_path: Path):
+    path = tmp_path / "study.ledger"
+    seen: list[Spent] = []
+    other = threading.Thread(target=lambda: Ledger(path).begin("other", "plan", "m", 5, seen.append))
+
+    def look(spent: Spent) -> None:
+        other.start()
+        other.join(0.3)
+        assert other.is_alive(), "it did not wait"
+
+    Ledger(path).begin("one", "plan", "m", 7, look)
+    other.join(10.0)
+    assert [spent.prompt_tokens for spent in seen] == [7]
+
+
 def test_a_call_whose_run_was_killed_stays_in_the_ledger(tmp_path: Path):
     path = tmp_path / "study.ledger"
     code = SPEND.replace("budget.end(number, Usage(9, 1, 0.01))", "import os; os.kill(os.getpid(), 9)")
