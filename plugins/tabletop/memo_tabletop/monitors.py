@@ -12,8 +12,10 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
+import attrs
+
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor
+from memo_core.interfaces.task import Monitor, Outcome
 from memo_tabletop import judging
 
 SAMPLE_S = 0.02
@@ -123,6 +125,13 @@ class Standing(Sampled):
     def seconds(self, world: WorldState) -> float:
         since = self.seen["since"]
         return 0.0 if since is None else world.time - since
+
+
+def explained(outcome: Outcome, monitors: dict[str, Any], world: WorldState) -> Outcome:
+    """A failure with what befell the things, if ``Mishaps`` watched them."""
+    mishaps = monitors.get("mishaps")
+    story = mishaps.story(world) if isinstance(mishaps, Mishaps) and not outcome.success else ""
+    return attrs.evolve(outcome, reason=f"{outcome.reason}; {story}") if story else outcome
 
 
 class Mishaps(Sampled):

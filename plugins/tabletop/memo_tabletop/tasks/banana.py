@@ -47,6 +47,7 @@ class PutTheBananaOnThePlate(Task):
                 (away <= WELL_ON * PLATE_RADIUS, f"the banana's middle is {100 * away:.0f} cm from the plate's"),
                 (not judging.on_table(world, "banana"), "the banana leans on the table"),
                 (judging.upright(world, "plate"), "the plate does not lie flat"),
+                (judging.on_table(world, "plate"), "the plate does not lie on the table"),
                 *judging.let_go(world, "banana"),
             ],
             {"from_middle_m": away},

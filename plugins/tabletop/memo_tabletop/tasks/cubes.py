@@ -11,6 +11,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
+from memo_tabletop.monitors import Mishaps, explained
 from memo_tabletop.reference import solution
 from memo_tabletop.things import BLUE, GREEN, RED, block, cameras
 
@@ -87,9 +88,13 @@ class StackTheCubes(Task):
         return SceneDescription(cubes, cameras((0.5, 0.0, 0.1)))
 
     def monitors(self) -> tuple[Monitor, ...]:
-        return (TowerStands(),)
+        names = [name for name, _ in CUBES]
+        return TowerStands(), Mishaps(names)
 
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
+        return explained(self._verdict(world, monitors), monitors, world)
+
+    def _verdict(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         tower = monitors["tower"]
         assert isinstance(tower, TowerStands)
         stood = 0.0 if tower.since is None else world.time - tower.since

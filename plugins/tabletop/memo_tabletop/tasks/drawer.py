@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.furniture import Handle, chest
+from memo_tabletop.monitors import Mishaps, explained
 from memo_tabletop.reference import solution
 from memo_tabletop.things import RED, block, cameras
 
@@ -43,7 +44,13 @@ class PutTheCubeAway(Task):
         yaw = rng.uniform(-math.radians(5), math.radians(5))
         return chest("chest", (x, y, 0.0), yaw, SIZE, PLINTH, self.handle, opens_to=0.18)
 
+    def monitors(self) -> tuple[Monitor, ...]:
+        return (Mishaps(("cube",)),)
+
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        return explained(self._verdict(world), monitors, world)
+
+    def _verdict(self, world: WorldState) -> Outcome:
         out = world.joint_position("chest/slide")
         measures = {"drawer_m": out}
         if not self._inside(world):

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.furniture import WALL, DoorHinge
+from memo_tabletop.monitors import Mishaps, explained
 from memo_tabletop.reference import solution
 from memo_tabletop.things import cameras, food
 
@@ -37,7 +38,13 @@ class FoodInCabinet(Task):
         front = furniture[0].pose.position
         return SceneDescription((*furniture, loaf), cameras((front[0], front[1], 0.25)))
 
+    def monitors(self) -> tuple[Monitor, ...]:
+        return (Mishaps(("food",)),)
+
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        return explained(self._verdict(world), monitors, world)
+
+    def _verdict(self, world: WorldState) -> Outcome:
         described = self._described()
         cavity = described.cavities[0]
         passage = self._passage(world.joint_position(f"{self.cabinet_name}/hinge"), described)

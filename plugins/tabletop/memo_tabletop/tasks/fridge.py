@@ -9,11 +9,12 @@ import attrs
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.hollow import shelf
 from memo_tabletop import judging
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
+from memo_tabletop.monitors import Mishaps, explained
 from memo_tabletop.reference import solution
 from memo_tabletop.things import BLUE, block, cameras
 
@@ -51,7 +52,13 @@ class OpenTheFridge(Task):
         milk = block("milk", "milk", tuple(place), yaw, (0.05, 0.05, 0.11), 0.25, BLUE)
         return SceneDescription((fridge, milk), cameras((x, y, 0.25)))
 
+    def monitors(self) -> tuple[Monitor, ...]:
+        return (Mishaps(("milk",), upright=("milk",)),)
+
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+        return explained(self._verdict(world), monitors, world)
+
+    def _verdict(self, world: WorldState) -> Outcome:
         angle = world.joint_position("fridge/hinge")
         width = judging.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
         measures = {"door_rad": angle, "passage_m": width}

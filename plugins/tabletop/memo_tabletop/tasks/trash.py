@@ -65,6 +65,7 @@ class PutTheTrashAway(Task):
             [
                 (not left, f"not in the bin, below its rim: {', '.join(left)}"),
                 (not thrown, f"no trash, but in the bin: {', '.join(thrown)}"),
+                *((judging.on_table(world, name), f"the {name} is not on the table any more") for name in KEPT),
                 *(condition for name in TRASH for condition in judging.let_go(world, name)),
             ],
             {"away": float(len(away)), "thrown": float(len(thrown))},
