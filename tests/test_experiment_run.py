@@ -166,7 +166,7 @@ class Impatient(Teacher):
 def test_sigterm_ends_a_run_cleanly_with_everything_saved(experiment, registry, tmp_path):
     events = []
     report = do(experiment, registry, tmp_path, teacher=Impatient(), listener=events.append)
-    assert report.ended_by_person and report.problem == "ended by a person"
+    assert report.ended_by_person and report.problem == "ended by a person" and report.resumable
     assert isinstance(events[-1], RunEnded)
     assert json.loads((report.folder / "summary.json").read_text())["ended_by_person"] is True
 

@@ -134,13 +134,15 @@ def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
     for death in deaths:
         assert memo(cut, arguments, death).returncode == -signal.SIGKILL, death
         [run] = (cut / "runs").iterdir()
-        assert not (run / "summary.json").exists()
+        assert not list(run.glob("summary*.json"))
         arguments = ["--resume", str(run.relative_to(cut))]
+    poor = memo(cut, [*arguments, "-s", "run.max_tokens=1"])
+    assert "run.max_tokens is 1" in poor.stderr and f"memo run --resume {arguments[1]}" in poor.stderr
     ended = memo(cut, arguments)
-    assert ended.returncode == 1, ended.stderr
+    assert ended.returncode == 1 and "--resume" not in ended.stderr, ended.stderr
     assert kept(cut) == kept(whole)
     summary = json.loads((run / "summary.json").read_text())
-    assert summary["parts"] == len(deaths) + 1 and not summary["resumable"]
+    assert summary["parts"] == len(deaths) + 2 and not summary["resumable"]
     calls = [json.loads(file.read_text())["answer"]["usage"] for file in (run / "calls").iterdir()]
     assert sum(usage["prompt_tokens"] for usage in calls) == summary["prompt_tokens"]
     story = read_story(run)

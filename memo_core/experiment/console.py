@@ -20,6 +20,7 @@ from memo_core.events import (
     Problem,
     Retrieved,
     RunEnded,
+    RunResumed,
     RunStarted,
     SkillCalled,
     SubtaskEnded,
@@ -80,8 +81,14 @@ class Narrator:
     def _on_RunStarted(self, event: RunStarted) -> None:
         self.say(f'task "{event.instruction}" ({event.task}, seed {event.seed})', "bold")
 
+    def _on_RunResumed(self, event: RunResumed) -> None:
+        where = f"{event.subtask}, attempt {event.attempt}" if event.subtask else "the plan"
+        kept = f"; {event.kept_calls} answers of models need not be asked for again" if event.kept_calls else ""
+        self.say(f"going on with {event.run} (part {event.part}) at {where}{kept}", "bold")
+
     def _on_SubtaskStarted(self, event: SubtaskStarted) -> None:
-        self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/] [dim]attempt {event.attempt}[/]")
+        take = f", take {event.take}" if event.take > 1 else ""
+        self.console.print(f"\n[bold cyan]{escape(event.subtask)}[/] [dim]attempt {event.attempt}{take}[/]")
 
     def _on_ModelCalled(self, event: ModelCalled) -> None:
         words = f"  {event.phase}: {event.model}, {event.latency_s:.2f} s"
