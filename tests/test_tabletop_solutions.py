@@ -1,14 +1,10 @@
-"""By physics: the reference solutions solve their tasks, doing nothing does not, and a door pulled straight slips away.
-
-All twenty seeds: ``memo tasks verify``.
-"""
+"""By physics: the reference solutions solve the variants that lesions use, and a door pulled straight slips away."""
 
 from __future__ import annotations
 
 import math
 
 import pytest
-from memo_tabletop.tasks.cubes import StackTheCubes
 from memo_tabletop.tasks.drawer import PutTheCubeAway
 from memo_tabletop.tasks.fridge import OpenTheFridge
 from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
@@ -29,21 +25,11 @@ close_gripper()
 move_straight([grip[0] - 0.20, grip[1], grip[2]], hand)
 open_gripper(0.06)
 """
-ALL = (StackTheCubes, PutTheFoodInTheMicrowave, OpenTheFridge, PutTheCubeAway, PutTheFoodInTheOven)
 
 
 @pytest.fixture(scope="module")
 def experiment():
     return load(None, [])[1]
-
-
-@pytest.mark.parametrize("seed", [0])
-@pytest.mark.parametrize("make", ALL, ids=lambda make: make.name)
-def test_the_reference_solves_it_and_doing_nothing_does_not(experiment, make, seed):
-    task = make()
-    [found] = verify_task(lambda s: world_of(experiment, task, s), lambda: sandbox_of(experiment), [seed])
-    assert found.reference.success, f"{found.error or found.reference.reason}"
-    assert not found.null.success
 
 
 @pytest.mark.parametrize(

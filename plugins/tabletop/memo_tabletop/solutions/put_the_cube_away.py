@@ -74,8 +74,3 @@ def push_shut():
     follow_path([[end, hand]], slack=0.2)
     move_straight(before, hand, slack=0.2)
     look()
-
-
-pull(0.16)
-put_in()
-push_shut()

@@ -26,9 +26,3 @@ def stack(upper, lower):
     open_gripper()
     move_straight([base[0], base[1], height + 0.12])
     look()
-
-
-stack("green cube", "red cube")
-stack("blue cube", "green cube")
-go_home()
-wait(2.5)

@@ -120,4 +120,5 @@ class StackTheCubes(Task):
 
     @property
     def reference_solution(self) -> str:
-        return solution("stack_the_cubes")
+        calls = 'stack("green cube", "red cube")\nstack("blue cube", "green cube")\ngo_home()\nwait(2.5)\n'
+        return solution("stack_the_cubes", calls=calls)

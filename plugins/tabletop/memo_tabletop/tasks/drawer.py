@@ -83,4 +83,4 @@ class PutTheCubeAway(Task):
 
     @property
     def reference_solution(self) -> str:
-        return solution("put_the_cube_away")
+        return solution("put_the_cube_away", calls="pull(0.16)\nput_in()\npush_shut()\n")
