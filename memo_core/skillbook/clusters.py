@@ -183,7 +183,7 @@ def _lossy(cluster: Cluster, proposal: Condensed) -> str:
     in_part = {gone.number for gone in proposal.dropped}
     for position, one in enumerate(proposal.entries, start=1):
         said = [cluster.members[number - 1].text for number in one.of]
-        if not _words(one.text) & set().union(*map(_words, said)):
+        if not is_kept(cluster, one) and not _words(one.text) & set().union(*map(_words, said)):
             return f"entry {position} has no word in common with what it derives from"
         for number, text in zip(one.of, said, strict=True):
             if number in in_part:
@@ -245,4 +245,4 @@ def state_digest(members: Iterable[int], templates: Iterable[int], said_after: I
 
 
 def _words(text: str) -> set[str]:
-    return set(re.findall(r"\w+", text.casefold()))
+    return set(re.findall(r"[^\W\d_]+", text.casefold()))

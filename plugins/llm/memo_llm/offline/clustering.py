@@ -113,7 +113,7 @@ def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabul
     general statement that claims to hold for them."""
     if key == "*":
         return _contradicted_everywhere(note, templates)
-    pieces = [_note(note.number, piece, False, vocabulary) for piece in _BREAK.split(note.text)[::2] if piece.strip()]
+    pieces = [_note(note.number, piece, False, vocabulary) for piece in _pieces(note.text)]
     for template in templates:
         if template.key != key:
             continue
@@ -124,6 +124,24 @@ def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabul
             left = [p for p in pieces if p not in against and (p.edits or len(p.rest) > 1)]
             return _Against(template.number, f"the template {template.conduct.said(matter)}", _joined(left, note.text))
     return None
+
+
+def _pieces(text: str) -> list[str]:
+    """What can be followed without the rest; a condition goes with what it is about."""
+    pieces: list[str] = []
+    waiting = ""
+    for piece in _BREAK.split(text)[::2]:
+        if not piece.strip():
+            continue
+        whole = f"{waiting}, {piece.strip()}" if waiting else piece.strip()
+        waiting = ""
+        if _CONDITION.match(piece.strip().lower()):
+            waiting = whole
+        else:
+            pieces.append(whole)
+    if waiting and pieces:
+        pieces[-1] = f"{pieces[-1]}, {waiting}"
+    return pieces or [waiting]
 
 
 def _contradicted_everywhere(note: _Note, templates: Sequence[_Template]) -> _Against | None:

@@ -1,0 +1,72 @@
+"""Books in memory and a clustering over them, for the tests of clustering."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from memo_core.events import Event
+from memo_core.interfaces.llm import LanguageModel, Request
+from memo_core.policy.budget import Budget
+from memo_core.policy.calling import ModelCalls, Retrying
+from memo_core.policy.clustering import Clustering, ClusteringSettings
+from memo_core.policy.stopping import StopSwitch
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.clusters import Cluster
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_llm import ScriptedModel
+from memo_core.testing.fake_store import FakeStore
+
+ARC = """def open_door(name, angle=80):
+    '''Takes hold of the handle and leads it along an arc about the hinge.'''
+    ...
+"""
+
+
+class Kept:
+    """A journal that keeps the requests."""
+
+    def __init__(self) -> None:
+        self.requests: list[Request] = []
+
+    def model_call(self, request, answer, problem, abandoned, usage=None) -> str:
+        self.requests.append(request)
+        return ""
+
+
+def new_book(url: str = "sqlite://", read_only: bool = False) -> Skillbook:
+    return Skillbook(url, FakeEmbedder(), FakeStore(), read_only=read_only).open()
+
+
+def teach(book: Skillbook, key: str, *texts: str, who: str = "ana") -> list[int]:
+    """One piece of feedback a text; the entries' ids."""
+    return [book.add_lessons(book.record_feedback(text, who, subtask=key), key, [text])[0].id for text in texts]
+
+
+def teach_general(book: Skillbook, *texts: str, who: str = "ana") -> list[int]:
+    return [book.add_lessons(book.record_feedback(text, who), "OPEN(thing)", [], [text])[0].id for text in texts]
+
+
+def approve(book: Skillbook, key: str, code: str = ARC, who: str = "ana") -> int:
+    return book.add_template(book.record_feedback("", who, subtask=key, kind="approval"), key, code).id
+
+
+def clustering(
+    book: Skillbook,
+    model: LanguageModel | Sequence[str | Callable[[Request], str] | BaseException],
+    settings: ClusteringSettings | None = None,
+    emit: Callable[[Event], None] = lambda event: None,
+    journal: Kept | None = None,
+    stop: StopSwitch | None = None,
+) -> Clustering:
+    llm = model if isinstance(model, LanguageModel) else ScriptedModel({"cluster": model})
+    calls = ModelCalls(llm, stop or StopSwitch(), journal or Kept(), emit, Budget(), Retrying(0))
+    return Clustering(book, calls, llm.name, settings, emit=emit)
+
+
+def only_cluster(book: Skillbook, unchanged: bool = False) -> Cluster:
+    [cluster] = book.clusters(unchanged)
+    return cluster
+
+
+def texts(book: Skillbook, key: str | None = None) -> list[str]:
+    return [entry.text for entry in book.entries(key=key) if entry.kind != "template"]
