@@ -304,3 +304,17 @@ def test_a_simulated_participant_goes_on_where_it_was():
     words = [first._say("unclear", {}) for _ in range(5)]
     second.restore(first.state())
     assert [first._say("unclear", {}) for _ in range(20)] == [second._say("unclear", {}) for _ in range(20)] and words
+
+
+def test_an_attempt_that_began_again_has_files_of_its_own(registry, cut):
+    run, chosen = cut
+    report = resume(registry, run, chosen)
+    story = read_story(report.folder)
+    takes = [(one.number, one.take) for act in story.acts for one in act.tries]
+    assert takes[0] == (1, 1) and takes[1] == (1, 2), "the take that was cut off, and the one after it"
+    [folder] = (run / "code").iterdir()
+    assert "attempt-1-take-2.py" in {file.name for file in folder.iterdir()}
+    (run / "video").mkdir()
+    (run / "video" / "01-OPEN.drawer-attempt-1-take-2.mp4").touch()
+    first, second, *_ = read_story(run).acts[0].tries
+    assert first.video is None and second.video is not None

@@ -9,14 +9,15 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.experiment.folder import file_name
+from memo_core.experiment.folder import attempt_name, file_name
 
 
 @attrs.define
 class Try:
-    """One attempt at a subtask."""
+    """One attempt at a subtask, or one take of an attempt that began again."""
 
     number: int
+    take: int = 1
     codes: list[str] = attrs.field(factory=list)
     endings: list[str] = attrs.field(factory=list)
     printed: str = ""
@@ -70,7 +71,7 @@ def read_story(folder: Path) -> Story:
         _note(story, event)
     for act in story.acts:
         for one in act.tries:
-            name = f"{act.number:02d}-{file_name(act.subtask)}-attempt-{one.number}"
+            name = f"{act.number:02d}-{file_name(act.subtask)}-{attempt_name(one.number, one.take)}"
             one.video = _if_there(folder / "video" / f"{name}.mp4")
             one.picture = _if_there(folder / "pictures" / f"{name}.png")
     return story
@@ -85,7 +86,7 @@ def _note(story: Story, event: dict[str, Any]) -> None:
     elif kind == "SubtaskStarted":
         if not story.acts or story.acts[-1].number != event["number"]:
             story.acts.append(Act(event["subtask"], event["number"]))
-        story.acts[-1].tries.append(Try(event["attempt"]))
+        story.acts[-1].tries.append(Try(event["attempt"], event.get("take", 1)))
     elif kind == "SubtaskEnded" and story.acts:
         story.acts[-1].status = event["status"]
     elif kind == "EntryStored" and (taught := _try_of(story, event["feedback"])) is not None:
