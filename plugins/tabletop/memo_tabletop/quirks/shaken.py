@@ -13,7 +13,7 @@ import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome
-from memo_core.scene.description import Body, Colour, Free, Geom, SceneDescription, Slide, Vector
+from memo_core.scene.description import Body, Cavity, Colour, Free, Geom, SceneDescription, Slide, Vector
 from memo_core.scene.hollow import cup
 from memo_core.scene.mechanisms import Below, Lock, Mechanism, Times
 from memo_core.scene.pose import Pose
@@ -76,8 +76,17 @@ def dispenser(
         Free(),
         mass=mass,
         label=name,
+        cavities=(_hidden(name, apothem, height),),
         bodies=(valve, inside),
     )
+
+
+def _hidden(name: str, apothem: float, height: float) -> Cavity:
+    """Nobody looks into it, be its valve open or shut."""
+    size = (2 * apothem, 2 * apothem, height - 0.014)
+    middle = Pose((0.0, 0.0, height / 2 + 0.001))
+    below = (0.0, 0.0, -1.0)
+    return Cavity(f"{name}/inside", f"{name} inside", middle, size, below, f"{name}/valve", closed_within=1.0)
 
 
 def _at_height(pose: Pose, z: float) -> Pose:
@@ -182,7 +191,10 @@ class PepperTheSoup(ShakeOver):
     def target_body(self, place: Vector) -> Body:
         bowl = cup(self.target_radius, self.target_height, 0.005, 12, (0.92, 0.92, 0.90, 1.0))
         soup = Geom("cylinder", (self.target_radius, 0.012), Pose((0.0, 0.0, 0.010)), (0.85, 0.55, 0.2, 1.0))
-        return Body(self.target, (*bowl, soup), Pose(place), label=self.target, fixture=True)
+        side, height = 1.41 * self.target_radius, self.target_height - 0.005
+        middle = Pose((0.0, 0.0, 0.005 + height / 2))
+        hollow = Cavity(f"{self.target}/inside", f"{self.target} inside", middle, (side, side, height), (0.0, 0.0, 1.0))
+        return Body(self.target, (*bowl, soup), Pose(place), label=self.target, fixture=True, cavities=(hollow,))
 
 
 class SugarTheCake(ShakeOver):
