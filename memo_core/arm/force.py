@@ -24,10 +24,12 @@ SEARCH_SPEED = 0.01  # m/s of a spiral search
 STRAY = 0.03  # m by which pressing may leave the path along its direction
 _SEEK_SPEED = 0.015  # m/s towards what is to be pressed on
 _TOUCHED = 0.6  # share of the force from which on something is touched
-_CORRECTION_SPEED = 0.03  # m/s, most that the force may shift the path by
-_BANDWIDTH = 6.0  # 1/s of the force loop
+_CORRECTION_SPEED = 0.008  # m/s, most that the force may shift the path by
+_BANDWIDTH = 10.0  # 1/s of the force loop
 _BEND = 0.004  # m
-_REGAIN_SPEED = 0.005  # m/s towards what was touched, where contact is lost
+# Taken at once, what is done against the bending is felt in full a tick later: where a contact sticks, that alternates.
+_BEND_SHARE = 0.2  # of its change a tick
+_REGAIN, _REGAIN_SPEED = 0.02, 0.01  # m/s2 up to m/s towards what was touched, where contact is lost
 _SLOPE_SPEED = 0.02  # m/s, most of it that is learnt
 _MEASURABLE = 0.0003  # m of travel from which on a contact's stiffness is measured
 _SOFTEST = 300.0  # N/m
@@ -166,7 +168,7 @@ class ForceMotion:
             row = before if falling else targets[number]
             number += not falling
             loop.step(felt, self._period)
-            loop.bend = self._bend(wrench, loop)
+            loop.bend += _BEND_SHARE * (self._bend(wrench, loop) - loop.bend)
             self._shifted(row, row - before, loop)
             before = row
             over = over + 1 if np.linalg.norm((wrench - loop.bias)[:3]) > self._limit else 0
@@ -239,6 +241,7 @@ class _Loop:
     stiffness: float  # N/m of arm and contact together
     offset: float = 0.0
     bend: float = 0.0  # m that the arm gives way along the direction by what it feels across it
+    lost: float = 0.0  # s without contact
     slope: float = 0.0  # m/s at which the surface recedes, as learnt
     surface: float = 0.0
     deepest: float = 0.0
@@ -251,8 +254,9 @@ class _Loop:
 
     def step(self, felt: float, period: float) -> None:
         missing = (self.force - felt) * _BANDWIDTH / self.stiffness
-        if felt < _LOST * self.force:
-            missing = max(missing, _REGAIN_SPEED)
+        self.lost = self.lost + period if felt < _LOST * self.force else 0.0
+        # Slowly at first: to come back to something hard at speed is a knock that throws the hand off again.
+        missing = max(missing, min(_REGAIN * self.lost, _REGAIN_SPEED)) if self.lost else missing
         # The integral follows a surface not parallel to the path, slowly enough not to overshoot.
         slope = float(np.clip(self.slope + missing * _BANDWIDTH / 8 * period, -_SLOPE_SPEED, _SLOPE_SPEED))
         if abs(missing) < _CORRECTION_SPEED:

@@ -45,6 +45,16 @@ def sim(
 
 
 @app.command()
+def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """How well the robot feels and presses (N), against the simulator's own contact forces: see docs/force.md."""
+    from memo_core.experiment.bench_force import bench_force
+
+    _, experiment = load(config, overrides)
+    simulator, robot = experiment.create("simulator"), experiment.create("robot")
+    _report(_measured("force", lambda progress: bench_force(simulator, robot, progress)), json)
+
+
+@app.command()
 def retrieval(
     entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 10_000,
     keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,

@@ -296,7 +296,7 @@ def get_contact_force(control: Control) -> list:
 
 @skill("motion")
 def move_until_contact(
-    control: Control, direction: Direction, distance: Distance, force: Force = 5.0, speed: ToolSpeed = 0.03
+    control: Control, direction: Direction, distance: Distance, force: Force = 5.0, speed: ToolSpeed = 0.02
 ) -> float:
     """Move straight along direction until a force (N) is felt against it, stop there; returns the metres moved. speed
     is in m/s; slow is gentle. Raises MotionError when nothing was felt within distance (m)."""
