@@ -19,6 +19,7 @@ from memo_core.cli.options import load
 from memo_core.cli.output import note
 from memo_core.errors import InvalidArgument
 
+_BEGINNING = '{"task": "'  # of every line of a TrialLog
 SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
 
 
@@ -79,7 +80,7 @@ class TrialLog:
                 result = json.loads(line)
                 key = result["task"], result["seed"], result["digest"]
             except (ValueError, KeyError, TypeError):
-                if not line.endswith("}"):
+                if _BEGINNING.startswith(line[: len(_BEGINNING)]) and not line.endswith("}"):
                     continue  # cut off when the process was killed
                 expected = "a file that verify wrote, or a new one"
                 raise InvalidArgument("--out", f"line {number} of {file} is no result", expected) from None
