@@ -70,8 +70,9 @@ def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None
         for entry in mine:
             restore(connection, revision, entry, why)
         valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
-        if len(valid) > 1:
-            succeed(connection, key, revision, max(entry.id for entry in valid))
+        if len(valid) > 1:  # a revision of its own: one changes an entry once
+            again = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
+            succeed(connection, key, again, max(entry.id for entry in valid))
 
 
 def _drop_orphans(connection: sa.Connection) -> None:

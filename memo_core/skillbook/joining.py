@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import attrs
 import numpy as np
@@ -21,7 +21,7 @@ from memo_core.skillbook.database import Database
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.wording import KeyVectors
 
-NEAR = 0.94  # least cosine of each role's names; calibrated, docs/clustering.md
+NEAR = 0.93  # least cosine of each role's names; calibrated, docs/clustering.md
 
 _PLACING = {"in": "in", "into": "in", "inside": "in", "on": "on", "onto": "on", "out": "out", "off": "off"}
 _PLACING |= {
@@ -62,18 +62,44 @@ class NearKeys:
 def near_keys(keys: Sequence[Key], key_vectors: KeyVectors, actions: Actions, least: float = NEAR) -> list[NearKeys]:
     """Which of ``keys`` (the most important first: it gives the name) mean one that stands before them."""
     found: list[NearKeys] = []
-    kept: dict[tuple[object, ...], list[Key]] = {}
-    vectors = dict(zip(keys, _role_vectors(keys, key_vectors), strict=True))
-    for key in keys:
-        alike = kept.setdefault((actions.canonical(key.action), placing(key.action), len(key.objects)), [])
-        near = [(cosine, other) for other in alike if (cosine := _least_cosine(vectors[key], vectors[other])) >= least]
-        near = [(cosine, other) for cosine, other in near if not contrasting(key, other)]
-        if near:
-            cosine, other = max(near, key=lambda pair: pair[0])
-            found.append(NearKeys(key, other, cosine))
+    kept: dict[tuple[object, ...], _Alike] = {}
+    for key, roles in zip(keys, _role_vectors(keys, key_vectors), strict=True):
+        where = (actions.canonical(key.action), placing(key.action), len(key.objects), len(roles))
+        alike = kept.setdefault(where, _Alike())
+        near = alike.nearest(key, roles, least)
+        if near is None:
+            alike.add(key, roles)
         else:
-            alike.append(key)
+            found.append(NearKeys(key, *near))
     return found
+
+
+class _Alike:
+    """Keys of one action and of the same roles that none before them means."""
+
+    def __init__(self) -> None:
+        self._keys: list[Key] = []
+        self._roles = np.zeros((0, 0, 0), dtype=np.float32)  # keys x roles x dimension; has room for more keys
+
+    def nearest(self, key: Key, roles: np.ndarray, least: float) -> tuple[Key, float] | None:
+        """The one that ``key`` means, with the least of the roles' cosines."""
+        if not self._keys:
+            return None
+        cosines = np.einsum("krd,rd->kr", self._roles[: len(self._keys)], roles).min(axis=1)
+        for i in np.argsort(-cosines, kind="stable"):
+            if cosines[i] < least:
+                return None
+            if not contrasting(key, self._keys[i]):
+                return self._keys[i], float(cosines[i])
+        return None
+
+    def add(self, key: Key, roles: np.ndarray) -> None:
+        if len(self._keys) == len(self._roles):
+            more = np.zeros((2 * len(self._keys) + 4, *roles.shape), dtype=np.float32)
+            more[: len(self._keys)] = self._roles[: len(self._keys)].reshape(-1, *roles.shape)
+            self._roles = more
+        self._roles[len(self._keys)] = roles
+        self._keys.append(key)
 
 
 def placing(action: str) -> frozenset[str]:
@@ -101,21 +127,17 @@ def _words(name: str) -> set[str]:
     return {_SAME.get(word, word) for word in re.findall(r"[^\W_]+", name)}
 
 
-def _role_vectors(keys: Sequence[Key], key_vectors: KeyVectors) -> Iterable[list[np.ndarray]]:
-    """Unit vectors of what is moved and, where there is one, of where to."""
+def _role_vectors(keys: Sequence[Key], key_vectors: KeyVectors) -> list[np.ndarray]:
+    """Of each key unit vectors of what is moved and, where there is one, of where to: shape (roles, dimension)."""
     if not keys:
         return []
     _, objects = key_vectors.get(keys)
-    halves = np.split(objects, 2, axis=1)
-    return [[_unit(half[i]) for half in halves if np.linalg.norm(half[i]) > 1e-6] for i in range(len(keys))]
-
-
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.linalg.norm(vector)
-
-
-def _least_cosine(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> float:
-    return min(float(a @ b) for a, b in zip(one, other, strict=True)) if len(one) == len(other) else -1.0
+    found = []
+    for vector in objects:
+        halves = vector.reshape(2, -1)
+        lengths = np.linalg.norm(halves, axis=1)
+        found.append(halves[lengths > 1e-6] / lengths[lengths > 1e-6, None])
+    return found
 
 
 def join(database: Database, connection: sa.Connection, spelling: Key, key: Key) -> None:
