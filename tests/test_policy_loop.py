@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from memo_core.errors import InvalidArgument
 from memo_core.events import CodeEnded, EntryStored, Event, FeedbackGiven, ModelCalled, Problem, Retrieved
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
@@ -16,8 +17,9 @@ from memo_core.policy.asking import Questions
 from memo_core.policy.loop import Loop
 from memo_core.policy.memories import METHODS
 from memo_core.policy.noting import Noted, Noting, retry
+from memo_core.policy.progress import Progress, Resumed, Said, Tried, progress_of, progress_record
 from memo_core.policy.readers import Unreadable
-from memo_core.policy.session import RunResult, Session
+from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
 from memo_core.sandbox import Limits, Sandbox
@@ -530,3 +532,65 @@ def test_a_retry_ends_when_no_model_can_be_asked_and_changes_nothing(sandbox, bo
     [noted] = retry(noting, book)
     assert noted.outcome == "pending" and "down" in noted.reason
     assert [said.status for said in book.pending_feedback(parked=True)] == ["parked", "parked"]
+
+
+def test_a_resumed_run_without_checkpoints_has_the_world_put_back_by_hand_first(sandbox, book):
+    resumed = Resumed(Progress(key="PICK_UP(red cube)", attempt=2, corrected=1))
+    script = TWICE | {"code": [GRASP], "plan": ["DONE"]}
+    tidied: list[Episode] = []
+
+    def tidy(episode: Episode) -> bool:
+        tidied.append(episode)
+        return True
+
+    bench = Bench(sandbox, book, script, [YES], stage=by_hand(), session={"resumed": resumed, "put_back": tidy})
+    [subtask] = bench.run().subtasks
+    assert (subtask.status, subtask.attempts) == ("approved", 2) and len(tidied) == 1
+    alone = Bench(sandbox, book, script, [YES], stage=by_hand(), session={"resumed": resumed})
+    with pytest.raises(InvalidArgument, match="cannot be put back to the start of PICK_UP"):
+        alone.run()
+
+
+def said(kind: str, **more) -> Said:
+    return Said(kind, "higher", 1234.5, "PICK_UP(red cube)", FakeStage().glance(), code=GRASP, worked=True, **more)
+
+
+@pytest.mark.parametrize("already", [False, True])
+def test_what_was_said_before_a_crash_is_in_the_book_once_and_not_asked_for_again(sandbox, book, already):
+    stage = FakeStage()
+    progress = Progress(key="PICK_UP(red cube)", said=said("correct"))
+    session = {"resumed": Resumed(progress, stage.checkpoint())}
+    if already:  # the process died after the book had it
+        book.record_feedback("higher", "ana", subtask="PICK_UP(red cube)", run="run-1", when=1234.5)
+    script = TWICE | {"code": [GRASP], "plan": ["DONE"]}
+    bench = Bench(sandbox, book, script, [YES], stage=stage, session=session)
+    [subtask] = bench.run().subtasks
+    assert (subtask.status, subtask.attempts) == ("approved", 2) and len(bench.episodes) == 1
+    assert [one.words for one in book.feedback_of_run("run-1") if one.kind == "correction"] == ["higher"]
+
+
+@pytest.mark.parametrize("already", [False, True])
+def test_what_was_approved_before_a_crash_makes_its_template_once(sandbox, book, already):
+    stage = FakeStage()
+    progress = Progress(key="PICK_UP(red cube)", said=said("approve"))
+    if already:
+        about = {"subtask": "PICK_UP(red cube)", "run": "run-1", "when": 1234.5}
+        feedback = book.record_feedback("", "ana", kind="approval", **about)
+        book.add_template(feedback, "PICK_UP(red cube)", TEMPLATE)
+    session = {"resumed": Resumed(progress, stage.checkpoint(), stage.checkpoint())}
+    bench = Bench(sandbox, book, {"plan": ["DONE"], "template": [TEMPLATE]}, [], stage=stage, session=session)
+    [subtask] = bench.run().subtasks
+    assert subtask.status == "approved" and not bench.episodes and len(book.entries("template")) == 1
+    assert len(bench.llm.prompts("template")) == (0 if already else 1)
+
+
+def test_progress_survives_the_disk_to_the_last_bit():
+    result = SubtaskResult("OPEN(jar)", "approved", 2, "code", "", 1, "printed", "")
+    tried = (Tried("a", "b", "c"),)
+    progress = Progress((result,), 0.1 + 0.2, "PICK_UP(red cube)", 3, 2, 1, 1, tried, said("correct", served=(3, 4)))
+    again = progress_of(json.loads(json.dumps(progress_record(progress))))
+    assert again.results == (result,) and again.robot_s == progress.robot_s and again.history == tried
+    assert progress_record(again) == progress_record(progress)
+    assert again.said.scene.nodes == progress.said.scene.nodes and again.said.served == (3, 4)
+    with pytest.raises(InvalidArgument, match="progress"):
+        progress_of({"results": []})

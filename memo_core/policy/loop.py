@@ -13,7 +13,7 @@ from functools import partial
 
 import attrs
 
-from memo_core.errors import Stopped
+from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import Problem, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Verdict
@@ -344,7 +344,7 @@ class Loop:
 
     def _go_on(self) -> _Subtask | None:
         """The subtask that a resumed run has at hand, in the world as it was at its start; None where one is to be
-        planned. Raises ``Stopped``, ``LanguageModelError``."""
+        planned. Raises ``Stopped``, ``LanguageModelError``; ``InvalidArgument`` where nobody puts the world back."""
         resumed = self._session.resumed
         if resumed is None:
             return None
@@ -355,8 +355,8 @@ class Loop:
         at = _Subtask(key, resumed.checkpoint, self._stage.glance(), Attempt(progress.attempt, self._scene))
         if self._exact and resumed.checkpoint:
             self._stage.restore(resumed.after or resumed.checkpoint)
-        elif progress.key and not self._put_back(at):
-            raise Stopped("nobody put the world back")
+        elif progress.key and not (said is not None and said.stays) and not self._put_back(at):
+            raise InvalidArgument("the world", _stuck(at), "somebody who puts things back when asked")
         self._scene = self._stage.control.scene()
         at.before = self._stage.glance()
         at.corrected, at.interrupted, at.history = progress.corrected, progress.interrupted, list(progress.history)
