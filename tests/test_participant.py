@@ -163,6 +163,15 @@ def test_every_cause_has_five_phrasings_and_every_blank_can_be_filled():
     assert set(phrases) <= named, "a cause nobody ever names"
 
 
+def test_who_knows_the_thing_says_what_they_know_once_the_hand_is_at_it():
+    teacher = SimulatedParticipant(ParticipantSettings(misjudges=0.0, knows="lift it first"))
+    teacher.open()
+    assert teacher.judge(straight_pull_that_slips()).words == "lift it first"
+    assert teacher.judge(arc_pull(math.radians(80))).kind == "approve"
+    far = attrs.evolve(arc_pull(0.0), sightings=())
+    assert teacher.judge(far).words not in ("", "lift it first")
+
+
 def test_the_stated_rate_of_misjudgement_is_kept():
     teacher = SimulatedParticipant(ParticipantSettings(misjudges=0.3, seed=1))
     teacher.open()

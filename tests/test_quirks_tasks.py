@@ -24,7 +24,12 @@ from memo_tabletop.quirks.thin import PutTheCanOnTheTray, PutTheCartonOnTheBoard
 from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
 from tabletop_wrong import Wrong, each, rehearsal_fixture
 
+from memo_core.cli.options import load
 from memo_core.cli.tasks import read_seeds
+from memo_core.experiment.assembly import sandbox_of, world_of
+from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
+from memo_core.experiment.world import run_code
+from memo_core.interfaces.teacher import Episode
 
 SEEDS = read_seeds(os.environ.get("QUIRK_SEEDS", "0"))
 SHUT = "is shut"
@@ -287,3 +292,21 @@ def test_what_anybody_would_try_first_fails(rehearsal, make, seed):
 @pytest.mark.parametrize(("make", "wrong"), each(WRONG))
 def test_half_of_the_trick_is_not_enough(rehearsal, make, wrong):
     rehearsal.must_fail(make, wrong)
+
+
+@pytest.mark.parametrize("make", [OpenTheCupboard, OpenTheWorkbench, OpenTheDresser], ids=lambda make: make.name)
+def test_a_simulated_participant_who_knows_the_trick_sees_that_it_was_not_used_and_says_it(make):
+    task, experiment = make(), load(None, [])[1]
+    teacher = SimulatedParticipant(ParticipantSettings(misjudges=0.0, knows=task.lesson))
+    teacher.open()
+    said = []
+    for code in (task.plain_attempt, task.reference_solution):
+        with world_of(experiment, task, 0) as world, sandbox_of(experiment) as sandbox:
+            before = world.glance()
+            world.start_watching()
+            run_code(world, code, sandbox)
+            seen = world.stop_watching()
+            episode = Episode(task.instruction, f"OPEN({task.thing})", 1, before, world.glance(), seen)
+            said.append(teacher.judge(episode))
+    assert (said[0].kind, said[0].words) == ("correct", task.lesson)
+    assert said[1].kind == "approve"

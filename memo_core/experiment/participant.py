@@ -12,6 +12,9 @@ import yaml
 from memo_core.experiment.eyewitness import impression
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 
+# Causes to be mended before a trick of the thing itself can matter.
+NOT_YET_AT_IT = ("never-near", "nothing-moved", "untouched-handle", "closed-beside")
+
 
 @attrs.frozen
 class ParticipantSettings:
@@ -24,6 +27,12 @@ class ParticipantSettings:
         validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
         metadata={
             "help": "share of subtasks judged wrongly: approved though it failed, or found fault with though fine"
+        },
+    )
+    knows: str = attrs.field(
+        default="",
+        metadata={
+            "help": "what this person knows about the thing, in one sentence: said when what the hand did at it failed"
         },
     )
     patience: int = attrs.field(default=6, metadata={"help": "corrections of one subtask before giving up (silent)"})
@@ -57,6 +66,8 @@ class SimulatedParticipant(Teacher):
             return Verdict("silent")
         if seen.fine != mistaken:
             return Verdict("approve")
+        if self.settings.knows and not mistaken and seen.cause not in NOT_YET_AT_IT:
+            return Verdict("correct", self.settings.knows)
         return Verdict("correct", self._say("unclear" if mistaken else seen.cause, seen.blanks))
 
     def _say(self, cause: str, blanks: dict[str, str]) -> str:
