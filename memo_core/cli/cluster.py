@@ -61,7 +61,7 @@ def command(
     spending = Spending()
     with (
         stopping() as stop,
-        book_of(experiment, book, read_only=False) as opened,
+        book_of(experiment, book, read_only=dry_run) as opened,
         clustering_of(experiment, opened, spending.note, stop, keep) as clustering,
     ):
         if watch:
