@@ -37,7 +37,8 @@ def insert_bread(aside=0.0):
     move_straight([slot[0], slot[1], over], hand, slack=0.0)
 
 
-def press_lever(down=0.043, let_go=True):
+def press_lever(down=None, let_go=True):
+    # down (m): how far, for mistakes; else until it does not give way any more, which is beyond where it latches
     lever, size = get_position("toaster lever"), get_size("toaster lever")
     slot = get_position("toaster slot")
     out = [lever[0] - slot[0], lever[1] - slot[1], 0.0]
@@ -46,8 +47,11 @@ def press_lever(down=0.043, let_go=True):
     top = lever[2] + size[2] / 2 + 0.010  # the fingertips reach 10 mm beyond the point between them
     hand = top_orientation(yaw_across("toaster slot"))
     close_gripper()
-    move_to([x, y, top + 0.06], hand, then=[[[x, y, top - down], hand]], slack=0.0)
-    move_straight([x, y, top - down], hand, slack=0.0, speed=0.2)
+    move_to([x, y, top + 0.03], hand, then=[[[x, y, top - 0.045], hand]], slack=0.0)
+    if down is None:
+        move_until_contact([0, 0, -1], 0.09, force=20)
+    else:
+        move_straight([x, y, top - down], hand, slack=0.0, speed=0.2)
     if let_go:
         move_straight([x, y, top + 0.06], hand, slack=0.0)
         look()
