@@ -39,9 +39,9 @@ class CleanUpTheTable(Task):
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
         yaw = math.radians(5)
-        (x1, y1), (x2, y2) = np.array([[0.36, 0.36], [0.34, -0.42]]) + rng.uniform(-0.02, 0.02, (2, 2))
+        (x1, y1), (x2, y2) = np.array([[0.36, 0.44], [0.34, -0.50]]) + rng.uniform(-0.02, 0.02, (2, 2))
         boxes = container("tub", x1, y1, rng.uniform(-yaw, yaw)), container("bin", x2, y2, rng.uniform(-yaw, yaw))
-        places = scatter(rng, 4, (0.38, -0.26), (0.62, 0.09), 0.15)
+        places = scatter(rng, 4, (0.41, -0.23), (0.62, 0.11), 0.15)
         things = [
             thing(name, (*place, 0.001), rng.uniform(-0.35, 0.35)) for name, place in zip(WHERE, places, strict=True)
         ]
