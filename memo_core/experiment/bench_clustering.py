@@ -1,6 +1,6 @@
 """What clustering does to a book with planted contradictions and repetitions (``memo bench clustering``).
 
-The book and its labels come from ``memo_core.testing.planted_book``, which uses nothing of what clustering uses.
+The book and its labels come from ``memo_core.experiment.planted_book``, which uses nothing of what clustering uses.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.experiment.assembly import book_of
 from memo_core.experiment.clustering import Spending, clustering_of
+from memo_core.experiment.planted_book import judge_book, plan_book, write_book
 from memo_core.policy.stopping import StopSwitch
-from memo_core.testing.planted_book import judge_book, plan_book, write_book
 
 
 @attrs.frozen
