@@ -58,6 +58,16 @@ class WorldState(ABC):
     def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
         """Contacts now, of one body (children included) or all."""
 
+    def pressing(self, body: str) -> float:
+        """Normal force (N) with which that robot link presses on a body (children included) that presses hardest, all
+        its contacts together; 0 when none touches it."""
+        links: dict[str, float] = {}
+        for contact in self.contacts(body):
+            for name in (contact.first, contact.second):
+                if name.startswith("robot/"):
+                    links[name] = links.get(name, 0.0) + contact.force
+        return max(links.values(), default=0.0)
+
     @abstractmethod
     def tool_pose(self) -> Pose:
         """True pose of the tool frame."""
@@ -137,7 +147,7 @@ class Simulator(WorldState):
     @abstractmethod
     def remove_tick_listener(self, listener: Callable[[], None]) -> None: ...
 
-    # -- what mechanisms ask for (memo_core.scene.mechanisms.Joints); nobody else does -----------------------------------
+    # -- what mechanisms ask for (memo_core.scene.mechanisms.Joints); nobody else does ---------------------------------
     @abstractmethod
     def limit_joint(self, joint: str, lower: float, upper: float) -> None:
         """Keep a scene joint within these limits (rad or m; equal ones hold it) until changed."""

@@ -130,19 +130,6 @@ Mechanism = Lock | Spring
 # -- what a simulator gives -------------------------------------------------------------------------------------------
 
 
-class Force(Protocol):
-    """A contact: two bodies (the robot's links as ``robot/LINK``) and the normal force (N) between them."""
-
-    @property
-    def first(self) -> str: ...
-
-    @property
-    def second(self) -> str: ...
-
-    @property
-    def force(self) -> float: ...
-
-
 class Reader(Protocol):
     """What is read of the world (``memo_core.interfaces.simulator.WorldState`` has it all)."""
 
@@ -151,7 +138,7 @@ class Reader(Protocol):
 
     def joint_position(self, joint: str) -> float: ...
 
-    def contacts(self, body: str | None = None) -> Sequence[Force]: ...
+    def pressing(self, body: str) -> float: ...
 
 
 class Joints(Protocol):
@@ -274,13 +261,7 @@ class Mechanisms:
     def _pressing_on(self, body: str) -> float:
         """N, of the robot's link that presses hardest. Contacts are dear to ask for: once a body and tick."""
         if body not in self._pressing:
-            links: dict[str, float] = {}
-            for contact in self._world.contacts(body):
-                first, second = contact.first, contact.second
-                link = first if first.startswith("robot/") else second if second.startswith("robot/") else None
-                if link is not None:
-                    links[link] = links.get(link, 0.0) + contact.force
-            self._pressing[body] = max(links.values(), default=0.0)
+            self._pressing[body] = self._world.pressing(body)
         return self._pressing[body]
 
 

@@ -89,6 +89,9 @@ def wrong_simulators(right: type) -> dict[str, type]:
         def contacts(self, body=None):
             return ()
 
+        def pressing(self, body):
+            return 0.0
+
     class ForgetsMechanisms(base):
         _fresh = None
 

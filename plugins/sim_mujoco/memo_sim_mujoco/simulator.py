@@ -175,6 +175,21 @@ class MujocoSimulator(Simulator):
             found.append(Contact(names[one], names[other], tuple(position), float(force[0])))
         return tuple(found)
 
+    def pressing(self, body: str) -> float:
+        # Mechanisms ask every tick: only what touches the robot is worth a force.
+        data = self.data
+        if not data.ncon:
+            return 0.0
+        wanted, own = self._families[body], self._world.robot_bodies
+        links: dict[int, float] = {}
+        force = np.empty(6)
+        for number, (one, other) in enumerate(self.model.geom_bodyid[data.contact.geom].tolist()):
+            link = one if one in own and other in wanted else other if other in own and one in wanted else None
+            if link is not None:
+                self._mujoco.mj_contactForce(self.model, data, number, force)
+                links[link] = links.get(link, 0.0) + float(force[0])
+        return max(links.values(), default=0.0)
+
     def tool_pose(self) -> Pose:
         self._freshen()
         index = self._world.tool_body
