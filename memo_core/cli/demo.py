@@ -50,7 +50,7 @@ def command(
         if seed is not None and seed != recorded_on:
             raise InvalidArgument("--seed", f"the recording was made on seed {recorded_on}", f"--seed {recorded_on}")
         # Another machine may round a digit the other way; what was answered loosely is said at each call.
-        experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="numbers")
+        experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="situation")
     narrator = Narrator()
     report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading, on_text=narrator.on_text)
     if json:

@@ -1,4 +1,5 @@
-"""Finding the recorded answer to a question: the very same one, or one that differs by a hair in its numbers."""
+"""Finding the recorded answer to a question: the very same one, one that differs by a hair in its numbers, or one that
+was asked in the same situation by a prompt that was worded differently then."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ from collections.abc import Sequence
 
 import attrs
 
-from memo_core.interfaces.llm import Request
+from memo_core.interfaces.llm import LanguageModelError, Request
+from memo_llm.offline.prompt import Prompt
 from memo_llm.replay.recording import Call
 
 # Decimal numbers are measured, whole ones count or name things; whole degrees are measured too.
@@ -22,6 +24,7 @@ class Match:
     call: Call
     off: float = 0.0
     numbers: int = 0  # how many differ
+    reworded: bool = False  # the situation is the same, the prompt's text is not
 
 
 class Answers:
@@ -42,6 +45,11 @@ class Answers:
             self._exact.setdefault(digest, []).append(call)
         self._numbers = {c.request.digest: _measured(c.request) for c in calls}
         self._served: dict[str, int] = {}
+        self._situations: dict[str, list[Call]] = {}
+        for call in calls:
+            if not call.abandoned and (situation := _situation(call.request)):
+                self._situations.setdefault(situation, []).append(call)
+        self._used: set[int] = set()  # ids of calls
 
     def exact(self, request: Request) -> Match | None:
         """The answer to this very question."""
@@ -60,13 +68,52 @@ class Answers:
         found = self._next(best[2]) if best else None
         return Match(found, best[0], best[1]) if best and found else None
 
+    def same_situation(self, request: Request) -> Match | None:
+        """The first answer not used yet that was given where the task, the subtask, what was done before, what people
+        taught and how often it was tried were the same, whatever else the prompt said then; the last, when all are
+        used."""
+        situation = _situation(request)
+        calls = self._situations.get(situation, []) if situation else []
+        if not calls:
+            return None
+        found = next((call for call in calls if id(call) not in self._used), calls[-1])
+        self._used.add(id(found))
+        return Match(found, reworded=True)
+
     def _next(self, digest: str) -> Call | None:
         calls = self._exact.get(digest)
         if not calls:
             return None
         index = self._served.get(digest, 0)
         self._served[digest] = index + 1
-        return calls[min(index, len(calls) - 1)]
+        found = calls[min(index, len(calls) - 1)]
+        self._used.add(id(found))
+        return found
+
+
+def _situation(request: Request) -> str:
+    """What a question is about, apart from how the prompt words it and what it says of the scene and the functions; ""
+    where it is no prompt of MEMO's."""
+    try:
+        prompt = Prompt.read(request.messages)
+    except LanguageModelError:
+        return ""
+    about: list[object] = [request.phase, request.seed]
+    about += [message.text for message in request.messages if message.role == "assistant"]
+    for heading, text in sorted(prompt.sections.items()):
+        first = heading.split(" ")[0]
+        lines = [line for line in text.splitlines() if line.startswith("- ")]
+        if first in ("task", "subtask", "what", "code", "about", "notes"):
+            about.append((first, text))
+        elif first in ("corrections", "general"):
+            about.append((first, lines))
+        elif first == "done":
+            about.append((first, [line.split(":")[0] for line in lines]))
+        elif first == "templates":
+            about.append((first, [entry.text for entry in prompt.templates()]))
+        elif first == "earlier":
+            about.append((first, text.count("\n### ") + text.startswith("### ")))
+    return repr(about)
 
 
 def _shape(request: Request) -> Request:

@@ -112,12 +112,16 @@ class Player(LanguageModel):
 
     def _find(self, answers: Answers, request: Request) -> Match | None:
         found = answers.exact(request)
-        if found is None and self._settings.match == "numbers":
+        if found is None and self._settings.match != "exact":
             found = answers.near(request, self._settings.tolerance)
+        if found is None and self._settings.match == "situation":
+            found = answers.same_situation(request)
         return found
 
 
 def _note(found: Match) -> str:
+    if found.reworded:
+        return "recorded in the same situation with a prompt that has changed since"
     if not found.numbers:
         return ""
     return f"recorded for a question with {found.numbers} slightly other numbers (by at most {found.off:.3g})"

@@ -21,11 +21,12 @@ class ReplaySettings:
     inner: Any = attrs.field(  # a Choice: made by the configuration, opened here
         default=None, metadata={"help": "the backend that is recorded", "backend": "llm"}
     )
-    match: Literal["exact", "numbers"] = attrs.field(
+    match: Literal["exact", "numbers", "situation"] = attrs.field(
         default="exact",
         metadata={
             "help": "numbers: a question that was not recorded may be answered by one that differs only in decimal "
-            "numbers, by less than `tolerance`; each such answer says so"
+            "numbers, by less than `tolerance`; situation: also by one asked in other words where task, subtask, "
+            "what was done and what was taught are the same; each such answer says so"
         },
     )
     tolerance: float = attrs.field(
