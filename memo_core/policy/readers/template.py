@@ -58,20 +58,48 @@ def _problem(tree: ast.Module) -> str:
 def _places(function: ast.FunctionDef) -> list[ast.List | ast.Tuple]:
     """Lists of three or four plain numbers that say a place or an orientation: two or more that are neither 0 nor 1. A
     unit direction or an offset along one axis is none, nor are values that are gone through one by one."""
-    gone_through = set()
-    for node in ast.walk(function):
-        if isinstance(node, (ast.For, ast.comprehension)):
-            gone_through |= {id(part) for part in ast.walk(node.iter)}
-        elif isinstance(node, ast.Compare):
-            gone_through |= {id(part) for part in node.comparators}
+    alternatives = _alternatives(function)
     found = []
     for node in ast.walk(function):
-        if isinstance(node, (ast.List, ast.Tuple)) and len(node.elts) in (3, 4) and id(node) not in gone_through:
+        if isinstance(node, (ast.List, ast.Tuple)) and len(node.elts) in (3, 4) and id(node) not in alternatives:
             values = [_constant(item) for item in node.elts]
             telling = [value for value in values if value is not None and abs(value) not in (0.0, 1.0)]
             if None not in values and len(telling) >= 2:
                 found.append(node)
     return found
+
+
+def _alternatives(function: ast.FunctionDef) -> set[int]:
+    """Ids of the literals that are tried one after the other (``for tilt in (0.1, 0.4, 0.7)``), also where they have a
+    name first (``tilts=(0.1, 0.4, 0.7)``, then ``for tilt in tilts``), and of those that something is compared with."""
+    found, names = set(), set()
+    for node in ast.walk(function):
+        if isinstance(node, (ast.For, ast.comprehension)):
+            through = _plainly_through(node.iter)
+            names |= {through.id} if isinstance(through, ast.Name) else set()
+            found |= {id(part) for part in ast.walk(node.iter)}
+        elif isinstance(node, ast.Compare):
+            found |= {id(part) for part in node.comparators}
+    arguments = function.args
+    defaults = list(zip(reversed(arguments.args), reversed(arguments.defaults), strict=False))
+    defaults += [
+        (name, value) for name, value in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True) if value
+    ]
+    found |= {id(value) for name, value in defaults if name.arg in names}
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assign):
+            targets = {target.id for target in node.targets if isinstance(target, ast.Name)}
+            found |= {id(node.value)} if targets & names else set()
+    return found
+
+
+def _plainly_through(iterable: ast.expr) -> ast.expr:
+    """What a loop goes through, without ``enumerate``, ``sorted``, ``reversed``, ``list`` or ``tuple`` around it."""
+    while isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and len(iterable.args) >= 1:
+        if iterable.func.id not in ("enumerate", "sorted", "reversed", "list", "tuple"):
+            break
+        iterable = iterable.args[0]
+    return iterable
 
 
 def _constant(node: ast.expr) -> float | None:
