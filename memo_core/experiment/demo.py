@@ -22,6 +22,7 @@ from memo_core.experiment.folder import RunFolder, json_text, new_run_folder, wr
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.interfaces.backend import Demo
+from memo_core.interfaces.task import Task
 from memo_core.plugins import Registry
 from memo_core.skillbook.book import Skillbook
 
@@ -114,8 +115,8 @@ def run_demo(
     for part in CHAPTERS:
         chapter(part.title)
         name = demo.taught if part in CHAPTERS[:2] else demo.transfer
-        book, teacher = _props(experiment, part, lesson)
         task = task_of(experiment, name)
+        book, teacher = _props(experiment, part, lesson, task)
         cast = Cast(
             method=experiment.create("method"),
             llm=llm,
@@ -136,12 +137,15 @@ def run_demo(
     return _told(DemoReport(experiment.seed, folder, demo, runs, time.monotonic() - started))
 
 
-def _props(experiment: Experiment, part: Chapter, lesson: str) -> tuple[Skillbook | None, SimulatedParticipant | None]:
-    """The book and the person of one chapter. The demo's participant never misjudges: what it shows is the lesson."""
+def _props(
+    experiment: Experiment, part: Chapter, lesson: str, task: Task
+) -> tuple[Skillbook | None, SimulatedParticipant | None]:
+    """The book and the person of one chapter. The demo's participant never misjudges, and knows what is to be known of
+    the task's things: what it shows is the lesson."""
     if part.name == "empty_book":
         return None, None
     if part.name == "after_feedback":
-        settings = ParticipantSettings(seed=experiment.seed, misjudges=0.0)
+        settings = ParticipantSettings(seed=experiment.seed, misjudges=0.0, knows=task.lesson)
         return book_of(experiment, lesson, read_only=False), SimulatedParticipant(settings)
     return book_of(experiment, EMPTY if part.name == "transfer_empty_book" else lesson, read_only=True), None
 

@@ -91,5 +91,6 @@ def memo_task_suites():
             "doors, drawers, caps, buttons with a trick that no picture shows",
             quirks,
             TabletopSettings,
+            demo=Demo(taught="open-the-locker", transfer="open-the-workbench"),
         ),
     ]
