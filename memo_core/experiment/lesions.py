@@ -128,9 +128,8 @@ def lesioned_copy(book: Skillbook, copy: Skillbook, lesion: str, seed: int = 0) 
 def _about(book: Skillbook, entry: Entry) -> Key:
     if entry.key.objects:
         return entry.key
-    if entry.feedback is None:
-        return _DECOYS[0]
-    return Key.parse(book.feedback(entry.feedback).subtask)
+    said = book.sources([entry.id])  # of a merged one, what the first of them was about
+    return Key.parse(book.feedback(said[0]).subtask) if said else _DECOYS[0]
 
 
 def _turned_back(code: str) -> str:

@@ -13,7 +13,7 @@ class Memory:
     corrections: bool = True
     general: bool = True
     templates: bool = True
-    clusters: bool = True  # offline, over the whole book; nothing does it yet
+    clusters: bool = True  # condensed offline (memo cluster)
 
     @property
     def any(self) -> bool:
