@@ -67,7 +67,7 @@ def test_one_situation_asked_twice_gets_its_answers_in_their_order_and_then_the_
         code("OPEN(oven)"),
         code(task="something else"),
         code(corrections=["Pull straight."]),
-        code(templates=[Entry("def f(a):\n    '''x'''\n    wait(1)")]),
+        code(templates=[Entry("def f(a):\n    '''x'''\n    wait(1)", "OPEN(jar)")]),
         code(done=["PICK_UP(food)"]),
         code(attempts=[Attempt()]),
         code(attempts=[Attempt(), Attempt()], corrections=["Pull in an arc."]),

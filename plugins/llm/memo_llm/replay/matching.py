@@ -110,7 +110,7 @@ def _situation(request: Request) -> str:
         elif first == "done":
             about.append((first, [line.split(":")[0] for line in lines]))
         elif first == "templates":
-            about.append((first, [entry.text for entry in prompt.templates()]))
+            about.append((first, [entry.key for entry in prompt.templates()]))  # readers may have become milder
         elif first == "earlier":
             about.append((first, text.count("\n### ") + text.startswith("### ")))
     return repr(about)
