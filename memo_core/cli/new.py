@@ -64,7 +64,7 @@ def write_task(name: str, folder: Path) -> list[Path]:
         "class_name": "".join(word.capitalize() for word in words),
     }
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    skeleton = resources.files("memo_core.skeletons") / "task"
+    skeleton = resources.files("memo_core.cli.skeletons") / "task"
     written = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
