@@ -43,6 +43,9 @@ def command(
     if record is not None and replay:
         raise InvalidArgument("--replay", "beside --record", "one of them")
     registry, experiment = load(config, overrides, seed=seed)
+    demo = experiment.choice("suite").backend.demo
+    if demo is not None and demo.settings:
+        registry, experiment = load(config, [*demo.settings, *(overrides or ())], seed=seed)
     if record is not None:
         experiment = recorded(experiment, registry, record)
     if replay:

@@ -37,13 +37,15 @@ class Demo:
     """The story that a task suite offers for ``memo demo``: a task that is taught, and one that was never corrected and
     shows whether the lesson carried over. Both are names of the suite's tasks.
 
-    ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this story
-    on ``seed``, for ``memo demo --replay``; empty where there is none."""
+    ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this
+    story on ``seed``, for ``memo demo --replay``; empty where there is none. ``settings``: overrides that the story
+    needs, as after ``--set``; what the user sets wins."""
 
     taught: str
     transfer: str
     recording: str = ""
     seed: int = 0
+    settings: tuple[str, ...] = ()
 
 
 @attrs.frozen(eq=False)
@@ -72,5 +74,5 @@ class Backend:
     config: type = NoSettings
     needs: Needs = Needs()
     demo: Demo | None = None  # of a suite
-    replays: bool = False  # of an llm: its settings have `file`, `record`, `inner`, for `memo run --record` and `--replay`
+    replays: bool = False  # of an llm: its settings have `file`, `record`, `inner`, for `--record` and `--replay`
     default: bool = False  # taken when a config names no backend of this kind and several are installed
