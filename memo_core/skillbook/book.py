@@ -528,6 +528,7 @@ def reembed(url: str, embedder: Embedder) -> int:
             texts = sorted({row.text for row in rows.valid_entry_rows(connection)})
         with database.write() as connection:
             connection.execute(sa.delete(tables.vectors))
+            connection.execute(sa.delete(tables.sketches))
             database.set_meta(connection, "embedder", embedder.name)
             database.set_meta(connection, "dimension", str(embedder.dimension))
             database.next_generation(connection)

@@ -293,6 +293,7 @@ class Database:
         """What an older book lacks, all or nothing."""
         with self.write() as connection:
             tables.metadata.create_all(connection)
+            tables.valid_entries.create(connection, checkfirst=True)  # create_all leaves tables that exist as they are
             self.set_meta(connection, "schema_version", str(tables.SCHEMA_VERSION))
 
     def _create(self) -> None:

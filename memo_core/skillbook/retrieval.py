@@ -18,7 +18,8 @@ from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
 from memo_core.skillbook.index import Hits, KeyIndex
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.rows import ValidRow, alias_rows, served_rows, valid_entry_rows
+from memo_core.skillbook.likeness import Likeness
+from memo_core.skillbook.rows import alias_rows, group_sizes, keys_by_id, served_rows
 from memo_core.skillbook.vectors import TextVectors
 from memo_core.skillbook.wording import KeyVectors, Wording
 
@@ -138,28 +139,19 @@ class Retrieval:
         )
 
 
-@attrs.frozen(eq=False)
-class _Group:
-    """The valid entries of one kind under one key."""
-
-    ids: np.ndarray  # int64, shape (n,)
-    texts: tuple[str, ...]
-
-
 @attrs.define(eq=False)
 class _Generation:
     """What retrieval keeps in memory of one generation of the book. Arrays have one value a row of the key index."""
 
     number: int
+    ids: list[int]  # of the keys
     keys: list[Key]
     labels: list[str]
     verbs: list[str]  # different canonical actions
     verb_of: np.ndarray  # int64, place in ``verbs``
     sizes: dict[str, np.ndarray]  # kind -> int64, number of valid entries
-    groups: dict[tuple[str, int], _Group]  # (kind, row)
-    general: _Group | None
+    everywhere: int | None  # id of the global key, where it has entries
     aliases: dict[str, Key]
-    matrices: dict[tuple[str, int], np.ndarray] = attrs.field(factory=dict)
     opposites: dict[str, np.ndarray] = attrs.field(factory=dict)  # action -> bool, rows that undo it
 
 
@@ -176,6 +168,7 @@ class Retriever:
     ) -> None:
         self._database = database
         self._vectors = vectors
+        self._likeness = Likeness(database, vectors)
         self._index = index
         self._key_vectors = key_vectors
         self._settings = settings
@@ -229,29 +222,29 @@ class Retriever:
     def _load(self) -> _Generation:
         with self._database.read() as connection:
             meta = self._database.meta(connection)
-            rows = valid_entry_rows(connection)
+            known = keys_by_id(connection)
+            counted = group_sizes(connection)
             aliases = alias_rows(connection)
         number = int(meta["generation"])
-        by_id = {row.key_id: row.key for row in rows if row.key != GLOBAL_KEY}
+        self._likeness.clear()
+        by_id = {key: known[key] for key in sorted({key for key, _, _ in counted}) if known[key] != GLOBAL_KEY}
         self._index.load(by_id, number, meta["book"])
-        row_of = {int(key_id): row for row, key_id in enumerate(self._index.ids)}
-        members: dict[tuple[str, int], list[ValidRow]] = {}
-        for row in rows:
-            members.setdefault((row.kind, row_of.get(row.key_id, -1)), []).append(row)
-        groups = {
-            where: _Group(np.array([r.id for r in group], dtype=np.int64), tuple(r.text for r in group))
-            for where, group in members.items()
-        }
-        sizes = {kind: np.zeros(len(row_of), dtype=np.int64) for kind in self._limits}
-        for (kind, row_number), group in groups.items():
-            if kind in sizes:
-                sizes[kind][row_number] = len(group.ids)
-        keys = [by_id[int(key_id)] for key_id in self._index.ids]
+        ids = list(by_id)
+        row_of = {key: row for row, key in enumerate(ids)}
+        sizes = {kind: np.zeros(len(ids), dtype=np.int64) for kind in self._limits}
+        everywhere = None
+        for key, kind, size in counted:
+            if key in row_of and kind in sizes:
+                sizes[kind][row_of[key]] = size
+            elif kind == "general":
+                everywhere = key
+        keys = list(by_id.values())
         canonical = [self._actions.canonical(key.action) for key in keys]
-        verbs = sorted(set(canonical))
-        verb_of = np.array([verbs.index(verb) for verb in canonical], dtype=np.int64)
-        general = groups.get(("general", -1))
-        self._state = _Generation(number, keys, [*map(str, keys)], verbs, verb_of, sizes, groups, general, aliases)
+        place_of = {verb: place for place, verb in enumerate(sorted(set(canonical)))}
+        verb_of = np.array([place_of[verb] for verb in canonical], dtype=np.int64)
+        self._state = _Generation(
+            number, ids, keys, [*map(str, keys)], list(place_of), verb_of, sizes, everywhere, aliases
+        )
         return self._state
 
     # -- ranking -------------------------------------------------------------------------------------------------------
@@ -284,28 +277,21 @@ class Retriever:
             if taken >= limit and hits.scores[place] < level - _TIE:
                 break
             row, level = int(hits.rows[place]), hits.scores[place]
-            ids.append(state.groups[kind, row].ids)
-            places.append(np.full(sizes[row], place))
-            similar.append(self._matrix(kind, row, state) @ meant)
+            nearest, likeness = self._likeness.nearest(kind, state.ids[row], meant, limit)
+            ids.append(nearest)
+            places.append(np.full(len(nearest), place))
+            similar.append(likeness)
             taken += int(sizes[row])
         if not taken:
             return {}
         return _first(limit, hits, np.concatenate(ids), np.concatenate(places), np.concatenate(similar))
 
     def _best_general(self, meant: np.ndarray, state: _Generation) -> Found:
-        if state.general is None or not self._settings.general:
+        if state.everywhere is None or not self._settings.general:
             return {}
-        similar = self._matrix("general", -1, state) @ meant
-        last = len(similar) - min(self._settings.general, len(similar))
-        chosen = np.flatnonzero(similar >= np.partition(similar, last)[last] - _TIE)
-        chosen = chosen[np.argsort(-similar[chosen], kind="stable")]
-        return {int(state.general.ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in chosen}
-
-    def _matrix(self, kind: str, row: int, state: _Generation) -> np.ndarray:
-        matrix = state.matrices.get((kind, row))
-        if matrix is None:
-            matrix = state.matrices[kind, row] = self._vectors.get(state.groups[kind, row].texts)
-        return matrix
+        ids, similar = self._likeness.nearest("general", state.everywhere, meant, self._settings.general)
+        best = np.lexsort((ids, -similar))
+        return {int(ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in best}
 
     # -- what was not served -------------------------------------------------------------------------------------------
     def _refused(self, hits: Hits, opposite: np.ndarray, allowed: np.ndarray, state: _Generation) -> tuple[Cut, ...]:

@@ -33,6 +33,7 @@ _VALID = (
     .where(_E.superseded_by.is_(None))
     .order_by(_E.id)
 )
+_SIZES = sa.select(_E.key, _E.kind, sa.func.count()).where(_E.superseded_by.is_(None)).group_by(_E.key, _E.kind)
 FEEDBACK_FIELDS = tuple(field.name for field in attrs.fields(Feedback))
 
 
@@ -97,6 +98,19 @@ def valid_entry_rows(connection: sa.Connection) -> list[ValidRow]:
             known[key] = key_of(action, objects)
         rows.append(ValidRow(entry, kind, key, known[key], text))
     return rows
+
+
+def keys_by_id(connection: sa.Connection) -> dict[int, Key]:
+    """All keys of the book, the global one too."""
+    return {
+        number: key_of(action, objects)
+        for number, action, objects in connection.execute(sa.select(_K.id, _K.action, _K.objects))
+    }
+
+
+def group_sizes(connection: sa.Connection) -> list[tuple[int, str, int]]:
+    """Key, kind and number of the valid entries, where there are any."""
+    return [(key, kind, size) for key, kind, size in connection.execute(_SIZES)]
 
 
 def alias_rows(connection: sa.Connection) -> dict[str, Key]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 2  # 2 has tables that 1 had not, and nothing else: opening an older book for writing adds them
+SCHEMA_VERSION = 3  # 2 and 3 have tables and an index that those before had not, and nothing else: opening an older
+# book for writing adds them
 
 metadata = sa.MetaData()
 _ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
@@ -82,6 +83,11 @@ entries = sa.Table(
     sqlite_autoincrement=True,
 )
 
+_valid = entries.c.superseded_by.is_(None)
+valid_entries = sa.Index(  # counting and listing what is served never reads texts
+    "ix_entries_valid", entries.c.key, entries.c.kind, entries.c.id, sqlite_where=_valid, postgresql_where=_valid
+)
+
 sources = sa.Table(  # which feedback an entry derives from, for `forget`
     "sources",
     metadata,
@@ -95,6 +101,15 @@ vectors = sa.Table(  # a cache; the digest of the text, so that no words are kep
     sa.Column("embedder", sa.String(200), primary_key=True),
     sa.Column("digest", sa.String(64), primary_key=True),
     sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
+)
+
+sketches = sa.Table(  # a cache: vectors of one key's texts, rounded, side by side (memo_core.skillbook.likeness)
+    "sketches",
+    metadata,
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True, autoincrement=False),
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True, index=True),
+    sa.Column("sketch", sa.LargeBinary, nullable=False),
+    sqlite_with_rowid=False,
 )
 
 changes = sa.Table(  # what a revision did to entries that it did not bring in itself

@@ -1,0 +1,157 @@
+"""Which entries of a key are most like a text, without holding every entry's vector in memory.
+
+Of a key with many entries each has a *sketch* in the book: its vector rounded to 8 bits a component, side by side with
+the key's others, so that one short read brings them all. With v' the rounded vector, |cos(q, v) - q·v'| is at most
+‖v - v'‖ (Cauchy–Schwarz, q being a unit vector), which the sketch also holds: whatever that bound cannot exclude is
+compared exactly, so what is found is what comparing all vectors would find.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import sqlalchemy as sa
+
+from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.vectors import TextVectors
+
+Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
+_Group = tuple[np.ndarray, np.ndarray, np.ndarray]  # ids (n,); vectors (n, dimension); how far off each may be (n,)
+
+_FEW = 40  # entries that are compared exactly at once
+_TIE = 1e-6  # float32 cosines of equal texts differ by rounding
+_IN_MEMORY = 64 << 20  # bytes of groups
+_CHUNK = 5000  # sketches made in one transaction
+
+_E, _S = tables.entries.c, tables.sketches.c
+_VALID = sa.and_(_E.key == sa.bindparam("key"), _E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None))
+_MEMBERS = sa.select(_E.id).where(_VALID).order_by(_E.id)
+_SKETCHED = (
+    sa.select(_E.id, _S.sketch)
+    .join_from(tables.entries, tables.sketches, sa.and_(_S.key == _E.key, _S.entry == _E.id), isouter=True)
+    .where(_VALID)
+    .order_by(_E.id)
+)
+_PLACES = 40
+_NAMES = [f"id{n}" for n in range(_PLACES)]
+_TEXTS = sa.select(_E.id, _E.text).where(_E.id.in_([sa.bindparam(name) for name in _NAMES]))
+
+
+class Likeness:
+    """Nearest entries by text, by kind and key. What it keeps in memory is one generation's: ``clear`` it then."""
+
+    def __init__(self, database: Database, vectors: TextVectors) -> None:
+        self._database = database
+        self._vectors = vectors
+        self._groups: dict[tuple[str, int], _Group] = {}
+        self._bytes = 0
+
+    def clear(self) -> None:
+        self._groups.clear()
+        self._bytes = 0
+
+    def nearest(self, kind: str, key: int, meant: np.ndarray, count: int) -> Nearest:
+        """The ``count`` valid entries most like ``meant``, a unit vector of shape (dimension,), and all that tie with
+        the last of them, in no order."""
+        ids, vectors, off = self._group(kind, key)
+        if not len(ids):
+            return ids, np.zeros(0, dtype=np.float32)
+        similar = vectors @ meant
+        if len(ids) <= count:
+            chosen = np.arange(len(ids))
+        else:  # sure of `count` entries at or above the floor
+            floor = np.partition(similar - off, len(ids) - count)[len(ids) - count]
+            chosen = np.flatnonzero(similar + off >= floor - _TIE)
+        if not off.any():
+            return ids[chosen], similar[chosen]
+        exact = self._vectors.get(self._texts(ids[chosen])) @ meant
+        if len(exact) > count:
+            best = exact >= np.partition(exact, len(exact) - count)[len(exact) - count] - _TIE
+            chosen, exact = chosen[best], exact[best]
+        return ids[chosen], exact
+
+    def sketch_all(self, sizes: Iterable[tuple[str, int, int]]) -> None:
+        """Make what is missing for groups of (kind, key, number of entries), ahead of being asked."""
+        for kind, key, size in sizes:
+            if size > _FEW:
+                self._sketched(kind, key)
+
+    # -- inside --------------------------------------------------------------------------------------------------------
+    def _group(self, kind: str, key: int) -> _Group:
+        group = self._groups.get((kind, key))
+        if group is None:
+            ids = _column(self._database.fetch(_MEMBERS, {"kind": kind, "key": key}))
+            group = self._exact(ids) if len(ids) <= _FEW or not self._can_sketch() else self._sketched(kind, key)
+            self._keep((kind, key), group)
+        return group
+
+    def _keep(self, where: tuple[str, int], group: _Group) -> None:
+        self._bytes += group[1].nbytes
+        while self._groups and self._bytes > _IN_MEMORY:
+            self._bytes -= self._groups.pop(next(iter(self._groups)))[1].nbytes
+        self._groups[where] = group
+
+    def _exact(self, ids: np.ndarray) -> _Group:
+        if not len(ids):
+            return ids, np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
+        return ids, self._vectors.get(self._texts(ids)), np.zeros(len(ids), np.float32)
+
+    def _can_sketch(self) -> bool:
+        """Not in an older book that is open read-only."""
+        with self._database.read() as connection:
+            return self._database.has(connection, tables.sketches)
+
+    def _sketched(self, kind: str, key: int) -> _Group:
+        found = self._database.fetch(_SKETCHED, {"kind": kind, "key": key})
+        missing = np.array([row[0] for row in found if row[1] is None], dtype=np.int64)
+        if not len(missing):
+            return (_column(found), *read_sketches([row[1] for row in found]))
+        if self._database.read_only:
+            return self._exact(_column(found))
+        made = {}
+        for start in range(0, len(missing), _CHUNK):
+            made.update(self._make(key, missing[start : start + _CHUNK]))
+        blobs = [row[1] if row[1] is not None else made[row[0]] for row in found]
+        return (_column(found), *read_sketches(blobs))
+
+    def _make(self, key: int, ids: np.ndarray) -> dict[int, bytes]:
+        sketches = dict(zip(ids.tolist(), write_sketches(self._vectors.get(self._texts(ids))), strict=True))
+        with self._database.write() as connection:
+            still = {i for (i,) in connection.execute(sa.select(_E.id).where(_E.id.in_(list(sketches)), _E.key == key))}
+            new = [{"key": key, "entry": i, "sketch": blob} for i, blob in sketches.items() if i in still]
+            if new:
+                connection.execute(self._database.upsert(tables.sketches), new)
+        return sketches
+
+    def _texts(self, ids: np.ndarray) -> list[str]:
+        wanted, found = ids.tolist(), {}
+        for start in range(0, len(wanted), _PLACES):
+            part = wanted[start : start + _PLACES]
+            filled = part + part[:1] * (_PLACES - len(part))
+            for i, text in self._database.fetch(_TEXTS, dict(zip(_NAMES, filled, strict=True))):
+                found[i] = text
+        return [found.get(i, "") for i in wanted]  # one that was deleted just now: the generation tells retrieval
+
+
+def _column(rows: Iterable[tuple[int, ...]]) -> np.ndarray:
+    return np.array([row[0] for row in rows], dtype=np.int64)
+
+
+def write_sketches(vectors: np.ndarray) -> list[bytes]:
+    """Each row as scale and distance (float32, little endian) and its components as int8."""
+    scale = np.maximum(np.abs(vectors).max(axis=1, keepdims=True), 1e-12) / 127.0
+    rounded = np.rint(vectors / scale).astype(np.int8)
+    off = np.linalg.norm(vectors - rounded * scale, axis=1) * 1.0001 + 1e-6  # and float32's own rounding
+    heads = np.stack([scale[:, 0], off], axis=1).astype("<f4")
+    return [head.tobytes() + body.tobytes() for head, body in zip(heads, rounded, strict=True)]
+
+
+def read_sketches(blobs: list[bytes]) -> tuple[np.ndarray, np.ndarray]:
+    """Rounded vectors (n, dimension), and how far off each may be (n,), float32."""
+    raw = np.frombuffer(b"".join(blobs), dtype=np.uint8).reshape(len(blobs), -1)
+    heads = np.ascontiguousarray(raw[:, :8]).view("<f4")
+    vectors = raw[:, 8:].view(np.int8).astype(np.float32)
+    vectors *= heads[:, :1]
+    return vectors, heads[:, 1]
