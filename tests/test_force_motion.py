@@ -174,6 +174,14 @@ def test_what_cannot_be_done_is_said_before_anything_moves(bench, call, error, m
     assert np.array_equal(bench.link.joint_targets(), before)
 
 
+def test_pressing_where_the_arm_could_not_give_way_is_refused_before_anything_moves(bench):
+    bench.call("move_to", [0.79, 0.0, 0.06], slack=0.0)
+    before = bench.link.joint_targets()
+    with pytest.raises(MotionError, match="3 cm further along the direction .* out of its reach"):
+        bench.call("press", [1, 0, 0], 5.0)
+    assert np.array_equal(bench.link.joint_targets(), before)
+
+
 # -- an elastic wall, without dynamics ---------------------------------------------------------------------------------
 
 
@@ -212,16 +220,18 @@ def test_pressing_keeps_the_joints_limits():
     assert velocity <= 1.0 and acceleration <= 1.5
 
 
-@pytest.mark.parametrize("after", [3, 40, 150])
-def test_a_stop_while_feeling_halts_within_the_limits_and_refuses_what_follows(after):
-    control, link, _ = walled()
+@pytest.mark.parametrize("after", [25, 40, 150])
+def test_a_stop_while_feeling_brings_the_arm_to_rest_and_refuses_what_follows(after):
+    control, link, description = walled()
+    start = link.joint_targets()
     link.sent.clear()
     link.stop_at = after
     with pytest.raises(Stopped):
-        control.move_until_contact(DOWN, 0.1, 4.0, 0.02)
+        control.move_until_contact(DOWN, 0.1, 4.0, 0.1)
         control.press(DOWN, 6.0, 5.0)
-    steps = np.abs(np.diff(link.sent[-3:], axis=0)).max()
-    assert steps < 1e-3, "the arm was not brought to rest"
+    assert np.abs(np.diff(link.sent[-2:], axis=0)).max() < 1e-5, "the arm was not brought to rest"
+    acceleration = limits_used(description, link.sent, link.control_period, start)[1]
+    assert acceleration <= 1.5
     count = len(link.sent)
     with pytest.raises(Stopped):
         control.press(DOWN, 6.0, 1.0)

@@ -33,6 +33,7 @@ _NECK_LUG = (0.009, 0.012)  # m above the seat
 _CAP_LUG = (0.0022, 0.008)  # m above the cap's rim
 _NECK_RADIUS, _NECK_REACH, _CAP_REACH = 0.008, 0.012, 0.0092  # m from the axis
 _COLLAR = (0.0137, 0.0018)  # m, radius and height of what centres the rim
+_RELIEF = 0.0006  # m
 _STOP = math.radians(-33)
 
 AXIS_M, AXIS_RAD = 0.002, math.radians(5)  # how far a closed cap may be from the bottle's axis
@@ -73,12 +74,22 @@ def bottle(place: Vector, yaw: float, friction: float = 0.3) -> Body:
     return Body("bottle", tuple(geoms), Pose.from_yaw((x, y, z + SEAT), yaw), label="bottle", fixture=True)
 
 
+def _shorter(wall: Geom) -> Geom:
+    """A wall of the cap that ends just above the rim."""
+    x, y, z = wall.size
+    rx, ry, rz = wall.pose.position
+    pose = attrs.evolve(wall.pose, position=(rx, ry, rz + _RELIEF / 2))
+    return attrs.evolve(wall, size=(x, y, z - _RELIEF), pose=pose)
+
+
 def cap(pose: Pose, friction: float = 0.3) -> Body:
     """Its frame is on its axis in the plane of its rim, x towards its mark."""
     smooth = Material(friction=friction)
     over = Pose((0.0, 0.0, CAP_HEIGHT), (0.0, 1.0, 0.0, 0.0))
     wall = cup(CAP_INSIDE, CAP_HEIGHT, CAP_WALL, colour=(0.85, 0.85, 0.83, 1.0), material=smooth)
     geoms = [attrs.evolve(geom, pose=over * geom.pose) for geom in wall]
+    # It stands on three of its twelve sides: fewer contacts, and no wobble either.
+    geoms[1:] = [geom if number % 4 == 0 else _shorter(geom) for number, geom in enumerate(geoms[1:])]
     for side in (math.pi / 2, -math.pi / 2):
         geoms.append(_ring_box(_CAP_REACH, CAP_INSIDE + 0.001, *_CAP_LUG, side, _LUG, material=smooth))
     geoms.append(Geom("box", (0.012, 0.003, 0.001), Pose((0.010, 0, CAP_HEIGHT)), RED, mass=0.0, collides=False))
