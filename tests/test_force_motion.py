@@ -177,7 +177,7 @@ def test_what_cannot_be_done_is_said_before_anything_moves(bench, call, error, m
 def test_pressing_where_the_arm_could_not_give_way_is_refused_before_anything_moves(bench):
     bench.call("move_to", [0.79, 0.0, 0.06], slack=0.0)
     before = bench.link.joint_targets()
-    with pytest.raises(MotionError, match="3 cm further along the direction .* out of its reach"):
+    with pytest.raises(MotionError, match=r"3 cm further along the direction .* out of its reach"):
         bench.call("press", [1, 0, 0], 5.0)
     assert np.array_equal(bench.link.joint_targets(), before)
 
