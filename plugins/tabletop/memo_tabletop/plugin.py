@@ -82,7 +82,11 @@ def memo_task_suites():
             "tabletop tasks: doors, drawers, dishes, food",
             tasks,
             TabletopSettings,
-            demo=Demo(taught="put-the-food-in-the-microwave", transfer="put-the-food-in-the-oven"),
+            demo=Demo(
+                taught="put-the-food-in-the-microwave",
+                transfer="put-the-food-in-the-oven",
+                recording="memo_tabletop/recordings/demo.jsonl.gz",
+            ),
             default=True,
         ),
         Backend(
