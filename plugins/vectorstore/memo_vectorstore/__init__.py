@@ -1,1 +1,1 @@
-"""Vector stores for MEMO: FAISS."""
+"""Vector stores for MEMO: FAISS and Chroma."""

@@ -7,13 +7,19 @@ from typing import Any
 
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
-from memo_vectorstore.settings import FaissSettings
+from memo_vectorstore.settings import ChromaSettings, FaissSettings
 
 
 def _faiss(config: FaissSettings) -> Any:
     from memo_vectorstore.faiss_store import FaissStore
 
     return FaissStore(config)
+
+
+def _chroma(config: ChromaSettings) -> Any:
+    from memo_vectorstore.chroma_store import ChromaStore
+
+    return ChromaStore(config)
 
 
 @hookimpl
@@ -27,5 +33,13 @@ def memo_vector_stores() -> Iterable[Backend]:
             config=FaissSettings,
             default=True,
             needs=Needs(modules={"faiss": "faiss-cpu"}),
+        ),
+        Backend(
+            kind="vectorstore",
+            name="chroma",
+            summary="approximate inner products in memory, in a folder, or on a Chroma server that several share",
+            factory=_chroma,
+            config=ChromaSettings,
+            needs=Needs(modules={"chromadb": "chromadb"}),
         ),
     )
