@@ -1,4 +1,4 @@
-"""What Bullet prints to the standard output by itself: kept out of it, since commands print JSON there."""
+"""What Bullet prints by itself: kept out of the standard output, since commands print JSON there."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ _one_at_a_time = threading.Lock()
 
 
 @contextmanager
-def caught_output() -> Iterator[Callable[[], str]]:
-    """Catch what native code prints meanwhile; yields a function that tells it."""
+def caught_output(*streams: int) -> Iterator[Callable[[], str]]:
+    """Catch what native code prints meanwhile to these streams (file descriptors; none: the standard output); yields a
+    function that tells it."""
+    streams = streams or (1,)
     with _one_at_a_time, tempfile.TemporaryFile() as file:
         sys.stdout.flush()
-        real = os.dup(1)
+        sys.stderr.flush()
+        real = {stream: os.dup(stream) for stream in streams}
         try:
-            os.dup2(file.fileno(), 1)
+            for stream in streams:
+                os.dup2(file.fileno(), stream)
 
             def said() -> str:
                 file.seek(0)
@@ -27,5 +31,6 @@ def caught_output() -> Iterator[Callable[[], str]]:
 
             yield said
         finally:
-            os.dup2(real, 1)
-            os.close(real)
+            for stream, kept in real.items():
+                os.dup2(kept, stream)
+                os.close(kept)

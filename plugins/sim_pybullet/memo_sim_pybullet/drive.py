@@ -40,12 +40,11 @@ class RobotDrive:
         ]
         self._order = [moving.index(index) for index in self._joints]
         self._moving = moving
-        joints = world.robot.joints
-        self._kp = np.array([joint.kp for joint in joints])
-        self._kv = np.array([joint.kv for joint in joints])
-        self._effort = np.array([joint.effort for joint in joints])
-        self.targets = np.array(world.robot.home, dtype=float)
-        self.speeds_before = np.zeros(self._count)  # rad/s, before the last step
+        self._servos = [(joint.kp, joint.kv, joint.effort) for joint in world.robot.joints]
+        self.targets = [float(angle) for angle in world.robot.home]
+        self.speeds_before = [0.0] * self._count  # rad/s, before the last step
+        # Looking a call up in the client costs as much as the call.
+        self._read, self._control = client.getJointStates, client.setJointMotorControlArray
         self.opening = 0.0  # m, the gripper's set point
         self.force = world.robot.gripper.max_force
         self.sent: tuple[list[float], list[float], list[float]] = ([], [], [])  # with the last step
@@ -54,7 +53,7 @@ class RobotDrive:
 
     def states(self) -> tuple[Array, Array, Array]:
         """Positions, velocities and motor torques of arm and fingers now."""
-        states = self._client.getJointStates(self._body, self._joints)
+        states = self._read(self._body, self._joints)
         return (
             np.array([state[0] for state in states]),
             np.array([state[1] for state in states]),
@@ -63,7 +62,7 @@ class RobotDrive:
 
     def compensate(self) -> None:
         """Compute the torques that carry the robot's own weight; once a tick is enough."""
-        states = self._client.getJointStates(self._body, self._moving)
+        states = self._read(self._body, self._moving)
         torques = self._client.calculateInverseDynamics(
             self._body, [state[0] for state in states], self._still, self._still
         )
@@ -75,16 +74,17 @@ class RobotDrive:
         return np.array(self._gravity[: self._count])
 
     def push(self) -> None:
-        states = self._client.getJointStates(self._body, self._joints)
-        count = self._count
-        position = np.array([state[0] for state in states])
-        speed = np.array([state[1] for state in states[:count]])
-        self.speeds_before = speed
-        error = self.targets - position[:count]
-        wanted = (self._kp * error / self._kv).tolist()
-        limit = np.minimum(np.maximum(self._kp * np.abs(error), self._kv * np.abs(speed)), self._effort).tolist()
+        # Plain numbers: NumPy costs three times as much on seven joints.
+        states = self._read(self._body, self._joints)
+        wanted, limit, speeds = [], [], []
+        for state, target, (kp, kv, effort) in zip(states, self.targets, self._servos, strict=False):
+            error, speed = target - state[0], state[1]
+            speeds.append(speed)
+            wanted.append(kp * error / kv)
+            limit.append(min(max(kp * abs(error), kv * abs(speed)), effort))
+        self.speeds_before = speeds
         if self._fingers:
-            gap = self.opening - float(position[count:].sum())
+            gap = self.opening - sum(state[0] for state in states[self._count :])
             share = gap / len(self._fingers) * _FINGER_STIFFNESS / _FINGER_DAMPING
             strength = min(_FINGER_STIFFNESS * abs(gap), self.force)
             wanted += [share] * len(self._fingers)
@@ -94,7 +94,7 @@ class RobotDrive:
 
     def send(self, velocities: list[float], limits: list[float], torques: list[float]) -> None:
         """Hand one step's commands to the engine."""
-        control = self._client.setJointMotorControlArray
+        control = self._control
         control(self._body, self._joints, self._velocity, targetVelocities=velocities, forces=limits)
         control(self._body, self._joints, self._torque, forces=torques)
 
@@ -115,6 +115,7 @@ class SceneDrive:
         import pybullet
 
         self._client, self._torque = client, pybullet.TORQUE_CONTROL
+        self._read, self._control = client.getJointState, client.setJointMotorControl2
         self._joints = world.joints
         self._catches: dict[str, tuple[Latch, ...]] = {}
         for latch in latches:
@@ -143,7 +144,7 @@ class SceneDrive:
     def push(self) -> None:
         self.sent = []
         for spring in self._active:
-            position, speed = self._client.getJointState(spring.body, spring.index)[:2]
+            position, speed = self._read(spring.body, spring.index)[:2]
             effort = spring.stiffness * (spring.rest - position)
             for latch in spring.catches:
                 if abs(position - latch.position) < latch.width:
@@ -156,4 +157,4 @@ class SceneDrive:
     def send(self, efforts: list[tuple[int, int, float]]) -> None:
         """Hand one step's efforts (body, joint, Nm or N) to the engine."""
         for body, index, effort in efforts:
-            self._client.setJointMotorControl2(body, index, self._torque, force=effort)
+            self._control(body, index, self._torque, force=effort)

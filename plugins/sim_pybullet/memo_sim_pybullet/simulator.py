@@ -46,7 +46,7 @@ class PybulletSimulator(Simulator):
         """Import PyBullet and start an engine. Raises ``BackendUnavailable``."""
         if self.client is not None:
             return
-        with caught_output():
+        with caught_output(1, 2):
             try:
                 import pybullet
                 from pybullet_utils.bullet_client import BulletClient
@@ -164,7 +164,7 @@ class PybulletSimulator(Simulator):
 
     def joint_accelerations(self) -> Array:
         """Over the last physics step."""
-        return (self.joint_velocities() - self._arm.speeds_before) / self.timestep
+        return (self.joint_velocities() - np.array(self._arm.speeds_before)) / self.timestep
 
     def gripper_width(self) -> float:
         return float(self._arm.states()[0][len(self._world.arm) :].sum())
@@ -196,7 +196,7 @@ class PybulletSimulator(Simulator):
     def command_joints(self, targets: Array) -> None:
         if not math.isfinite(np.dot(targets, targets)):
             raise InvalidArgument("targets", f"not all finite: {np.asarray(targets).tolist()}", "angles in rad")
-        self._arm.targets = np.array(targets, dtype=float)
+        self._arm.targets = np.asarray(targets, dtype=float).tolist()
 
     def command_gripper(self, width: float, force: float) -> None:
         gripper = self._world.robot.gripper
@@ -252,7 +252,7 @@ class PybulletSimulator(Simulator):
             "goal": self._goal,
             "ramp": self._ramp,
             "force": self._arm.force,
-            "targets": self._arm.targets.tolist(),
+            "targets": self._arm.targets,
             # Bullet's file forgets the forces of the last step.
             "contacts": [attrs.astuple(one) for one in self._all_contacts()],
             "effort": self.gripper_effort(),
@@ -284,7 +284,7 @@ class PybulletSimulator(Simulator):
             Path(file).write_bytes(checkpoint[end:])
             self.client.restoreState(fileName=file)
         self._steps, self._goal, self._ramp = kept["steps"], kept["goal"], kept["ramp"]
-        self._arm.force, self._arm.targets = kept["force"], np.array(kept["targets"])
+        self._arm.force, self._arm.targets = kept["force"], kept["targets"]
         self._arm.opening = self._ramp
         self._contacts = tuple(Contact(a, b, tuple(at), force) for a, b, at, force in kept["contacts"])
         self._effort = kept["effort"]
