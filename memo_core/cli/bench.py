@@ -80,6 +80,43 @@ def retrieval(
 
 
 @app.command()
+def skillbook(
+    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 20_000,
+    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
+    general: Annotated[
+        float, typer.Option("--general", min=0.0, max=0.5, help="Share that are general statements.")
+    ] = 0.005,
+    questions: Annotated[int, typer.Option("--questions", min=10, help="Subtasks that are asked for.")] = 500,
+    seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="For filling one store with entries.")] = 20.0,
+    stores: Annotated[
+        list[str] | None, typer.Option("--store", help="Only this one of the others; repeatable.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
+    folder: Annotated[
+        Path | None, typer.Option("--folder", metavar="DIR", help="Where the book lies meanwhile; 1M entries: 3 GB.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """A large book beside every vector store with one vector an entry, and a plain loop: see docs/retrieval.md."""
+    from memo_core.experiment.bench_skillbook import Source, bench_skillbook
+    from memo_core.experiment.generated_book import BookSize
+
+    load(config, overrides)  # what is wrong is said before anything is measured
+    source, size = Source(config, tuple(overrides or ())), BookSize(entries, keys, general, seed=seed)
+    measured = _measured(
+        "skillbook", lambda progress: bench_skillbook(source, size, questions, seconds, folder, stores, progress)
+    )
+    if json:
+        print_json(measured)
+        return
+    _report({name: value for name, value in measured.items() if name != "contenders"}, False)
+    columns = ("contender", "over", "entries", "open_s", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
+    print_table(columns, [tuple(one[name] for name in columns) for one in measured["contenders"]])
+
+
+@app.command()
 def clustering(
     keys: Annotated[int, typer.Option("--keys", min=1, max=190, help="Keys in the book; about 12 notes each.")] = 60,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,

@@ -8,7 +8,8 @@ compared exactly, so what is found is what comparing all vectors would find.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -47,6 +48,7 @@ class Likeness:
         self._vectors = vectors
         self._groups: dict[tuple[str, int], _Group] = {}
         self._bytes = 0
+        self._sketches: bool | None = None  # whether the book has the table
 
     def clear(self) -> None:
         self._groups.clear()
@@ -72,26 +74,33 @@ class Likeness:
             chosen, exact = chosen[best], exact[best]
         return ids[chosen], exact
 
-    def sketch_all(self, sizes: Iterable[tuple[str, int, int]]) -> None:
-        """Make what is missing for groups of (kind, key, number of entries), ahead of being asked."""
-        for kind, key, size in sizes:
-            if size > _FEW:
-                self._sketched(kind, key)
+    def prepare(self, kind: str, key: int) -> None:
+        """Make what is missing of a group ahead of being asked."""
+        self._read(kind, key)
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _group(self, kind: str, key: int) -> _Group:
         group = self._groups.get((kind, key))
         if group is None:
-            ids = _column(self._database.fetch(_MEMBERS, {"kind": kind, "key": key}))
-            group = self._exact(ids) if len(ids) <= _FEW or not self._can_sketch() else self._sketched(kind, key)
+            group = self._read(kind, key)
             self._keep((kind, key), group)
         return group
 
+    def _read(self, kind: str, key: int) -> _Group:
+        ids = _column(self._database.fetch(_MEMBERS, {"kind": kind, "key": key}))
+        return self._exact(ids) if len(ids) <= _FEW or not self._can_sketch() else self._sketched(kind, key)
+
     def _keep(self, where: tuple[str, int], group: _Group) -> None:
-        self._bytes += group[1].nbytes
-        while self._groups and self._bytes > _IN_MEMORY:
-            self._bytes -= self._groups.pop(next(iter(self._groups)))[1].nbytes
         self._groups[where] = group
+        if where[0] == "general":  # asked at every subtask, whatever its size
+            return
+        self._bytes += group[1].nbytes
+        if self._bytes <= _IN_MEMORY:
+            return
+        for other in [group for group in self._groups if group[0] != "general" and group != where]:
+            self._bytes -= self._groups.pop(other)[1].nbytes
+            if self._bytes <= _IN_MEMORY // 2:
+                return
 
     def _exact(self, ids: np.ndarray) -> _Group:
         if not len(ids):
@@ -100,8 +109,10 @@ class Likeness:
 
     def _can_sketch(self) -> bool:
         """Not in an older book that is open read-only."""
-        with self._database.read() as connection:
-            return self._database.has(connection, tables.sketches)
+        if self._sketches is None:
+            with self._database.read() as connection:
+                self._sketches = self._database.has(connection, tables.sketches)
+        return self._sketches
 
     def _sketched(self, kind: str, key: int) -> _Group:
         found = self._database.fetch(_SKETCHED, {"kind": kind, "key": key})
@@ -135,7 +146,7 @@ class Likeness:
         return [found.get(i, "") for i in wanted]  # one that was deleted just now: the generation tells retrieval
 
 
-def _column(rows: Iterable[tuple[int, ...]]) -> np.ndarray:
+def _column(rows: Iterable[Sequence[Any]]) -> np.ndarray:
     return np.array([row[0] for row in rows], dtype=np.int64)
 
 

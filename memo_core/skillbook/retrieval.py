@@ -80,6 +80,11 @@ def score(action_cosine: float, objects_cosine: float, lambda_action: float, lam
     return (lambda_action * action_cosine + lambda_objects * objects_cosine) / (lambda_action + lambda_objects)
 
 
+def as_text(subtask: Key) -> str:
+    """The words that entries' texts are compared with."""
+    return " ".join((subtask.action, *subtask.objects))
+
+
 @attrs.frozen
 class Served:
     """An entry that was served: its place (1 is first) and each term of its score. General statements have no cosines
@@ -182,7 +187,7 @@ class Retriever:
 
         Raises ``SkillbookError``, ``BackendUnavailable``.
         """
-        words = text or " ".join((subtask.action, *subtask.objects))
+        words = text or as_text(subtask)
         with self._lock:
             while True:
                 state = self._state or self._load()
