@@ -20,6 +20,7 @@ import attrs
 import pluggy
 
 from memo_core import hooks
+from memo_core.checkout import Uninstalled, uninstalled
 from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.events import Event, Problem
 from memo_core.interfaces.backend import KINDS, Backend, Needs
@@ -65,12 +66,18 @@ class Plugin:
 
 @attrs.define(auto_exc=True, eq=False)
 class UnknownBackend(UnknownName):
-    """A backend nobody offers. ``broken`` are the plugins that might have offered it, had they loaded."""
+    """A backend nobody offers. ``broken`` are the plugins that might have offered it, had they loaded, ``absent`` those
+    that would, were they installed."""
 
     broken: tuple[Plugin, ...] = ()
+    absent: tuple[Uninstalled, ...] = ()
 
     def __str__(self) -> str:
         said = UnknownName.__str__(self)
+        if self.absent:
+            known = ", ".join(sorted(self.available)) or "none"
+            commands = " or ".join(one.command for one in self.absent)
+            said = f"{self.kind} {self.name!r} is not installed ({commands}; installed: {known})"
         for plugin in self.broken:
             said += f"; plugin {plugin.name!r} of {plugin.distribution} is broken: {plugin.error}"
         return said
@@ -143,8 +150,13 @@ class Registry:
         if len(owners) > 1:
             raise AmbiguousBackend(kind, name, _distributions(owners))
         if not owners:
-            raise UnknownBackend(kind, name, available, self.broken)
+            absent = tuple(one for one in self.uninstalled() if (kind, name) in one.offers)
+            raise UnknownBackend(kind, name, available, self.broken, absent)
         return owners[0][1]
+
+    def uninstalled(self) -> tuple[Uninstalled, ...]:
+        """The plugins of the checkout MEMO runs from that are not installed."""
+        return uninstalled({plugin.distribution for plugin in self.plugins})
 
     def default(self, kind: str) -> Backend:
         """What an experiment gets that does not say: the only backend of its kind, or the only one declared

@@ -26,6 +26,7 @@ LEVELS = (
     ("skills",),
     ("interfaces",),
     ("hooks",),
+    ("checkout",),
     ("plugins",),
     ("config",),
     ("skillbook", "sandbox", "arm"),

@@ -93,6 +93,9 @@ def _backends(registry: Registry) -> Iterator[Finding]:
     for kind in KINDS:
         if not registry.backends(kind) and kind != "skills":
             yield Finding(kind, "missing", "no plugin that offers one is installed", "make setup")
+        for one in registry.uninstalled():
+            for name in (offered for of, offered in one.offers if of == kind):
+                yield Finding(f"{kind} {name}", "optional", "not installed", one.command)
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 yield Finding(f"{kind} {backend.name}", "missing", f"needs {lacking.what}", lacking.remedy)

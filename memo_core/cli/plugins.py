@@ -39,6 +39,14 @@ def list_plugins(json: Json = False) -> None:
                 ],
                 "backends": [_as_json(backend, registry.plugin_of(backend).distribution) for backend in backends],
                 "problems": list(registry.problems),
+                "not_installed": [
+                    {
+                        "distribution": one.distribution,
+                        "offers": [{"kind": kind, "name": name} for kind, name in one.offers],
+                        "command": one.command,
+                    }
+                    for one in registry.uninstalled()
+                ],
             }
         )
         return
@@ -52,6 +60,9 @@ def list_plugins(json: Json = False) -> None:
     for plugin in registry.plugins:
         if plugin.listens:
             print(f"{plugin.distribution} ({plugin.name}) listens to events")
+    for one in registry.uninstalled():
+        offered = ", ".join(f"{kind} {name}" for kind, name in one.offers)
+        print(f"{offered}: not installed ({one.command})")
     for problem in registry.problems:
         note(f"memo: warning: {problem}")
 
