@@ -85,3 +85,21 @@ def teach(experiment) -> None:
             book.add_lessons(
                 book.record_feedback(entry.text, "ana", subtask="OPEN(jar)"), "OPEN(jar)", [], [entry.text]
             )
+
+
+def test_the_demo_of_the_quirks_is_played_with_the_settings_its_story_needs(monkeypatch, tmp_path):
+    import memo_core.cli.demo as command
+    import memo_core.experiment.demo as story
+
+    taken = []
+
+    def cut_short(experiment, *_, **__):
+        taken.append(experiment)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(story, "run_demo", cut_short)
+    for overrides, repairs in ((["suite.backend=quirks"], 0), (["suite.backend=quirks", "run.repairs=1"], 1), ([], 2)):
+        with pytest.raises(KeyboardInterrupt):
+            command.command(out=tmp_path, overrides=overrides, replay=True)
+        assert taken[-1].section("run").repairs == repairs
+        assert taken[-1].public()["llm.file"].endswith("quirks.jsonl.gz" if overrides else "demo.jsonl.gz")

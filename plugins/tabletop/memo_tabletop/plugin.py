@@ -96,6 +96,11 @@ def memo_task_suites():
             quirks,
             TabletopSettings,
             # A capable model finds some tricks by itself after several tries: what a person teaches spares it those.
-            demo=Demo(taught="open-the-locker", transfer="open-the-workbench", settings=("run.repairs=0",)),
+            demo=Demo(
+                taught="open-the-locker",
+                transfer="open-the-workbench",
+                recording="memo_tabletop/recordings/quirks.jsonl.gz",
+                settings=("run.repairs=0",),
+            ),
         ),
     ]
