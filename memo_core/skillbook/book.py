@@ -31,10 +31,12 @@ from memo_core.skillbook.history import (
     roll_back,
     versions,
 )
+from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
 from memo_core.skillbook.index import KeyIndex
 from memo_core.skillbook.joining import NearKeys, join, near_keys
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.likeness import Likeness
+from memo_core.skillbook.origins import origins_of
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
 from memo_core.skillbook.vectors import TextVectors
 from memo_core.skillbook.wording import KeyVectors
@@ -201,7 +203,7 @@ class Skillbook:
             vectors.get([as_text(key) for key in keys])
         likeness, done, total = Likeness(self._database, vectors), 0, sum(size for *_, size in sizes)
         for key, kind, size in sizes:
-            likeness.prepare(kind, key)
+            likeness.prepare(kind, key, size)
             done += size
             progress(done / total)
 
@@ -362,7 +364,28 @@ class Skillbook:
     def export(self) -> list[dict[str, Any]]:
         """Everything in the book but vectors, as records that JSON can hold (``memo_core.skillbook.export``)."""
         with self._database.read() as connection:
-            return list(records(connection, self._database.meta(connection)))
+            return list(records(self._database, connection))
+
+    def merge(self, records: Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
+        """Take in the records of another book (``export``), all or none: what is new of it, with where it comes from.
+        A second time changes nothing. ``name`` says whose book it is. Raises ``BadImport``, ``ReadOnlyBook``."""
+        imported, gone = merge(self._database, records, name, dry_run)
+        if self._vectors is not None:
+            self._vectors.forget(gone)
+        if imported.withdrawn and not dry_run:
+            self._database.erase_traces()
+        return imported
+
+    def imported_books(self) -> list[ImportedBook]:
+        """Whose books were merged into this one, and when."""
+        with self._database.read() as connection:
+            return imported_books(self._database, connection)
+
+    def origin(self, entry_id: int) -> tuple[str, str]:
+        """The book an entry was made in, and its number there."""
+        with self._database.read() as connection:
+            book = self._database.meta(connection)["book"]
+            return origins_of(self._database, connection, "entry", book).origin(entry_id)
 
     def generation(self) -> int:
         """Grows with every change to what can be retrieved."""

@@ -278,7 +278,8 @@ class Database:
                 f"it has schema version {version}, this MEMO knows up to {tables.SCHEMA_VERSION}",
                 "update memo-core, or use another book",
             )
-        if int(version) < tables.SCHEMA_VERSION and not self.read_only:
+        lacking = int(version) < tables.SCHEMA_VERSION or not names >= set(tables.metadata.tables)
+        if lacking and not self.read_only:
             self._add_tables()
 
     def has(self, connection: sa.Connection, table: sa.Table) -> bool:
@@ -293,7 +294,10 @@ class Database:
         """What an older book lacks, all or nothing."""
         with self.write() as connection:
             tables.metadata.create_all(connection)
-            tables.valid_entries.create(connection, checkfirst=True)  # create_all leaves tables that exist as they are
+            for index in (tables.valid_entries, tables.retired_entries):  # create_all leaves tables there as they are
+                index.create(connection, checkfirst=True)
+            for name in tables.FORMER_INDEXES:
+                connection.exec_driver_sql(f"DROP INDEX IF EXISTS {name}")
             self.set_meta(connection, "schema_version", str(tables.SCHEMA_VERSION))
 
     def _create(self) -> None:

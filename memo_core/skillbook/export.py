@@ -1,4 +1,8 @@
-"""The whole book as records, one a line in a file: everything but the vectors, which are derived."""
+"""The whole book as records, one a line in a file: everything but the vectors, which are derived.
+
+Numbers in a record are the book's own; ``origin`` is the book a row was made in and its number there, so that books
+which were merged in any order know the same row again (``memo_core.skillbook.importing``).
+"""
 
 from __future__ import annotations
 
@@ -9,23 +13,68 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import rows, tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.origins import origins_of
 
-FORMAT = 1
+FORMAT = 2  # 1 has no origins, changes, uses and withdrawn rows
+IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
 
 
-def records(connection: sa.Connection, meta: dict[str, str]) -> Iterator[dict[str, Any]]:
-    """First the book, then feedback, aliases, revisions and entries by id. ``record`` names the kind of each."""
+def records(database: Database, connection: sa.Connection) -> Iterator[dict[str, Any]]:
+    """First the book, then imported books, feedback, aliases, revisions, entries, changes, uses and what was withdrawn.
+    ``record`` names the kind of each."""
+    meta = database.meta(connection)
+    of = {kind: origins_of(database, connection, kind, meta["book"]) for kind in ("feedback", "entry", "revision")}
     yield {"record": "book", "format": FORMAT, **meta}
+    if database.has(connection, tables.books):
+        for book in connection.execute(sa.select(tables.books).order_by(tables.books.c.book)):
+            yield {"record": "imported", **book._mapping}
     for feedback in rows.feedback_where(connection):
-        yield {"record": "feedback", **attrs.asdict(feedback)}
+        yield {"record": "feedback", **attrs.asdict(feedback), "origin": list(of["feedback"].origin(feedback.id))}
     for spelling, key in sorted(rows.alias_rows(connection).items()):
-        yield {"record": "alias", "spelling": spelling, "action": key.action, "objects": list(key.objects)}
+        yield {"record": "alias", "spelling": spelling, **_key(key.action, list(key.objects))}
     for revision in connection.execute(sa.select(tables.revisions).order_by(tables.revisions.c.id)):
-        yield {"record": "revision", "id": revision.id, "time": revision.time, "reason": revision.reason}
+        yield {
+            "record": "revision",
+            "id": revision.id,
+            "time": revision.time,
+            "reason": revision.reason.removeprefix(IMPORTED),
+            "origin": list(of["revision"].origin(revision.id)),
+        }
     sources: dict[int, list[int]] = {}
     for entry, source in connection.execute(sa.select(tables.sources.c.entry, tables.sources.c.feedback)):
         sources.setdefault(entry, []).append(source)
+    columns = tables.entries.c
+    places = {
+        entry: (phase, ordinal)
+        for entry, phase, ordinal in connection.execute(sa.select(columns.id, columns.phase, columns.ordinal))
+    }
     for one in rows.entries_where(connection):
         fields = attrs.asdict(one, filter=lambda field, _: field.name != "key")
-        key_fields = {"action": one.key.action, "objects": list(one.key.objects)}
-        yield {"record": "entry", **fields, **key_fields, "sources": sorted(sources.get(one.id, []))}
+        phase, ordinal = places[one.id]
+        yield {
+            "record": "entry",
+            **fields,
+            **_key(one.key.action, list(one.key.objects)),
+            "phase": phase,
+            "ordinal": ordinal,
+            "sources": sorted(sources.get(one.id, [])),
+            "origin": list(of["entry"].origin(one.id)),
+        }
+    if database.has(connection, tables.changes):
+        by_revision = sa.select(tables.changes).order_by(tables.changes.c.revision, tables.changes.c.entry)
+        for change in connection.execute(by_revision):
+            yield {"record": "change", **change._mapping}
+    if database.has(connection, tables.records):
+        used, keys = tables.records.c, tables.keys.c
+        query = sa.select(used.entry, used.uses, used.confirmed_uses, keys.action, keys.objects)
+        for use in connection.execute(query.join(tables.keys, used.key == keys.id).order_by(used.entry, keys.id)):
+            key = rows.key_of(use.action, use.objects)
+            counts = {"uses": use.uses, "confirmed_uses": use.confirmed_uses}
+            yield {"record": "uses", "entry": use.entry, **_key(key.action, list(key.objects)), **counts}
+    for book, number in sorted(of["feedback"].gone):
+        yield {"record": "withdrawn", "kind": "feedback", "origin": [book, number]}
+
+
+def _key(action: str, objects: list[str]) -> dict[str, Any]:
+    return {"action": action, "objects": objects}

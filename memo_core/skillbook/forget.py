@@ -8,6 +8,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import rows, tables
 from memo_core.skillbook.entries import Forgotten
+from memo_core.skillbook.origins import note_withdrawn
 from memo_core.skillbook.superseding import gave_way_to, restore
 from memo_core.skillbook.templates import succeed
 from memo_core.skillbook.vectors import digest
@@ -20,9 +21,24 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
     """Delete inside a write transaction. Returns the counts and the texts that are gone.
 
     An entry stays when it also derives from what somebody else said: a cluster of two people's corrections is not one
-    person's words any more.
+    person's words any more. Words that came with another laboratory's book go as well and do not come back with its
+    next import: their numbers stay in ``origins``.
     """
-    theirs = sa.select(_F.id).where(_F.who == who)
+    return _forget(connection, who, _F.who == who)
+
+
+def forget_feedback(connection: sa.Connection, ids: list[int], why: str) -> list[str]:
+    """Delete pieces of feedback and what derives only from them, inside a write transaction; the texts that are gone.
+    For words that were withdrawn where they were said."""
+    gone = []
+    for start in range(0, len(ids), _CHUNK):
+        gone += _forget(connection, why, _F.id.in_(ids[start : start + _CHUNK]))[1]
+    return gone
+
+
+def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[bool]) -> tuple[Forgotten, list[str]]:
+    theirs = sa.select(_F.id).where(condition)
+    note_withdrawn(connection, rows.ids_of(connection.execute(theirs)))
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
     doomed = list(connection.execute(sa.select(_E.id, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others))))
@@ -37,7 +53,7 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
         connection.execute(sa.delete(tables.entries).where(_E.id.in_(part)))
     connection.execute(sa.delete(tables.sources).where(_S.feedback.in_(theirs)))
     connection.execute(sa.update(tables.entries).where(_E.feedback.in_(theirs)).values(feedback=None))
-    feedback = connection.execute(sa.delete(tables.feedback).where(_F.who == who)).rowcount
+    feedback = connection.execute(sa.delete(tables.feedback).where(condition)).rowcount
     _bring_back(connection, sorted(set(back) - set(ids)), "what it gave way to was withdrawn")
     gone = [text for text in texts if not connection.execute(sa.select(_E.id).where(_E.text == text).limit(1)).first()]
     for start in range(0, len(gone), _CHUNK):

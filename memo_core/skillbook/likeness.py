@@ -16,7 +16,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
 _Group = tuple[np.ndarray, np.ndarray, np.ndarray]  # ids (n,); vectors (n, dimension); how far off each may be (n,)
@@ -28,16 +28,16 @@ _CHUNK = 5000  # sketches made in one transaction
 
 _E, _S = tables.entries.c, tables.sketches.c
 _VALID = sa.and_(_E.key == sa.bindparam("key"), _E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None))
-_MEMBERS = sa.select(_E.id).where(_VALID).order_by(_E.id)
 _SKETCHED = (
     sa.select(_E.id, _S.sketch)
     .join_from(tables.entries, tables.sketches, sa.and_(_S.key == _E.key, _S.entry == _E.id), isouter=True)
     .where(_VALID)
     .order_by(_E.id)
 )
-_PLACES = 40
-_NAMES = [f"id{n}" for n in range(_PLACES)]
-_TEXTS = sa.select(_E.id, _E.text).where(_E.id.in_([sa.bindparam(name) for name in _NAMES]))
+_MEMBERS = sa.select(_E.id).where(_VALID).order_by(_E.id)
+_ONE_OF = _E.key.in_([sa.bindparam(name) for name in PLACE_NAMES])
+_OF_KEYS = sa.select(_E.key, _E.id, _E.text).where(_E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None), _ONE_OF)
+_TEXTS = sa.select(_E.id, _E.text).where(_E.id.in_([sa.bindparam(name) for name in PLACE_NAMES]))
 
 
 class Likeness:
@@ -48,16 +48,39 @@ class Likeness:
         self._vectors = vectors
         self._groups: dict[tuple[str, int], _Group] = {}
         self._bytes = 0
+        self._whole: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}  # ids and vectors, kept over generations
+        self._whole_is_current: set[tuple[str, int]] = set()
         self._sketches: bool | None = None  # whether the book has the table
 
     def clear(self) -> None:
         self._groups.clear()
+        self._whole_is_current.clear()
         self._bytes = 0
 
-    def nearest(self, kind: str, key: int, meant: np.ndarray, count: int) -> Nearest:
-        """The ``count`` valid entries most like ``meant``, a unit vector of shape (dimension,), and all that tie with
-        the last of them, in no order."""
-        ids, vectors, off = self._group(kind, key)
+    def nearest(self, kind: str, sizes: dict[int, int], meant: np.ndarray, count: int) -> list[Nearest]:
+        """Of each key (``sizes``: how many valid entries it has) the ``count`` valid entries most like ``meant``, a
+        unit vector of shape (dimension,), and all that tie with the last of them, in no order."""
+        few = [key for key, size in sizes.items() if size <= _FEW and (kind, key) not in self._groups]
+        for part in batched(few, PLACES):
+            self._read_few(kind, part)
+        return [self._nearest(self._group(kind, key), meant, count) for key in sizes]
+
+    def nearest_of_all(self, kind: str, key: int, meant: np.ndarray, count: int) -> Nearest:
+        """As ``nearest``, of a key that every subtask asks for: its vectors stay in memory, exact ones."""
+        ids, vectors = self._entire(kind, key)
+        return self._nearest((ids, vectors, np.zeros(len(ids), np.float32)), meant, count)
+
+    def prepare(self, kind: str, key: int, size: int) -> None:
+        """Make what is missing of a group ahead of being asked."""
+        if size <= _FEW:
+            self._read_few(kind, [key])
+        elif self._can_sketch():
+            self._sketched(kind, key)
+        self.clear()
+
+    # -- inside --------------------------------------------------------------------------------------------------------
+    def _nearest(self, group: _Group, meant: np.ndarray, count: int) -> Nearest:
+        ids, vectors, off = group
         if not len(ids):
             return ids, np.zeros(0, dtype=np.float32)
         similar = vectors @ meant
@@ -74,38 +97,58 @@ class Likeness:
             chosen, exact = chosen[best], exact[best]
         return ids[chosen], exact
 
-    def prepare(self, kind: str, key: int) -> None:
-        """Make what is missing of a group ahead of being asked."""
-        self._read(kind, key)
-
-    # -- inside --------------------------------------------------------------------------------------------------------
     def _group(self, kind: str, key: int) -> _Group:
         group = self._groups.get((kind, key))
         if group is None:
-            group = self._read(kind, key)
+            group = self._sketched(kind, key) if self._can_sketch() else self._exact(self._members(kind, key))
             self._keep((kind, key), group)
         return group
 
-    def _read(self, kind: str, key: int) -> _Group:
-        ids = _column(self._database.fetch(_MEMBERS, {"kind": kind, "key": key}))
-        return self._exact(ids) if len(ids) <= _FEW or not self._can_sketch() else self._sketched(kind, key)
-
     def _keep(self, where: tuple[str, int], group: _Group) -> None:
         self._groups[where] = group
-        if where[0] == "general":  # asked at every subtask, whatever its size
-            return
         self._bytes += group[1].nbytes
         if self._bytes <= _IN_MEMORY:
             return
-        for other in [group for group in self._groups if group[0] != "general" and group != where]:
+        for other in [group for group in self._groups if group != where]:
             self._bytes -= self._groups.pop(other)[1].nbytes
             if self._bytes <= _IN_MEMORY // 2:
                 return
+
+    def _read_few(self, kind: str, keys: list[int]) -> None:
+        """Small groups, several at once."""
+        members: dict[int, list[tuple[int, str]]] = {key: [] for key in keys}
+        for key, entry, text in self._database.fetch(_OF_KEYS, {"kind": kind} | places(keys)):
+            members[key].append((entry, text))
+        vectors = self._vectors.get([text for group in members.values() for _, text in group] or [""])
+        start = 0
+        for key, group in members.items():
+            stop = start + len(group)
+            ids = np.array([entry for entry, _ in group], dtype=np.int64)
+            self._keep((kind, key), (ids, vectors[start:stop], np.zeros(len(ids), np.float32)))
+            start = stop
+
+    def _members(self, kind: str, key: int) -> np.ndarray:
+        return _column(self._database.fetch(_MEMBERS, {"kind": kind, "key": key}))
 
     def _exact(self, ids: np.ndarray) -> _Group:
         if not len(ids):
             return ids, np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
         return ids, self._vectors.get(self._texts(ids)), np.zeros(len(ids), np.float32)
+
+    def _entire(self, kind: str, key: int) -> tuple[np.ndarray, np.ndarray]:
+        """All of a group; of the generation before, what is still valid is kept."""
+        where = (kind, key)
+        if where in self._whole_is_current:
+            return self._whole[where]
+        ids = self._members(kind, key)
+        known, before = self._whole.get(where, (np.zeros(0, np.int64), np.zeros((0, 0), np.float32)))
+        new = ids[~np.isin(ids, known)]
+        _, added, _ = self._exact(new)
+        vectors = np.concatenate([part for part in (before, added) if len(part)]) if len(before) + len(added) else added
+        row_of = {entry: row for row, entry in enumerate([*known.tolist(), *new.tolist()])}
+        self._whole[where] = (ids, vectors[[row_of[entry] for entry in ids.tolist()]])
+        self._whole_is_current.add(where)
+        return self._whole[where]
 
     def _can_sketch(self) -> bool:
         """Not in an older book that is open read-only."""
@@ -116,6 +159,8 @@ class Likeness:
 
     def _sketched(self, kind: str, key: int) -> _Group:
         found = self._database.fetch(_SKETCHED, {"kind": kind, "key": key})
+        if not found:
+            return self._exact(_column(found))
         missing = np.array([row[0] for row in found if row[1] is None], dtype=np.int64)
         if not len(missing):
             return (_column(found), *read_sketches([row[1] for row in found]))
@@ -137,13 +182,10 @@ class Likeness:
         return sketches
 
     def _texts(self, ids: np.ndarray) -> list[str]:
-        wanted, found = ids.tolist(), {}
-        for start in range(0, len(wanted), _PLACES):
-            part = wanted[start : start + _PLACES]
-            filled = part + part[:1] * (_PLACES - len(part))
-            for i, text in self._database.fetch(_TEXTS, dict(zip(_NAMES, filled, strict=True))):
-                found[i] = text
-        return [found.get(i, "") for i in wanted]  # one that was deleted just now: the generation tells retrieval
+        found: dict[int, str] = {}
+        for part in batched(ids.tolist(), PLACES):
+            found.update((entry, text) for entry, text in self._database.fetch(_TEXTS, places(part)))
+        return [found.get(i, "") for i in ids.tolist()]  # one that was deleted just now: the generation tells retrieval
 
 
 def _column(rows: Iterable[Sequence[Any]]) -> np.ndarray:

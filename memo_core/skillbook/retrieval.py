@@ -276,25 +276,26 @@ class Retriever:
         """The best entries and all that tie with the last of them: confirmed uses and recency decide among those, and
         these are the database's to say."""
         limit, sizes = self._limits[kind], state.sizes[kind]
-        ids, places, similar = [], [], []
+        chosen: list[int] = []
         taken, level = 0, np.inf
-        for place in ranked[sizes[hits.rows[ranked]] > 0] if limit else ():
+        for place in ranked[sizes[hits.rows[ranked]] > 0].tolist() if limit else ():
             if taken >= limit and hits.scores[place] < level - _TIE:
                 break
-            row, level = int(hits.rows[place]), hits.scores[place]
-            nearest, likeness = self._likeness.nearest(kind, state.ids[row], meant, limit)
-            ids.append(nearest)
-            places.append(np.full(len(nearest), place))
-            similar.append(likeness)
-            taken += int(sizes[row])
-        if not taken:
+            chosen.append(place)
+            level = hits.scores[place]
+            taken += int(sizes[hits.rows[place]])
+        if not chosen:
             return {}
-        return _first(limit, hits, np.concatenate(ids), np.concatenate(places), np.concatenate(similar))
+        of_keys = {state.ids[row]: int(sizes[row]) for row in hits.rows[chosen].tolist()}
+        nearest = self._likeness.nearest(kind, of_keys, meant, limit)
+        places = np.repeat(chosen, [len(ids) for ids, _ in nearest])
+        ids, similar = (np.concatenate(column) for column in zip(*nearest, strict=True))
+        return _first(limit, hits, ids, places, similar)
 
     def _best_general(self, meant: np.ndarray, state: _Generation) -> Found:
         if state.everywhere is None or not self._settings.general:
             return {}
-        ids, similar = self._likeness.nearest("general", state.everywhere, meant, self._settings.general)
+        ids, similar = self._likeness.nearest_of_all("general", state.everywhere, meant, self._settings.general)
         best = np.lexsort((ids, -similar))
         return {int(ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in best}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 3  # 2 and 3 have tables and an index that those before had not, and nothing else: opening an older
-# book for writing adds them
+SCHEMA_VERSION = 3  # 2 and 3 have more tables and other indexes than those before, and nothing else: opening an older
+# book for writing makes them
 
 metadata = sa.MetaData()
 _ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
@@ -75,7 +75,7 @@ entries = sa.Table(
     sa.Column("phase", sa.String(20), nullable=False),
     sa.Column("ordinal", sa.Integer, nullable=False),
     sa.Column("revision", sa.ForeignKey("revisions.id"), nullable=False),
-    sa.Column("superseded_by", sa.ForeignKey("revisions.id"), nullable=True, index=True),
+    sa.Column("superseded_by", sa.ForeignKey("revisions.id"), nullable=True),
     sa.Column("uses", sa.Integer, nullable=False, server_default="0"),
     sa.Column("confirmed_uses", sa.Integer, nullable=False, server_default="0"),
     sa.Column("created", sa.Float, nullable=False),
@@ -83,10 +83,16 @@ entries = sa.Table(
     sqlite_autoincrement=True,
 )
 
-_valid = entries.c.superseded_by.is_(None)
+_valid, _retired = entries.c.superseded_by.is_(None), entries.c.superseded_by.is_not(None)
 valid_entries = sa.Index(  # counting and listing what is served never reads texts
     "ix_entries_valid", entries.c.key, entries.c.kind, entries.c.id, sqlite_where=_valid, postgresql_where=_valid
 )
+retired_entries = (
+    sa.Index(  # partial: over all, SQLite takes it for the way to what is valid, which is nearly everything
+        "ix_entries_retired", entries.c.superseded_by, sqlite_where=_retired, postgresql_where=_retired
+    )
+)
+FORMER_INDEXES = ("ix_entries_superseded_by",)  # of schema versions 1 and 2
 
 sources = sa.Table(  # which feedback an entry derives from, for `forget`
     "sources",
@@ -138,4 +144,22 @@ records = sa.Table(  # how entries did when they were served to code for one key
     sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True),
     sa.Column("uses", sa.Integer, nullable=False),
     sa.Column("confirmed_uses", sa.Integer, nullable=False),
+)
+
+books = sa.Table(  # books that were imported
+    "books",
+    metadata,
+    sa.Column("book", sa.String(100), primary_key=True),
+    sa.Column("name", sa.Text, nullable=False),  # whose it is, as the person who imported it put it
+    sa.Column("first", sa.Float, nullable=False),  # s since the epoch
+    sa.Column("last", sa.Float, nullable=False),  # when it last brought something new
+)
+
+origins = sa.Table(  # where imported rows come from, and which are withdrawn: of these only the numbers are kept
+    "origins",
+    metadata,
+    sa.Column("kind", sa.String(20), primary_key=True),  # feedback, entry, revision
+    sa.Column("book", sa.String(100), primary_key=True),
+    sa.Column("id", sa.String(100), primary_key=True),  # in that book
+    sa.Column("local", sa.BigInteger, nullable=True, index=True),  # NULL: withdrawn
 )

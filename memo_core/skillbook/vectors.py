@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -12,8 +14,26 @@ from memo_core.interfaces.embedder import Embedder
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database, SkillbookError
 
-_CHUNK = 500  # bind parameters a statement
-_KEPT = 200_000  # vectors in memory
+_KEPT = 50_000  # vectors in memory
+PLACES = 32  # values a prepared statement asks for
+PLACE_NAMES = [f"value{n}" for n in range(PLACES)]
+_V = tables.vectors.c
+_BY_DIGEST = sa.select(_V.digest, _V.vector).where(
+    _V.embedder == sa.bindparam("embedder"), _V.digest.in_([sa.bindparam(name) for name in PLACE_NAMES])
+)
+
+
+def batched(values: Iterable[Any], size: int) -> Iterator[list[Any]]:
+    """Consecutive parts of at most ``size``."""
+    left = iter(values)
+    while part := list(itertools.islice(left, size)):
+        yield part
+
+
+def places(values: list[Any]) -> dict[str, Any]:
+    """Parameters for ``PLACE_NAMES``: the values, filled up with the first."""
+    filled = values + values[:1] * (PLACES - len(values))
+    return dict(zip(PLACE_NAMES, filled, strict=True))
 
 
 def digest(text: str) -> str:
@@ -63,17 +83,10 @@ class TextVectors:
 
     def _load(self, wanted: dict[str, str]) -> None:
         by_digest = {value: text for text, value in wanted.items()}
-        digests = list(by_digest)
-        table = tables.vectors.c
-        with self._database.read() as connection:
-            for start in range(0, len(digests), _CHUNK):
-                rows = connection.execute(
-                    sa.select(table.digest, table.vector).where(
-                        table.embedder == self.name, table.digest.in_(digests[start : start + _CHUNK])
-                    )
-                )
-                for found, blob in rows:
-                    self._known[by_digest[found]] = np.frombuffer(blob, dtype="<f4")
+        for part in batched(by_digest, PLACES):
+            asked = {"embedder": self.name} | places(part)
+            for found, blob in self._database.fetch(_BY_DIGEST, asked):
+                self._known[by_digest[found]] = np.frombuffer(blob, dtype="<f4")
 
     def _embed(self, texts: list[str]) -> None:
         self._embedder.open()
