@@ -93,7 +93,7 @@ def skillbook(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
     folder: Annotated[
-        Path | None, typer.Option("--folder", metavar="DIR", help="Where the book lies meanwhile; 1M entries: 3 GB.")
+        Path | None, typer.Option("--folder", metavar="DIR", help="Keep the book there for next time; 1M: 3 GB.")
     ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -10,6 +10,7 @@ what is measured never asks it.
 from __future__ import annotations
 
 import itertools
+import json
 import multiprocessing
 import random
 import re
@@ -129,15 +130,16 @@ def bench_skillbook(
     stores: Sequence[str] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> dict[str, Any]:
-    """Make a book in ``folder`` (a temporary one; it is removed) and measure all contenders, one after the other.
+    """Make a book and measure all contenders, one after the other.
 
-    ``seconds``: how long a store may take to be filled with entries; what it was given until then is what it is asked
-    over, and said. ``stores``: only these backends. Times in ms. Raises ``InvalidArgument``.
+    ``folder``: keep the book there and take it again next time (a million entries take a quarter of an hour); without, it
+    lies in a temporary folder. ``seconds``: how long a store may take to be filled with entries; what it was given until
+    then is what it is asked over, and said. ``stores``: only these backends. Times in ms. Raises ``InvalidArgument``.
     """
-    with tempfile.TemporaryDirectory(prefix="memo-bench-", dir=folder) as scratch:
-        path = Path(scratch) / "book.db"
+    with tempfile.TemporaryDirectory(prefix="memo-bench-") as scratch:
+        path = (folder or Path(scratch)) / f"book-{size.entries}-{size.keys}-{size.general:g}-{size.seed}.db"
         asked = Asked(source, path, tuple(keys_of(size)), questions, size.seed, seconds)
-        made = _alone(_make, asked, size, progress=progress)
+        made = _made(asked, size, progress)
         names = _usable(Registry()) if stores is None else list(stores)
         measured = [_alone(_ours, asked)]
         progress(0.8)
@@ -153,6 +155,20 @@ def bench_skillbook(
         **made,
         "contenders": measured,
     }
+
+
+def _made(asked: Asked, size: BookSize, progress: Callable[[float], None]) -> dict[str, Any]:
+    """How making the book went, this time or when it was made."""
+    story = asked.book.with_suffix(".json")
+    if story.exists():
+        known: dict[str, Any] = json.loads(story.read_text(encoding="utf-8"))
+        return known
+    asked.book.parent.mkdir(parents=True, exist_ok=True)
+    for rest in ("", "-wal", "-shm"):  # of a run that was interrupted
+        Path(f"{asked.book}{rest}").unlink(missing_ok=True)
+    made = _alone(_make, asked, size, progress=progress)
+    story.write_text(json.dumps(made), encoding="utf-8")
+    return made
 
 
 def _usable(registry: Registry) -> list[str]:

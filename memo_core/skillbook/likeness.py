@@ -1,9 +1,8 @@
 """Which entries of a key are most like a text, without holding every entry's vector in memory.
 
-Of a key with many entries each has a *sketch* in the book: its vector rounded to 8 bits a component, side by side with
-the key's others, so that one short read brings them all. With v' the rounded vector, |cos(q, v) - q·v'| is at most
-‖v - v'‖ (Cauchy–Schwarz, q being a unit vector), which the sketch also holds: whatever that bound cannot exclude is
-compared exactly, so what is found is what comparing all vectors would find.
+Of a key with many entries each has a *sketch* in the book: its vector rounded to 16 bits a component, side by side with
+the key's others, so that one short read brings them all. By Cauchy–Schwarz a cosine with a rounded vector is off by at
+most ‖v - v'‖, which is below 1e-4 (2e-6 is usual); equal texts have equal sketches and tie all the same.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from memo_core.skillbook.database import Database
 from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
-_Group = tuple[np.ndarray, np.ndarray, np.ndarray]  # ids (n,); vectors (n, dimension); how far off each may be (n,)
+_Group = tuple[np.ndarray, np.ndarray]  # ids, int64 (n,), and unit vectors, float32 (n, dimension)
 
-_FEW = 40  # entries that are compared exactly at once
+_FEW = 40  # entries under a key that are read as they are
 _TIE = 1e-6  # float32 cosines of equal texts differ by rounding
 _IN_MEMORY = 64 << 20  # bytes of groups
 _CHUNK = 5000  # sketches made in one transaction
@@ -48,7 +47,7 @@ class Likeness:
         self._vectors = vectors
         self._groups: dict[tuple[str, int], _Group] = {}
         self._bytes = 0
-        self._whole: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]] = {}  # ids and vectors, kept over generations
+        self._whole: dict[tuple[str, int], _Group] = {}  # ids and vectors, kept over generations
         self._whole_is_current: set[tuple[str, int]] = set()
         self._sketches: bool | None = None  # whether the book has the table
 
@@ -63,12 +62,11 @@ class Likeness:
         few = [key for key, size in sizes.items() if size <= _FEW and (kind, key) not in self._groups]
         for part in batched(few, PLACES):
             self._read_few(kind, part)
-        return [self._nearest(self._group(kind, key), meant, count) for key in sizes]
+        return [_nearest(self._group(kind, key), meant, count) for key in sizes]
 
     def nearest_of_all(self, kind: str, key: int, meant: np.ndarray, count: int) -> Nearest:
         """As ``nearest``, of a key that every subtask asks for: its vectors stay in memory, exact ones."""
-        ids, vectors = self._entire(kind, key)
-        return self._nearest((ids, vectors, np.zeros(len(ids), np.float32)), meant, count)
+        return _nearest(self._entire(kind, key), meant, count)
 
     def prepare(self, kind: str, key: int, size: int) -> None:
         """Make what is missing of a group ahead of being asked."""
@@ -79,24 +77,6 @@ class Likeness:
         self.clear()
 
     # -- inside --------------------------------------------------------------------------------------------------------
-    def _nearest(self, group: _Group, meant: np.ndarray, count: int) -> Nearest:
-        ids, vectors, off = group
-        if not len(ids):
-            return ids, np.zeros(0, dtype=np.float32)
-        similar = vectors @ meant
-        if len(ids) <= count:
-            chosen = np.arange(len(ids))
-        else:  # sure of `count` entries at or above the floor
-            floor = np.partition(similar - off, len(ids) - count)[len(ids) - count]
-            chosen = np.flatnonzero(similar + off >= floor - _TIE)
-        if not off.any():
-            return ids[chosen], similar[chosen]
-        exact = self._vectors.get(self._texts(ids[chosen])) @ meant
-        if len(exact) > count:
-            best = exact >= np.partition(exact, len(exact) - count)[len(exact) - count] - _TIE
-            chosen, exact = chosen[best], exact[best]
-        return ids[chosen], exact
-
     def _group(self, kind: str, key: int) -> _Group:
         group = self._groups.get((kind, key))
         if group is None:
@@ -124,7 +104,7 @@ class Likeness:
         for key, group in members.items():
             stop = start + len(group)
             ids = np.array([entry for entry, _ in group], dtype=np.int64)
-            self._keep((kind, key), (ids, vectors[start:stop], np.zeros(len(ids), np.float32)))
+            self._keep((kind, key), (ids, vectors[start:stop]))
             start = stop
 
     def _members(self, kind: str, key: int) -> np.ndarray:
@@ -132,10 +112,10 @@ class Likeness:
 
     def _exact(self, ids: np.ndarray) -> _Group:
         if not len(ids):
-            return ids, np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
-        return ids, self._vectors.get(self._texts(ids)), np.zeros(len(ids), np.float32)
+            return ids, np.zeros((0, 0), np.float32)
+        return ids, self._vectors.get(self._texts(ids))
 
-    def _entire(self, kind: str, key: int) -> tuple[np.ndarray, np.ndarray]:
+    def _entire(self, kind: str, key: int) -> _Group:
         """All of a group; of the generation before, what is still valid is kept."""
         where = (kind, key)
         if where in self._whole_is_current:
@@ -143,7 +123,7 @@ class Likeness:
         ids = self._members(kind, key)
         known, before = self._whole.get(where, (np.zeros(0, np.int64), np.zeros((0, 0), np.float32)))
         new = ids[~np.isin(ids, known)]
-        _, added, _ = self._exact(new)
+        _, added = self._exact(new)
         vectors = np.concatenate([part for part in (before, added) if len(part)]) if len(before) + len(added) else added
         row_of = {entry: row for row, entry in enumerate([*known.tolist(), *new.tolist()])}
         self._whole[where] = (ids, vectors[[row_of[entry] for entry in ids.tolist()]])
@@ -163,14 +143,14 @@ class Likeness:
             return self._exact(_column(found))
         missing = np.array([row[0] for row in found if row[1] is None], dtype=np.int64)
         if not len(missing):
-            return (_column(found), *read_sketches([row[1] for row in found]))
+            return _column(found), read_sketches([row[1] for row in found])
         if self._database.read_only:
             return self._exact(_column(found))
         made = {}
         for start in range(0, len(missing), _CHUNK):
             made.update(self._make(key, missing[start : start + _CHUNK]))
         blobs = [row[1] if row[1] is not None else made[row[0]] for row in found]
-        return (_column(found), *read_sketches(blobs))
+        return _column(found), read_sketches(blobs)
 
     def _make(self, key: int, ids: np.ndarray) -> dict[int, bytes]:
         sketches = dict(zip(ids.tolist(), write_sketches(self._vectors.get(self._texts(ids))), strict=True))
@@ -188,23 +168,31 @@ class Likeness:
         return [found.get(i, "") for i in ids.tolist()]  # one that was deleted just now: the generation tells retrieval
 
 
+def _nearest(group: _Group, meant: np.ndarray, count: int) -> Nearest:
+    ids, vectors = group
+    if not len(ids):
+        return ids, np.zeros(0, dtype=np.float32)
+    similar = vectors @ meant
+    if len(ids) <= count:
+        return ids, similar
+    chosen = np.flatnonzero(similar >= np.partition(similar, len(ids) - count)[len(ids) - count] - _TIE)
+    return ids[chosen], similar[chosen]
+
+
 def _column(rows: Iterable[Sequence[Any]]) -> np.ndarray:
     return np.array([row[0] for row in rows], dtype=np.int64)
 
 
 def write_sketches(vectors: np.ndarray) -> list[bytes]:
-    """Each row as scale and distance (float32, little endian) and its components as int8."""
-    scale = np.maximum(np.abs(vectors).max(axis=1, keepdims=True), 1e-12) / 127.0
-    rounded = np.rint(vectors / scale).astype(np.int8)
-    off = np.linalg.norm(vectors - rounded * scale, axis=1) * 1.0001 + 1e-6  # and float32's own rounding
-    heads = np.stack([scale[:, 0], off], axis=1).astype("<f4")
-    return [head.tobytes() + body.tobytes() for head, body in zip(heads, rounded, strict=True)]
+    """Each row as a scale (float32) and its components as multiples of that (int16), little endian."""
+    scale = np.maximum(np.abs(vectors).max(axis=1, keepdims=True), 1e-12) / 32767.0
+    heads, bodies = scale.astype("<f4"), np.rint(vectors / scale).astype("<i2")
+    return [head.tobytes() + body.tobytes() for head, body in zip(heads, bodies, strict=True)]
 
 
-def read_sketches(blobs: list[bytes]) -> tuple[np.ndarray, np.ndarray]:
-    """Rounded vectors (n, dimension), and how far off each may be (n,), float32."""
+def read_sketches(blobs: list[bytes]) -> np.ndarray:
+    """Rounded vectors, float32, shape (len(blobs), dimension)."""
     raw = np.frombuffer(b"".join(blobs), dtype=np.uint8).reshape(len(blobs), -1)
-    heads = np.ascontiguousarray(raw[:, :8]).view("<f4")
-    vectors = raw[:, 8:].view(np.int8).astype(np.float32)
-    vectors *= heads[:, :1]
-    return vectors, heads[:, 1]
+    vectors = np.ascontiguousarray(raw[:, 4:]).view("<i2").astype(np.float32)
+    vectors *= np.ascontiguousarray(raw[:, :4]).view("<f4")
+    return vectors
