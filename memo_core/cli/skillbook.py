@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
-from memo_core.cli import skillbook_history
+from memo_core.cli import skillbook_history, skillbook_transfer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Skillbooks.")
 skillbook_history.register(app)
+skillbook_transfer.register(app)
 
 KINDS = ("correction", "general", "template")
 WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries

@@ -376,6 +376,10 @@ class Skillbook:
             self._database.erase_traces()
         return imported
 
+    def problems(self) -> list[str]:
+        """What is wrong with the book's file; none of a book that is whole."""
+        return self._database.problems()
+
     def imported_books(self) -> list[ImportedBook]:
         """Whose books were merged into this one, and when."""
         with self._database.read() as connection:

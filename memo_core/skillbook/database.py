@@ -166,6 +166,18 @@ class Database:
         self.set_meta(connection, "generation", str(generation))
         return generation
 
+    def problems(self) -> list[str]:
+        """SQLite's own check of its pages, and rows that refer to something that is not there; none on a server."""
+        if not self.is_sqlite:
+            return []
+        with self.read() as connection:
+            pages = [str(row[0]) for row in connection.exec_driver_sql("PRAGMA integrity_check")]
+            loose = [
+                f"{row[0]} {row[1]}: refers to a row of {row[2]} that is not there"
+                for row in connection.exec_driver_sql("PRAGMA foreign_key_check")
+            ]
+        return [page for page in pages if page != "ok"] + loose
+
     def size(self) -> int:
         """Bytes of the database file; 0 where there is none."""
         path = Path(str(self._url.database)).expanduser() if self.is_sqlite and not self.in_memory else None

@@ -27,8 +27,8 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
     of = {kind: origins_of(database, connection, kind, meta["book"]) for kind in ("feedback", "entry", "revision")}
     yield {"record": "book", "format": FORMAT, **meta}
     if database.has(connection, tables.books):
-        for book in connection.execute(sa.select(tables.books).order_by(tables.books.c.book)):
-            yield {"record": "imported", **book._mapping}
+        for other in connection.execute(sa.select(tables.books).order_by(tables.books.c.book)):
+            yield {"record": "imported", **other._mapping}
     for feedback in rows.feedback_where(connection):
         yield {"record": "feedback", **attrs.asdict(feedback), "origin": list(of["feedback"].origin(feedback.id))}
     for spelling, key in sorted(rows.alias_rows(connection).items()):

@@ -1,9 +1,9 @@
 """Merging another laboratory's book into this one.
 
 Each row is known by the book it was made in and its number there, so importing twice changes nothing, and two books
-that import each other come to hold the same: of what was said and made of it the union, and of each entry the state that
-the latest revision gave it, by the clock of the book it was made in. Uses are the larger count of the two. What was
-withdrawn here does not come back; what was withdrawn in the book it was said in goes here as well.
+that import each other come to hold the same: of what was said and made of it the union, and of each entry the state
+that the latest revision gave it, by the clock of the book it was made in. Uses are the larger count of the two. What
+was withdrawn here does not come back; what was withdrawn in the book it was said in goes here as well.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from memo_core.skillbook.export import FORMAT, IMPORTED
 from memo_core.skillbook.forget import forget_feedback
 from memo_core.skillbook.joining import join
 from memo_core.skillbook.keys import Key, NotAKey
-from memo_core.skillbook.origins import Origin, Origins, origins_of
+from memo_core.skillbook.origins import Origin, origins_of
 from memo_core.skillbook.superseding import restore, supersede
 
 _F, _E, _C, _R, _B = tables.feedback.c, tables.entries.c, tables.changes.c, tables.revisions.c, tables.books.c
@@ -69,7 +69,6 @@ class Imported:
     withdrawn: int = 0  # pieces of feedback that were withdrawn where they were said, and removed here
     known: int = 0
     left_out: int = 0
-    skipped: tuple[str, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -125,7 +124,17 @@ class _Records:
             raise BadImport(1, f"it has format {book['format']}, this MEMO reads 1 to {FORMAT}; update memo-core")
         self.book: str = book["book"]
         self.revisions = {record["id"]: record for record in self.of("revision")}
-        self.entries = {record["id"]: record for record in self.of("entry")}
+        entries = {record["id"] for record in self.of("entry")}
+        for kind, name, there in (
+            ("entry", "revision", self.revisions),
+            ("entry", "superseded_by", self.revisions),
+            ("change", "revision", self.revisions),
+            ("change", "entry", entries),
+            ("uses", "entry", entries),
+        ):
+            for record in self.of(kind):
+                if record[name] is not None and record[name] not in there:
+                    raise BadImport(0, f"{kind} {record.get('id', '')}: {name} {record[name]} is not in the file")
 
     def of(self, kind: str) -> list[dict[str, Any]]:
         return self.by_kind.get(kind, [])
@@ -146,14 +155,17 @@ class _Merging:
         self._database, self._connection, self._records, self._name = database, connection, records, name
         self._book = database.meta(connection)["book"]
         self._upsert = database.upsert(tables.keys)
-        self._feedback, self._entries, self._revisions = (
-            origins_of(database, connection, kind, self._book) for kind in ("feedback", "entry", "revision")
-        )
+        self._read_origins()
         self._local: dict[int, int] = {}  # entries: number in the file -> here
         self._heard: dict[int, int] = {}  # feedback: number in the file -> here
         self._keys: set[int] = set()  # whose templates may have to be elected
         self._counts: Counter[str] = Counter()
         self.gone: list[str] = []
+
+    def _read_origins(self) -> None:
+        self._feedback, self._entries, self._revisions = (
+            origins_of(self._database, self._connection, kind, self._book) for kind in ("feedback", "entry", "revision")
+        )
 
     def report(self) -> Imported:
         return Imported(self._records.book, self._name, **self._counts)
@@ -195,8 +207,7 @@ class _Merging:
         if doomed:
             self.gone = forget_feedback(self._connection, doomed, f"withdrawn in {self._records.book}")
             self._counts["withdrawn"] = len(doomed)
-            self._entries = origins_of(self._database, self._connection, "entry", self._book)
-            self._revisions = origins_of(self._database, self._connection, "revision", self._book)
+            self._read_origins()
 
     def _hear(self, record: dict[str, Any]) -> None:
         origin = self._records.origin(record)
@@ -204,6 +215,8 @@ class _Merging:
         if here is not None:
             self._heard[record["id"]] = here
             self._counts["known"] += 1
+            if record["status"] == "processed":
+                self._processed(here)
             return
         if self._feedback.withdrawn(origin):
             self._counts["left_out"] += 1
@@ -213,6 +226,10 @@ class _Merging:
         self._feedback.note(self._connection, origin, here)
         self._heard[record["id"]] = here
         self._counts["feedback"] += 1
+
+    def _processed(self, feedback: int) -> None:
+        unfinished = (_F.id == feedback, _F.status != "processed")
+        self._connection.execute(sa.update(tables.feedback).where(*unfinished).values(status="processed", reason=""))
 
     # -- what was made of it -------------------------------------------------------------------------------------------
     def _alias(self, record: dict[str, Any]) -> None:
@@ -270,8 +287,7 @@ class _Merging:
         for source in sorted(set(sources)):
             rows.insert_plain(self._connection, tables.sources, entry=here, feedback=source)
         if feedback is not None:
-            done = sa.update(tables.feedback).where(_F.id == feedback).values(status="processed", reason="")
-            self._connection.execute(done)
+            self._processed(feedback)
         self._entries.note(self._connection, origin, here)
         self._counts["entries"] += 1
         if record["kind"] == "template":

@@ -1,0 +1,144 @@
+"""``memo skillbook import``, ``books``, ``check``: taking in what others were taught, and whether a book is whole."""
+
+from __future__ import annotations
+
+import datetime
+import json as json_text
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import attrs
+import typer
+
+from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.output import note, print_json, print_table
+from memo_core.errors import InvalidArgument, close_match
+
+if TYPE_CHECKING:
+    from memo_core.skillbook.book import Skillbook
+    from memo_core.skillbook.importing import Imported
+    from memo_core.skillbook.lorebook import Lorebook
+
+FORMATS = ("memo", "lorebook")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file to ``memo skillbook``."""
+    app.command("import")(import_book)
+    app.command()(books)
+    app.command()(check)
+
+
+def import_book(
+    file: Annotated[Path, typer.Argument(help="What `memo skillbook export` wrote, or a lorebook's pickle.")],
+    source: Annotated[str, typer.Option("--from", metavar="FORMAT", help="memo (JSONL) or lorebook.")] = "memo",
+    whose: Annotated[str | None, typer.Option("--whose", help="Whose book it is; without it, the file's name.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what it would bring, change nothing.")] = False,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Merge another book into this one. Importing twice changes nothing; a book that is not there is made."""
+    if source not in FORMATS:
+        problem = f"{source!r} is no format{close_match(source, FORMATS)}"
+        raise InvalidArgument("--from", problem, " or ".join(FORMATS))
+    name = whose or file.stem
+    try:
+        data = file.read_bytes()
+        changed = file.stat().st_mtime
+    except OSError as error:
+        raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file that can be read") from None
+    lorebook = _lorebook(data, name, changed) if source == "lorebook" else None
+    records = list(lorebook.records) if lorebook is not None else list(_lines(file, data))
+    with _opened(book, config, overrides) as opened:
+        imported = opened.merge(records, name, dry_run)
+        url = opened.url
+    if json:
+        read = None if lorebook is None else attrs.asdict(lorebook, filter=lambda field, _: field.name != "records")
+        print_json({"url": url, "dry_run": dry_run} | attrs.asdict(imported) | {"read": read})
+        return
+    if lorebook is not None:
+        _say_what_was_read(lorebook)
+    _say(imported, url, dry_run)
+
+
+def books(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Say whose books were merged into this one, and when."""
+    with _opened(book, config, overrides, read_only=True) as opened:
+        merged = opened.imported_books()
+    if json:
+        print_json({"books": [attrs.asdict(one) for one in merged]})
+        return
+    print_table(("whose", "book", "first", "last"), [(o.name, o.book, _day(o.first), _day(o.last)) for o in merged])
+
+
+def check(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Look for damage: the database's own check, and whether everything that is referred to is there."""
+    with _opened(book, config, overrides, read_only=True) as opened:
+        problems, url = opened.problems(), opened.url
+    if json:
+        print_json({"url": url, "problems": problems})
+    else:
+        print("\n".join(problems) or f"{url}: nothing is wrong")
+    if problems:
+        raise typer.Exit(1)
+
+
+def _opened(book: str | None, config: Path | None, overrides: list[str] | None, read_only: bool = False) -> Skillbook:
+    from memo_core.skillbook.book import Skillbook
+
+    return Skillbook(book or load(config, overrides)[1].section("skillbook").url, read_only=read_only)
+
+
+def _lines(file: Path, data: bytes) -> Iterator[dict[str, Any]]:
+    from memo_core.skillbook.importing import BadImport
+
+    for number, line in enumerate(data.splitlines(), start=1):
+        try:
+            yield json_text.loads(line)
+        except (ValueError, RecursionError) as error:
+            hint = "; a lorebook's pickle is read with --from lorebook" if number == 1 else ""
+            raise BadImport(number, f"{file} is no JSON there ({str(error)[:80]}){hint}") from None
+
+
+def _lorebook(data: bytes, who: str, when: float) -> Lorebook:
+    from memo_core.skillbook.lorebook import read_lorebook
+
+    return read_lorebook(data, who, when)
+
+
+def _say_what_was_read(read: Lorebook) -> None:
+    print(
+        f"read {read.items} items: {read.corrections} corrections, {read.general} general statements, "
+        f"{read.templates} templates under {read.keys} keys ({read.spellings} spellings)"
+    )
+    passed = {"without a text": read.empty, "repeated": read.repeated, "with a key that is none": read.unread_count}
+    if any(passed.values()):
+        print("passed over: " + ", ".join(f"{count} {what}" for what, count in passed.items() if count))
+    for key in read.unread:
+        note(f"no key: {key[:100]!r}")
+    if read.vectors:
+        note(f"vectors ({', '.join(read.vectors)}) are not used: texts are embedded by the book's own embedder")
+
+
+def _say(imported: Imported, url: str, dry_run: bool) -> None:
+    verb = "would bring" if dry_run else "brought"
+    if not imported.changed:
+        print(f"{imported.name} {verb} nothing new to {url} ({imported.known} rows known)")
+        return
+    print(
+        f"{imported.name} {verb} {url} {imported.feedback} pieces of feedback, {imported.entries} entries, "
+        f"{imported.changes} changes of entries, {imported.aliases} aliases"
+    )
+    if imported.withdrawn:
+        print(
+            f"{imported.withdrawn} pieces of feedback that were withdrawn there {'would be' if dry_run else 'are'} gone"
+        )
+    if imported.left_out:
+        print(f"{imported.left_out} rows stay away: withdrawn here")
+
+
+def _day(moment: float) -> str:
+    return datetime.datetime.fromtimestamp(moment).strftime("%Y-%m-%d %H:%M")
