@@ -79,6 +79,39 @@ def retrieval(
     _report(_measured("retrieval", measure), json)
 
 
+@app.command("retrieval-quality")
+def retrieval_quality(
+    sweep: Annotated[
+        bool, typer.Option("--sweep/--no-sweep", help="Also sweep wording, weights and cut on one half.")
+    ] = True,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What subtasks are served from a labelled book, by the authors' settings and ours: see docs/retrieval.md."""
+    from memo_core.experiment.bench_retrieval_quality import bench_retrieval_quality
+
+    _, experiment = load(config, overrides)
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        embedder = experiment.create("embedder")
+        try:
+            return bench_retrieval_quality(
+                embedder, lambda: experiment.create("vectorstore"), experiment.section("retrieval"), sweep, progress
+            )
+        finally:
+            embedder.close()
+
+    measured = _measured("retrieval-quality", measure)
+    if json:
+        print_json(measured)
+        return
+    columns = ("f1", "recall", "precision", "ndcg", "opposites")
+    for half in measured["queries"]:
+        rows = [(one["name"], one["settings"]["cut"], *(one[half][c] for c in columns)) for one in measured["compared"]]
+        print_table((half, "cut", *columns), rows)
+
+
 @app.command()
 def skillbook(
     entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 20_000,

@@ -57,6 +57,9 @@ class RetrievalSettings:
     templates: int = attrs.field(default=3, validator=_count, metadata={"help": "most templates served"})
     action_phrase: str = attrs.field(default=Wording().action, metadata={"help": "phrase for actions, one {}"})
     object_phrase: str = attrs.field(default=Wording().object, metadata={"help": "phrase for objects, one {}"})
+    shipped_actions: bool = attrs.field(
+        default=True, metadata={"help": "begin with MEMO's own tables of synonyms and opposites; false: with none"}
+    )
     synonyms: dict[str, list[str]] = attrs.field(factory=dict, metadata={"help": "more synonym groups of actions"})
     opposites: list[list[str]] = attrs.field(factory=list, metadata={"help": "more pairs of opposite actions"})
 
@@ -70,9 +73,10 @@ class RetrievalSettings:
 
     @property
     def actions(self) -> Actions:
+        shipped = default_actions() if self.shipped_actions else Actions({}, frozenset())
         if not self.synonyms and not self.opposites:
-            return default_actions()
-        return default_actions().extended(self.synonyms, self.opposites)
+            return shipped
+        return shipped.extended(self.synonyms, self.opposites)
 
 
 def score(action_cosine: float, objects_cosine: float, lambda_action: float, lambda_objects: float) -> float:
