@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 
@@ -131,6 +132,19 @@ with PybulletSimulator() as simulator:
         for what in ("go", "on")
     ]
     assert json.loads(said[0]) == json.loads(said[1])  # and nothing but JSON on the standard output
+
+
+def test_the_grip_is_felt_whatever_the_fingers_inertia_looks_like():
+    robot = check_robot()
+    skew = re.sub(r'ixy="0[.0]*"', 'ixy="2e-5"', robot.urdf)
+    assert skew != robot.urdf
+    simulator = PybulletSimulator()
+    simulator.open()
+    with simulator:
+        simulator.build(check_scene(), attrs.evolve(robot, urdf=skew))
+        simulator.command_gripper(0.0, 30.0)
+        run(simulator, 1.5)
+        assert simulator.gripper_effort() == pytest.approx(30.0, rel=0.15)
 
 
 def test_what_bullet_cannot_build_is_named():

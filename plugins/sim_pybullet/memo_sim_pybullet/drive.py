@@ -4,7 +4,8 @@ A servo of gains kp, kv pulls with kp (q* - q) - kv dq/dt. Integrated explicitly
 wrist, so Bullet's velocity motor, an implicit constraint, does it: it wants the velocity kp/kv (q* - q) at which the
 servo's torque vanishes, and may use the torque that the servo has when it is held, kp |q* - q|, or that damps, kv
 |dq/dt|. Free, the joint lags kv/kp seconds behind its target; held, it pushes as hard as the servo; it never
-overshoots.
+overshoots. A catch of the scene is driven the same way: 12 N within 4 mm on a lever of 60 g, as explicit torques,
+throw out what they are to hold.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from memo_sim_pybullet.world import World
 # The gripper's servo on the opening, critically damped for two fingers of 0.5 kg.
 _FINGER_STIFFNESS = 8000.0  # N/m
 _FINGER_DAMPING = 90.0  # N s/m
+
+_CATCH_LAG = 0.02  # s, damping over stiffness of a catch
 
 
 class RobotDrive:
@@ -105,6 +108,7 @@ class _Spring:
     index: int
     stiffness: float
     rest: float
+    friction: float
     catches: tuple[Latch, ...]
 
 
@@ -114,17 +118,25 @@ class SceneDrive:
     def __init__(self, client: Any, world: World, latches: tuple[Latch, ...]) -> None:
         import pybullet
 
-        self._client, self._torque = client, pybullet.TORQUE_CONTROL
+        self._client, self._torque, self._velocity = client, pybullet.TORQUE_CONTROL, pybullet.VELOCITY_CONTROL
         self._read, self._control = client.getJointState, client.setJointMotorControl2
         self._joints = world.joints
         self._catches: dict[str, tuple[Latch, ...]] = {}
         for latch in latches:
             self._catches[latch.joint] = (*self._catches.get(latch.joint, ()), latch)
         self._springs = {
-            name: _Spring(joint.body, joint.index, joint.spec.stiffness, joint.spec.rest, self._catches.get(name, ()))
+            name: _Spring(
+                joint.body,
+                joint.index,
+                joint.spec.stiffness,
+                joint.spec.rest,
+                joint.spec.friction,
+                self._catches.get(name, ()),
+            )
             for name, joint in world.joints.items()
         }
         self.sent: list[tuple[int, int, float]] = []  # with the last step
+        self.caught: list[tuple[int, int, float, float]] = []
         self._choose()
 
     def _choose(self) -> None:
@@ -142,19 +154,25 @@ class SceneDrive:
         self._client.changeDynamics(found.body, found.index, jointLowerLimit=lower, jointUpperLimit=upper)
 
     def push(self) -> None:
-        self.sent = []
+        self.sent, self.caught = [], []
         for spring in self._active:
             position, speed = self._read(spring.body, spring.index)[:2]
-            effort = spring.stiffness * (spring.rest - position)
-            for latch in spring.catches:
-                if abs(position - latch.position) < latch.width:
-                    stiffness = 4.0 * latch.effort / latch.width
-                    pull = stiffness * (latch.position - position) - 0.02 * stiffness * speed
-                    effort += min(max(pull, -latch.effort), latch.effort)
-            self.sent.append((spring.body, spring.index, effort))
-        self.send(self.sent)
+            self.sent.append((spring.body, spring.index, spring.stiffness * (spring.rest - position)))
+            if spring.catches:
+                wanted, limit = 0.0, spring.friction
+                for latch in spring.catches:
+                    error = latch.position - position
+                    if abs(error) < latch.width:
+                        stiffness = 4.0 * latch.effort / latch.width
+                        wanted += error / _CATCH_LAG
+                        limit += min(stiffness * max(abs(error), _CATCH_LAG * abs(speed)), latch.effort)
+                self.caught.append((spring.body, spring.index, wanted, limit))
+        self.send(self.sent, self.caught)
 
-    def send(self, efforts: list[tuple[int, int, float]]) -> None:
-        """Hand one step's efforts (body, joint, Nm or N) to the engine."""
+    def send(self, efforts: list[tuple[int, int, float]], caught: list[tuple[int, int, float, float]]) -> None:
+        """Hand one step's efforts (body, joint, Nm or N) and motors (body, joint, speed wanted, Nm or N at most) to the
+        engine."""
         for body, index, effort in efforts:
             self._control(body, index, self._torque, force=effort)
+        for body, index, wanted, limit in caught:
+            self._control(body, index, self._velocity, targetVelocity=wanted, force=limit)

@@ -181,7 +181,8 @@ class PybulletSimulator(Simulator):
         for link, slide in self._world.pads:
             state = self.client.getLinkState(robot, slide, computeForwardKinematics=1)
             axis = np.array(self.client.getJointInfo(robot, slide)[13])
-            along = np.array(self.client.getMatrixFromQuaternion(state[5])).reshape(3, 3) @ axis
+            # Bullet tells a joint's axis in the principal axes of the link's inertia.
+            along = np.array(self.client.getMatrixFromQuaternion(state[1])).reshape(3, 3) @ axis
             total = np.zeros(3)
             for point in self.client.getContactPoints(bodyA=robot, linkIndexA=link) or ():
                 if point[2] == robot:
@@ -223,7 +224,7 @@ class PybulletSimulator(Simulator):
         for _ in range(self.settings.steps_per_tick):
             push_arm()
             push_scene()
-            sent.append((self._arm.sent, self._scene.sent))
+            sent.append((self._arm.sent, self._scene.sent, self._scene.caught))
             step()
         self._sent = sent
         self._steps += self.settings.steps_per_tick
@@ -330,9 +331,9 @@ class PybulletSimulator(Simulator):
         steps = [one for tick in controls for one in cast(list[Any], tick)]
         step, send_arm, send_scene = self.client.stepSimulation, self._arm.send, self._scene.send
         started = clock.thread_time()
-        for arm, scene in steps:
+        for arm, springs, caught in steps:
             send_arm(*arm)
-            send_scene(scene)
+            send_scene(springs, caught)
             step()
         taken = clock.thread_time() - started
         self._steps += len(steps)

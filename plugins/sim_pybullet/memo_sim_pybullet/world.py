@@ -21,6 +21,8 @@ from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, principal, robot_tree
 from memo_sim_pybullet.settings import PybulletSettings
 
 _HARD_S = 0.005  # s: materials up to this time constant are as hard as Bullet makes them
+# What a soft thing is pressed with is an arm, not its own weight: with that, a sponge has the stiffness of a feather.
+_PRESSED_KG = 0.4
 
 
 @attrs.frozen(eq=False)
@@ -162,8 +164,8 @@ def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, damping: fl
     # Bullet multiplies the two surfaces' coefficients.
     more: dict[str, float] = {}
     if material.softness_s > _HARD_S and spec.mass > 0:
-        stiffness = spec.mass / material.softness_s**2
-        more = {"contactStiffness": stiffness, "contactDamping": 2.0 * spec.mass / material.softness_s}
+        stiffness = _PRESSED_KG / material.softness_s**2
+        more = {"contactStiffness": stiffness, "contactDamping": 2.0 * _PRESSED_KG / material.softness_s}
     client.changeDynamics(
         body,
         link,
