@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import random
 import signal
 import sqlite3
-import time
 from pathlib import Path
 
 import pytest
@@ -19,7 +17,6 @@ from memo_core.skillbook.database import ReadOnlyBook, SkillbookError, filesyste
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
-KILLS = 25
 fork = multiprocessing.get_context("fork")
 
 WORDS = 'No!  You pulled  it straight.\n\tGo \'round "the" hinge — langsam, 慢慢来 🙂;  -- DROP TABLE feedback\n'
@@ -27,55 +24,6 @@ WORDS = 'No!  You pulled  it straight.\n\tGo \'round "the" hinge — langsam, �
 
 def words_of(writer: int, number: int) -> str:
     return f"writer {writer} says {number}: {WORDS}"
-
-
-def _write_on(path: str, writer: int, acknowledged: int) -> None:
-    """Write feedback and lessons for ever; each acknowledgement goes down the pipe after the call returned."""
-    with Skillbook(path, FakeEmbedder(), FakeStore()) as book:
-        for number in range(100_000):
-            feedback = book.record_feedback(words_of(writer, number), f"writer {writer}", subtask="OPEN(box)")
-            os.write(acknowledged, f"F {feedback} {number}\n".encode())
-            entry = book.add_lessons(feedback, "OPEN(box)", [f"lesson {number}"], [f"general {number}"])[0]
-            os.write(acknowledged, f"E {entry.id} {number}\n".encode())
-
-
-def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:
-    path = str(tmp_path / "book.db")
-    rng = random.Random(7)
-    seen_feedback: dict[int, str] = {}
-    seen_entries: dict[int, str] = {}
-    for writer in range(KILLS):
-        reading, writing = os.pipe()
-        process = fork.Process(target=_write_on, args=(path, writer, writing))
-        process.start()
-        os.close(writing)
-        first = os.read(reading, 1)
-        time.sleep(rng.uniform(0, 0.04))
-        assert process.pid is not None
-        os.kill(process.pid, signal.SIGKILL)
-        process.join()
-        said = first + b"".join(iter(lambda r=reading: os.read(r, 65536), b""))  # type: ignore[misc]
-        os.close(reading)
-        for line in said.decode().splitlines(keepends=True):
-            if line.endswith("\n"):
-                kind, number, which = line.split()
-                target, text = (
-                    (seen_feedback, words_of(writer, int(which))) if kind == "F" else (seen_entries, f"lesson {which}")
-                )
-                target[int(number)] = text
-    assert len(seen_feedback) > KILLS, "too little was written to show anything"
-    with Skillbook(path, FakeEmbedder(), FakeStore()) as book:
-        for feedback_id, said_words in seen_feedback.items():
-            assert book.feedback(feedback_id).words == said_words
-        entries = {entry.id: entry.text for entry in book.entries()}
-        assert {number: entries.get(number) for number in seen_entries} == seen_entries
-        made = {kind: {entry.feedback for entry in book.entries(kind)} for kind in ("correction", "general")}
-        assert made["correction"] == made["general"], "half of an addition is there"
-        assert made["correction"].isdisjoint(feedback.id for feedback in book.pending_feedback())
-        assert book.retrieve("OPEN(box)").corrections
-    check = sqlite3.connect(path)
-    assert check.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-    check.close()
 
 
 def _say_and_die(path: str) -> None:
@@ -100,34 +48,6 @@ def test_feedback_is_on_disk_verbatim_when_the_call_returns(tmp_path: Path) -> N
         assert (kept.scene, kept.code, kept.status) == ("kitchen", "go()", "pending") and kept.time > 1e9
         book.add_lessons(kept.id, kept.subtask, ["Pull along an arc."])
         assert book.pending_feedback() == [] and book.feedback(kept.id).status == "processed"
-
-
-def _write_some(path: str, writer: int, count: int, start: float) -> None:
-    time.sleep(max(0.0, start - time.time()))
-    with Skillbook(path, FakeEmbedder(), FakeStore()) as book:
-        for number in range(count):
-            feedback = book.record_feedback(words_of(writer, number), f"writer {writer}", subtask="OPEN(box)")
-            book.add_lessons(feedback, f"OPEN(box {number % 3})", [f"lesson {writer} {number}"])
-            if number % 5 == 0:
-                book.note_use([e.id for e in book.entries()][:3], True)
-                book.retrieve("OPEN(box)")
-
-
-@pytest.mark.parametrize("writers", [2, 8])
-def test_processes_write_one_book_at_the_same_time(tmp_path: Path, writers: int) -> None:
-    path, count = str(tmp_path / "book.db"), 12
-    start = time.time() + 0.2  # all at once on a book that does not exist yet
-    processes = [fork.Process(target=_write_some, args=(path, w, count, start)) for w in range(writers)]
-    for process in processes:
-        process.start()
-    for process in processes:
-        process.join()
-    assert [process.exitcode for process in processes] == [0] * writers
-    with Skillbook(path) as book:
-        texts = sorted(entry.text for entry in book.entries())
-        assert texts == sorted(f"lesson {w} {n}" for w in range(writers) for n in range(count))
-        assert book.stats().feedback == writers * count and book.stats().keys == 3
-        assert book.generation() == writers * count, "an update of the generation was lost"
 
 
 def test_adding_twice_changes_nothing(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def _act(rng: random.Random, book: Skillbook, who: str) -> None:
             assert type(error).__name__ in ("CannotRollBack", "UnknownName", "IndexError"), error
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**9))
 def test_two_books_that_import_each_other_come_to_hold_the_same(seed: int) -> None:
     rng = random.Random(seed)
