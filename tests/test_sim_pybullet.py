@@ -15,7 +15,7 @@ from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.simulator import PybulletSimulator
 
 from memo_core.errors import InvalidArgument
-from memo_core.scene.description import Body, Free, Geom, Hinge, Material, SceneDescription
+from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.simulator import check_robot, check_scene
 
@@ -58,6 +58,53 @@ def test_things_slide_on_a_slope_steeper_than_their_friction(friction, slides):
         run(simulator, 0.6)
         moved = math.dist(simulator.body_pose("block").position, above.position)
         assert (moved > 0.05) == slides, f"it moved {moved:.3f} m"
+
+
+def test_each_shape_of_a_body_has_its_own_friction():
+    slope = quaternion_from_axis_angle((0, 1, 0), 0.45)  # tan is 0.48
+    halves = tuple(
+        Geom("box", (0.6, 0.15, 0.02), Pose((0.0, y, 0.0)), material=Material(friction=friction))
+        for y, friction in ((-0.08, 0.9), (0.08, 0.1))
+    )
+    ramp = Body("ramp", halves, Pose((0.9, 0.6, 0.3), slope))
+    block = (Geom("box", (0.04, 0.04, 0.04), material=Material(friction=0.9)),)
+    above = {name: ramp.pose * Pose((0.0, y, 0.0301)) for name, y in (("rough", -0.08), ("smooth", 0.08))}
+    blocks = tuple(Body(name, block, pose, Free(), mass=0.2) for name, pose in above.items())
+    with built(SceneDescription((ramp, *blocks))) as simulator:
+        run(simulator, 0.6)
+        moved = {name: math.dist(simulator.body_pose(name).position, pose.position) for name, pose in above.items()}
+        assert moved["rough"] < 0.01 and moved["smooth"] > 0.05, moved
+        assert {c.first for c in simulator.contacts("ramp")} | {c.second for c in simulator.contacts("ramp")} <= {
+            "ramp",
+            *above,
+        }
+
+
+def test_round_things_are_as_large_as_they_say():
+    lying = quaternion_from_axis_angle((0, 1, 0), math.pi / 2)
+    can = (Geom("cylinder", (0.03, 0.1)),)
+    bodies = (
+        Body("standing", can, Pose((0.6, 0.5, 0.0505)), Free()),
+        Body("lying", can, Pose((0.6, 0.3, 0.0305), lying), Free(damping=0.5)),
+    )
+    with built(SceneDescription(bodies)) as simulator:
+        run(simulator, 0.5)
+        heights = [simulator.body_pose(body.name).position[2] for body in bodies]
+        assert heights == pytest.approx([0.05, 0.03], abs=2e-4)
+
+
+def test_a_strong_catch_holds_a_light_lever():
+    lever = Body(  # 7 N of spring against a catch of 12 N
+        "lever",
+        (Geom("box", (0.05, 0.04, 0.012)),),
+        Pose((0.7, 0.4, 0.3)),
+        Slide("slide", (0, 0, -1), (0.0, 0.042), 0.3, 6.0, stiffness=120.0, rest=-0.02, initial=0.0417),
+        mass=0.06,
+    )
+    with built(SceneDescription((lever,), latches=(Latch("slide", 0.039, 12.0, 0.004),))) as simulator:
+        run(simulator, 0.5)
+        assert simulator.joint_position("slide") == pytest.approx(0.039, abs=0.002)
+        assert abs(simulator.joint_velocity("slide")) < 1e-3
 
 
 def test_a_body_of_many_shapes_has_all_of_them():

@@ -16,6 +16,7 @@ from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 ROBOT = "robot/"
+_SURFACE, _ANCHOR = "/surface ", "/anchor"  # of links that are a part of a body
 _LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
 _LEAST_INERTIA = 1e-7  # kg m2; Bullet divides by it
 
@@ -48,6 +49,11 @@ class LinkSpec:
     frame: Pose = Pose()
 
 
+def body_of(link: str) -> str:
+    """The scene's body, or the robot's link, that a link of this name is or is a part of."""
+    return link.split(_SURFACE)[0].removesuffix(_ANCHOR)
+
+
 @attrs.frozen(eq=False)
 class Tree:
     """One multibody. ``fixed``: its first link does not move."""
@@ -64,9 +70,9 @@ def scene_tree(root: Body, mesh_mass: Callable[[str], float]) -> Tree:
     moves = isinstance(root.joint, (Hinge, Slide))
     if moves:
         nothing = (np.zeros(3), np.zeros((3, 3)))
-        links.append(LinkSpec(f"{root.name}/anchor", None, Pose(), JointSpec(""), (), 0.0, *nothing))
+        links.append(LinkSpec(f"{root.name}{_ANCHOR}", None, Pose(), JointSpec(""), (), 0.0, *nothing))
     pose = Pose() if moves else root.pose
-    _add(links, root, f"{root.name}/anchor" if moves else None, root.pose if moves else Pose(), mesh_mass)
+    _add(links, root, f"{root.name}{_ANCHOR}" if moves else None, root.pose if moves else Pose(), mesh_mass)
     return Tree(tuple(links), pose, not isinstance(root.joint, Free), root)
 
 
@@ -79,11 +85,15 @@ def _add(
     back = frame.inverse()
     shapes = tuple(attrs.evolve(geom, pose=back * geom.pose) for geom in body.geoms)
     weights = masses(body, mesh_volume)
-    mass, centre, inertia = _mass_properties(shapes, weights)
-    touching = [geom.material for geom in body.geoms if geom.collides] or [Material()]
-    links.append(
-        LinkSpec(body.name, parent, pose * frame, _joint(body), shapes, mass, centre, inertia, touching[0], frame)
-    )
+    materials = list(dict.fromkeys(geom.material for geom in body.geoms if geom.collides)) or [Material()]
+    joint, hangs_on, at = _joint(body), parent, pose * frame
+    for number, material in enumerate(materials):
+        chosen = [n for n, geom in enumerate(shapes) if (geom.material if geom.collides else materials[0]) == material]
+        own, heavy = tuple(shapes[n] for n in chosen), tuple(weights[n] for n in chosen)
+        name = f"{body.name}{_SURFACE}{number}" if number else body.name
+        links.append(LinkSpec(name, hangs_on, at, joint, own, *_mass_properties(own, heavy), material, frame))
+        # Bullet has one material a link: the body's other surfaces are links fixed to its first.
+        joint, hangs_on, at = JointSpec(f"{body.name}{_SURFACE}{number + 1}/fixed"), body.name, Pose()
     for child in body.bodies:
         _add(links, child, body.name, back * child.pose, mesh_volume)
 

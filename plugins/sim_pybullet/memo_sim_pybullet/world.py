@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, jo
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
 from memo_sim_pybullet.chatter import caught_output
-from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, principal, robot_tree, scene_tree, urdf_text
+from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
 from memo_sim_pybullet.settings import PybulletSettings
 
 _HARD_S = 0.005  # s: materials up to this time constant are as hard as Bullet makes them
@@ -129,6 +130,7 @@ def _mesh_volume(file: str) -> float:
 def _load(client: Any, pybullet: Any, file: Path, tree: Tree) -> int:
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION
     flags |= pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT | pybullet.URDF_USE_MATERIAL_COLORS_FROM_MTL
+    flags |= pybullet.URDF_USE_IMPLICIT_CYLINDER  # the other kind, of 32 flat sides, is 1 mm too large all around
     with caught_output() as said:
         try:
             body = client.loadURDF(str(file), useFixedBase=tree.fixed, flags=flags)
@@ -155,7 +157,7 @@ def _index(client: Any, body: int, tree: Tree, places: dict, names: dict, indice
         if link < 0:
             frame = Pose(*_pose(*client.getDynamicsInfo(body, -1)[3:5])).inverse() * frame
         places[spec.name] = Place(body, link, frame)
-        names[(body, link)] = spec.name.removesuffix("/anchor")
+        names[(body, link)] = body_of(spec.name)
         _set_dynamics(client, body, link, spec, damping)
 
 
@@ -219,9 +221,14 @@ def _keep_apart(client: Any, world: World, scene: SceneDescription, settings: Py
         pairs |= {(one, other) for one in robot for other in robot if one < other and _both_fixed(world, one, other)}
     else:
         pairs |= {(one, other) for one in robot for other in robot if one < other}
+    links: dict[str, list[Place]] = {}
+    for name, place in world.places.items():
+        links.setdefault(body_of(name), []).append(place)
+    pairs |= {(name, name) for name, parts in links.items() if len(parts) > 1}
     for first, second in pairs:
-        one, other = world.places[first], world.places[second]
-        client.setCollisionFilterPair(one.body, other.body, one.link, other.link, 0)
+        for one, other in itertools.product(links[first], links[second]):
+            if one != other:
+                client.setCollisionFilterPair(one.body, other.body, one.link, other.link, 0)
 
 
 def _both_fixed(world: World, one: str, other: str) -> bool:
