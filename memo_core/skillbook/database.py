@@ -49,6 +49,7 @@ class ReadOnlyBook(SkillbookError):
 
 _BUSY_TIMEOUT_MS = 60_000  # a writer waits for another
 _ERASE_TIMEOUT_S = 10.0
+_MAKING_TABLES = 0x4D454D4F  # a number of our own among the server's advisory locks
 _URL_FORMS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 
 
@@ -58,7 +59,8 @@ class Database:
     def __init__(self, url: str, read_only: bool = False) -> None:
         self.read_only = read_only
         self._url = _parse(url)
-        self.name = self._url.render_as_string(hide_password=True)
+        shown = self._url if self.is_sqlite else self._url.set(drivername="postgresql")
+        self.name = shown.render_as_string(hide_password=True)
         self._engine: sa.Engine | None = None
         self._fetching = threading.Lock()
         self._reader: sa.PoolProxiedConnection | None = None
@@ -109,7 +111,7 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
         """A connection in a read transaction: one consistent state of the book."""
-        with self._exclusive(), self.engine.connect() as connection, connection.begin():
+        with self._exclusive(), self._reading() as connection, connection.begin():
             yield connection
 
     def fetch(self, statement: sa.Select[Any], parameters: dict[str, Any]) -> Sequence[Sequence[Any]]:
@@ -207,6 +209,12 @@ class Database:
                 raw.execute(f"PRAGMA busy_timeout={_BUSY_TIMEOUT_MS}")
 
     # -- opening -------------------------------------------------------------------------------------------------------
+    def _reading(self) -> sa.Connection:
+        if self.is_sqlite:
+            return self.engine.connect()
+        # the server's default shows each statement another state of the book
+        return self.engine.connect().execution_options(isolation_level="REPEATABLE READ")
+
     def _writing(self) -> sa.Connection:
         return self.engine.connect().execution_options(memo_write=True)
 
@@ -266,6 +274,7 @@ class Database:
         except ModuleNotFoundError as error:
             problem = f"its driver {error.name!r} is not installed"
             raise SkillbookError(self.name, problem, "pip install 'psycopg[binary]'") from error
+        sa.event.listen(engine, "connect", lambda raw, _record: _configure_server(raw))
         if self.read_only:
             engine = engine.execution_options(postgresql_readonly=True)
         return engine
@@ -305,6 +314,7 @@ class Database:
     def _add_tables(self) -> None:
         """What an older book lacks, all or nothing."""
         with self.write() as connection:
+            self._one_at_a_time(connection)
             tables.metadata.create_all(connection)
             for index in (tables.valid_entries, tables.retired_entries):  # create_all leaves tables there as they are
                 index.create(connection, checkfirst=True)
@@ -314,6 +324,7 @@ class Database:
 
     def _create(self) -> None:
         with self._exclusive(), self._writing() as connection, connection.begin():
+            self._one_at_a_time(connection)
             tables.metadata.create_all(connection)
             now = repr(time.time())
             first = {
@@ -325,6 +336,11 @@ class Database:
             for name, value in first.items():
                 connection.execute(self.upsert(tables.meta).values(name=name, value=value))
 
+    def _one_at_a_time(self, connection: sa.Connection) -> None:
+        """Until the transaction ends. Of several processes that make the same table on a server, all but one fail."""
+        if not self.is_sqlite:
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_MAKING_TABLES)))
+
 
 def _parse(url: str) -> sa.URL:
     if "://" not in url:
@@ -333,7 +349,7 @@ def _parse(url: str) -> sa.URL:
         parsed = sa.engine.make_url(url)
     except sa.exc.ArgumentError:
         raise InvalidArgument("skillbook", f"{url!r} is no database URL", _URL_FORMS) from None
-    if parsed.password is not None:
+    if parsed.password is not None or any("password" in name.lower() for name in parsed.query):
         raise InvalidArgument(
             "skillbook", "the URL holds a password", "it in the environment (PGPASSWORD) or ~/.pgpass"
         )
@@ -367,6 +383,14 @@ def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
     else:
         cursor.execute("PRAGMA query_only=ON")
     cursor.close()
+
+
+def _configure_server(raw: Any) -> None:
+    """A server that was told to acknowledge before it has written would lose what it acknowledged."""
+    off = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'"
+    with raw.cursor() as cursor:
+        cursor.execute(off)
+    raw.commit()
 
 
 def _switch_to_wal(cursor: sqlite3.Cursor) -> None:
