@@ -20,7 +20,7 @@ from memo_core.experiment.run import RunReport, run_experiment
 from memo_core.experiment.sections import SECTIONS
 from memo_core.interfaces.llm import Message, Request
 from memo_core.plugins import Registry
-from memo_core.policy.ledger import Ledger
+from memo_core.policy.ledger import Ledger, read_ledger
 
 TASK = "stack-the-cubes"
 KEY = "sk-planted-0123456789abcdef"
@@ -133,7 +133,7 @@ def test_a_budget_ends_a_run_with_everything_saved_and_the_study_remembers(regis
         assert summary["problem"] == report.problem and "tokens" in report.problem
         assert len(calls_of(report.folder) if (report.folder / "calls").exists() else []) == report.calls
     assert Ledger(ledger).spent().tokens == sum(r.prompt_tokens + r.completion_tokens for r in (first, second, third))
-    assert [name for name, _ in Ledger(ledger).runs()] == [first.run, second.run]
+    assert [name for name, _ in read_ledger(ledger)[0]] == [first.run, second.run]
 
 
 def test_a_price_that_nobody_knows_is_said_before_the_first_call(registry, tmp_path, offline):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -12,12 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from memo_core.cli.main import main
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModelError, Message, Request, Usage
 from memo_core.policy.budget import Budget, BudgetExceeded, Limit, UnknownPrice
 from memo_core.policy.calling import LONGEST_WAIT_S, ModelCalls, Retrying
-from memo_core.policy.ledger import Ledger, LedgerError, Spent
+from memo_core.policy.ledger import Ledger, LedgerError, Spent, read_ledger
 from memo_core.policy.settings import RunSettings
 from memo_core.policy.stopping import StopSwitch
 from memo_core.redaction import Redactor
@@ -68,6 +70,18 @@ def test_what_will_not_pass_is_not_asked_again():
     with pytest.raises(LanguageModelError, match="no such model"):
         bench.calls.answer(QUESTION)
     assert len(bench.llm.asked) == 1
+
+
+def test_a_call_that_ends_in_an_error_of_another_kind_is_kept_and_over():
+    class Broken(ScriptedModel):
+        def answer(self, request, on_text=None, cancelled=None):
+            raise InvalidArgument("llm.options", "unknown", "another")
+
+    bench = Bench(Broken({}))
+    with pytest.raises(InvalidArgument):
+        bench.calls.answer(QUESTION)
+    assert bench.budget.under_way == 0 and len(bench.kept) == 1
+    assert "llm.options" in bench.of(ModelCalled)[0].problem
 
 
 def test_it_is_asked_again_so_often_and_no_more():
@@ -209,7 +223,7 @@ def test_runs_that_share_a_ledger_share_its_limit(tmp_path: Path):
     first.budget.close()
     second.budget.close()
     ledger = Ledger(tmp_path / "study.ledger")
-    assert [(run, spent.calls) for run, spent in ledger.runs()] == [("run-1", 2), ("run-2", 1)]
+    assert [(run, spent.calls) for run, spent in read_ledger(ledger.path)[0]] == [("run-1", 2), ("run-2", 1)]
     assert ledger.spent().tokens == 15
     with pytest.raises(BudgetExceeded):
         Budget.of(settings, "run-3").open(ScriptedModel({}))
@@ -327,3 +341,27 @@ def test_a_secret_that_a_model_repeats_goes_no_further(monkeypatch):
     with pytest.raises(LanguageModelError, match=r"who is \[LAB_TOKEN\]") as raised:
         broken.calls.answer(QUESTION)
     assert "planted" not in str(raised.value) + str(broken.kept) + str(broken.events)
+
+
+def test_what_was_spent_is_read_from_a_ledger_alone_and_nothing_is_written(tmp_path, capsys):
+    def memo(path) -> tuple[int, str]:
+        with pytest.raises(SystemExit) as ended:
+            main(["budget", str(path)])
+        told = capsys.readouterr()
+        return int(ended.value.code or 0), told.out + told.err
+
+    ledger = Ledger(tmp_path / "study.ledger")
+    ledger.end(ledger.begin("one", "plan", "m", 5, lambda spent: None), Usage(5, 2, 0.25))
+    before = ledger.path.read_bytes()
+    code, told = memo(ledger.path)
+    assert code == 0 and "one" in told and "0.2500" in told and ledger.path.read_bytes() == before
+    other = tmp_path / "book.db"
+    with sqlite3.connect(other) as connection:
+        connection.execute("CREATE TABLE entries (id INTEGER)")
+    before = other.read_bytes()
+    code, told = memo(other)
+    assert code == 1 and "book.db" in told and "no ledger" in told and other.read_bytes() == before
+    assert memo(tmp_path) == (
+        2,
+        f"memo: LEDGER: {tmp_path} is a folder; expected the file that run.study_ledger names\n",
+    )

@@ -21,12 +21,12 @@ def command(
     Calls that began and of which nothing was heard since are "unfinished": of runs that are at it, or were killed.
     Their questions' tokens are estimates.
     """
-    from memo_core.policy.ledger import Ledger
+    from memo_core.policy.ledger import read_ledger
 
     if not ledger.is_file():
-        raise InvalidArgument("LEDGER", f"{ledger} does not exist", "the file that run.study_ledger names")
-    opened = Ledger(ledger)
-    runs, total = opened.runs(), opened.spent()
+        problem = "is a folder" if ledger.is_dir() else "does not exist"
+        raise InvalidArgument("LEDGER", f"{ledger} {problem}", "the file that run.study_ledger names")
+    runs, total = read_ledger(ledger)
     if json:
         print_json({"runs": [{"run": run} | _numbers(spent) for run, spent in runs], "total": _numbers(total)})
         return

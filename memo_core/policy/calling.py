@@ -14,7 +14,7 @@ from typing import Protocol
 
 import attrs
 
-from memo_core.errors import MemoError
+from memo_core.errors import Stopped
 from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.policy.budget import Budget
@@ -127,7 +127,7 @@ class ModelCalls:
             error.problem = self._redact(error.problem)
             kept(error, False)
             raise
-        except MemoError:
+        except Stopped:
             given_up.set()  # what was spent comes late, and is kept then
             raise
         except BaseException as error:

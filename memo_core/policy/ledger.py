@@ -114,12 +114,6 @@ class Ledger:
         with self._writing() as connection:
             return _sums(connection)
 
-    def runs(self) -> list[tuple[str, Spent]]:
-        """By each run, in the order of their first calls."""
-        query = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
-        with self._writing() as connection:
-            return [(run, Spent(*sums)) for run, *sums in connection.execute(query)]
-
     def begin(self, run: str, phase: str, model: str, prompt_tokens: int, check: Callable[[Spent], None]) -> int:
         """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
         more may be; between its look and the line nobody else gets in."""
@@ -163,3 +157,17 @@ class Ledger:
 
 def _sums(connection: sqlite3.Connection) -> Spent:
     return Spent(*connection.execute(_SUMS).fetchone())
+
+
+def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
+    """What each run spent, in the order of their first calls, and all of them together. Nothing is written. Raises
+    ``LedgerError``, also for another kind of file."""
+    by_run = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
+    try:
+        address = f"{path.resolve().as_uri()}?mode=ro"
+        with contextlib.closing(sqlite3.connect(address, _WAIT_S, isolation_level=None, uri=True)) as connection:
+            connection.execute("BEGIN")  # both queries see the same calls
+            runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]
+            return runs, _sums(connection)
+    except sqlite3.Error as error:
+        raise LedgerError(path, f"it is no ledger, or cannot be read ({error})") from error
