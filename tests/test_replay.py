@@ -208,7 +208,8 @@ def test_a_compressed_recording_is_played_and_not_added_to(tmp_path):
         (b"", "it is empty"),
         (b'{"hello": 1}\n', "line 1: this is no recording"),
         (b'{"memo_recording": 9}\n', "line 1: it is of version 9"),
-        (b'{"memo_recording": 1}\n{"call": 3}\n{}\n', "line 2: this is no recorded call"),
+        (b'{"memo_recording": 1}\n{"call": 3}\n{}\n', "line 2: this is no recorded call .it lacks 'answer'"),
+        (b'{"memo_recording": 1}\n{"foo": 3}\n{}\n', "line 2: this is no recorded call .it lacks 'call'"),
     ],
 )
 def test_a_file_that_is_no_recording_is_named_with_its_line(tmp_path, content, said):
@@ -217,6 +218,23 @@ def test_a_file_that_is_no_recording_is_named_with_its_line(tmp_path, content, s
         player(tmp_path / "r.jsonl")
     with pytest.raises(BadRecording, match="No such file"):
         player(tmp_path / "none.jsonl")
+
+
+def test_a_damaged_compressed_recording_is_named(tmp_path):
+    packed = bytearray(gzip.compress(b"x" * 1000 + bytes(range(256)) * 9))
+    packed[20:60] = b"z" * 40
+    (tmp_path / "r.jsonl.gz").write_bytes(packed)
+    with pytest.raises(BadRecording, match=r"r\.jsonl\.gz"):
+        player(tmp_path / "r.jsonl.gz")
+
+
+def test_a_recording_that_cannot_be_used_is_said_before_a_run_begins(registry, tmp_path):
+    experiment = load_experiment(registry, None, [], SECTIONS)
+    with pytest.raises(InvalidArgument, match=r"^--replay: .*none\.jsonl.* there is no such file"):
+        replayed(experiment, registry, tmp_path / "none.jsonl")
+    for wrong in (tmp_path, tmp_path / "packed.jsonl.gz"):
+        with pytest.raises(InvalidArgument, match=r"^--record: .*" + wrong.name):
+            recorded(experiment, registry, wrong)
 
 
 def test_a_file_that_cannot_be_written_is_said_before_the_first_call(tmp_path):

@@ -20,6 +20,8 @@ from memo_core.plugins import Registry
 def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experiment:
     """The same experiment, each call of its language model added to ``file``. Raises ``BackendUnavailable`` where no
     plugin records, ``InvalidArgument`` for a file that cannot be recorded to."""
+    if file.is_dir():
+        raise InvalidArgument("--record", f"{file}: is a folder", "a file to add to, or the name of a new one")
     inner = experiment.choice("llm")
     settings = {"file": str(file), "record": True}
     shown = [attrs.evolve(v, path=f"llm.inner{v.path[3:]}") for v in experiment.values if v.path.startswith("llm.")]
@@ -27,7 +29,11 @@ def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experime
 
 
 def replayed(experiment: Experiment, registry: Registry, file: Path, **settings: Any) -> Experiment:
-    """The same experiment, answered from ``file`` alone. ``settings`` are further ones of the backend that replays."""
+    """The same experiment, answered from ``file`` alone. ``settings`` are further ones of the backend that replays.
+    Raises ``BackendUnavailable`` where no plugin replays, ``InvalidArgument`` where there is no such file."""
+    if not file.is_file():
+        problem = "is a folder" if file.is_dir() else "there is no such file"
+        raise InvalidArgument("--replay", f"{file}: {problem}", "a file that --record wrote")
     given = {"file": str(file)} | settings
     return _with_model(experiment, _recorder(registry), given, given, [], "--replay")
 
@@ -62,7 +68,10 @@ def _with_model(
     inner: list[ShownValue],
     option: str,
 ) -> Experiment:
-    chosen = Choice(backend, backend.config(**settings))
+    try:
+        chosen = Choice(backend, backend.config(**settings))
+    except InvalidArgument as error:
+        raise InvalidArgument(option, error.problem, error.expected) from None
     origin = Origin(option)
     values = [ShownValue("llm.backend", backend.name, origin)]
     values += [ShownValue(f"llm.{name}", value, origin) for name, value in said.items()]

@@ -16,6 +16,7 @@ import gzip
 import json
 import os
 import threading
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,7 @@ def read_recording(path: Path) -> list[Call]:
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if number == len(lines) > 1 and not line.endswith(b"\n"):
                 break  # half a line: whoever wrote it was killed
-            what = "a picture that is not in the file" if isinstance(error, KeyError) else f"{error}"
+            what = f"it lacks {error}" if isinstance(error, KeyError) else f"{error}"
             raise BadRecording(str(path), number, f"this is no recorded call ({what})") from None
     return calls
 
@@ -82,7 +83,7 @@ def _lines(path: Path) -> list[bytes]:
         data = path.read_bytes()
         if path.suffix == ".gz":
             data = gzip.decompress(data)
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise BadRecording(str(path), 0, getattr(error, "strerror", None) or str(error)) from None
     return data.splitlines(keepends=True)
 
@@ -97,6 +98,9 @@ def _check_header(path: Path, record: Any) -> None:
 
 def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
     asked, answered, failed = record["call"], record["answer"], record["error"]
+    shown = {digest for m in asked["messages"] for digest in m.get("images", ())}
+    if missing := sorted(shown - images.keys()):
+        raise ValueError(f"its picture {missing[0]} is not in the file")
     messages = tuple(
         Message(m["role"], m["text"], tuple(images[digest] for digest in m.get("images", ())))
         for m in asked["messages"]
