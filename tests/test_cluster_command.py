@@ -15,6 +15,16 @@ from cluster_books import ARC, approve, teach, teach_general, texts
 
 from memo_core.cli.main import main
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.retrieval import RetrievalSettings
+
+SCENE = """## Scene
+Scene: table. The table's top is at z = 0.000.
+
+| name | kind | part of | centre x y z | size along own axes | turned | opens towards |
+|---|---|---|---|---|---|---|
+| oven | fixture |  | 0.825 0.124 0.535 | 0.320 0.340 0.270 |  |  |
+| oven door | part | oven | 0.653 0.134 0.535 | 0.018 0.340 0.264 |  |  |
+"""
 
 
 def memo(capsys, *arguments: str) -> tuple[int, str, str]:
@@ -67,7 +77,7 @@ def test_clustering_reports_what_it_did_and_what_it_cost(capsys, path, tmp_path)
     assert done["prompt_tokens"] > 100 and list((tmp_path / "kept" / "calls").iterdir())
     assert notes(path) == ["Swing it open around its hinge."]
     code, out, _ = memo(capsys, "cluster", "--book", str(path))
-    assert code == 0 and "0 clusters" in out
+    assert (code, out) == (0, "nothing to condense\n")
 
 
 def test_what_cannot_be_is_said_before_anything_is_asked(capsys, path) -> None:
@@ -109,6 +119,36 @@ def test_the_history_commands_agree(capsys, path) -> None:
     assert memo(capsys, "skillbook", "history", "*", *book)[0] == 0
 
 
+def test_a_book_with_nothing_to_condense_is_said_in_one_line(capsys, tmp_path) -> None:
+    with Skillbook(str(tmp_path / "empty.db")).open():
+        pass
+    for more in ([], ["--dry-run"]):
+        code, out, err = memo(capsys, "cluster", "--book", str(tmp_path / "empty.db"), *more)
+        assert (code, out, err) == (0, "nothing to condense\n", "")
+
+
+def test_options_that_would_do_nothing_or_cannot_be_met_are_named(capsys, path, tmp_path) -> None:
+    book = ("--book", str(path))
+    code, _, err = memo(capsys, "cluster", "--interval", "5", *book)
+    assert code == 2 and err.startswith("memo: --interval: ") and "--watch" in err
+    (tmp_path / "file").write_text("")
+    code, _, err = memo(capsys, "cluster", "--keep", str(tmp_path / "file"), *book)
+    assert code == 2 and err.startswith(f"memo: --keep: {tmp_path / 'file'} ")
+
+
+def test_asking_again_about_what_was_set_aside_says_what_became_of_it(capsys, path, tmp_path) -> None:
+    with Skillbook(str(path)).open() as book:
+        for words in ("Hm.", "Swing the door around its hinge."):
+            aside = book.record_feedback(words, "ana", task="open the oven", subtask="OPEN(oven)", scene_graph=SCENE)
+            book.park(aside, "nobody was asked")
+    code, out, _ = memo(capsys, "skillbook", "retry", "--book", str(path), "--json")
+    assert code == 0 and [one["outcome"] for one in json.loads(out)["feedback"]] == ["set aside", "learnt"]
+    unreachable = ("--set", "llm.backend=replay", "--set", f"llm.file={tmp_path / 'r.jsonl'}")
+    (tmp_path / "r.jsonl").write_text('{"memo_recording": 1}\n')
+    code, out, _ = memo(capsys, "skillbook", "retry", "--book", str(path), "--json", *unreachable)
+    assert code == 1 and [one["outcome"] for one in json.loads(out)["feedback"]] == ["pending"]
+
+
 def test_why_gives_each_term_the_rank_and_what_was_cut(capsys, path) -> None:
     with Skillbook(str(path)).open() as book:
         teach(book, "CLOSE(oven)", "Push it shut.")
@@ -119,6 +159,7 @@ def test_why_gives_each_term_the_rank_and_what_was_cut(capsys, path) -> None:
     mean = (weights[0] * first["action_cosine"] + weights[1] * first["objects_cosine"]) / sum(weights)
     assert first["score"] == pytest.approx(mean) and [one["rank"] for one in found["corrections"]] == [1, 2, 3]
     assert {"key": "CLOSE(oven)", "rule": "opposite action"}.items() <= found["cut"][0].items()
+    assert found["threshold"] == RetrievalSettings().cut and found["cut"][0]["score"] < 1
     _, out, _ = memo(capsys, "skillbook", "why", "OPEN(fridge)", "--book", str(path))
     assert "opposite action" in out and "r = (0.75 action + 0.25 objects)" in out
 

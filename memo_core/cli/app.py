@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from memo_core.cli.stopping import INTERRUPTED
+
 # name -> the line in the help. Its module has an ``app`` (a group of commands) or one ``command``.
 COMMANDS = {
     "run": "Run a task: plan, write code, move, listen, remember.",
@@ -24,7 +26,6 @@ COMMANDS = {
     "doctor": "What works on this machine, and what would make the rest work.",
 }
 MODULES = {name: f"memo_core.cli.{name}" for name in COMMANDS} | {"exec": "memo_core.cli.execute"}
-INTERRUPTED = 130
 
 
 def run_app(arguments: list[str]) -> int:

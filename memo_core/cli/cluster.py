@@ -13,8 +13,8 @@ import attrs
 import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json
-from memo_core.cli.stopping import stopping
+from memo_core.cli.output import note, print_json, progress_bar
+from memo_core.cli.stopping import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.clusters import Cluster
     from memo_core.skillbook.joining import NearKeys
-
-INTERRUPTED = 130
 
 
 def command(
@@ -51,6 +49,8 @@ def command(
     """
     if watch and (dry_run or all_):
         raise InvalidArgument("--watch", "beside --dry-run or --all", "one of them")
+    if interval is not None and not watch:
+        raise InvalidArgument("--interval", "without --watch", "both of them")
     _, experiment = load(config, overrides)
     from memo_core.experiment.assembly import book_of
     from memo_core.experiment.clustering import Spending, check_method, clustering_of
@@ -138,6 +138,9 @@ class _Once:
                     "outcomes": records,
                 }
             )
+            return
+        if not self.joined and not done and not self.waiting:
+            print("nothing to condense")
             return
         for near in self.joined:
             would = "would be" if self.dry_run else "is"
@@ -230,10 +233,6 @@ def _said_of(spending: Spending) -> str:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[Cluster, int], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("clustering", total=total)
         yield lambda cluster, steps: bar.update(task, advance=steps, description=cluster.label)

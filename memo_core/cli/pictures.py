@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from memo_core.cli.output import progress_bar
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Task
@@ -18,9 +19,6 @@ def draw(
 ) -> Iterator[dict[str, Any]]:
     """Draw one task after the other; yields what was written and how the reference solution fared. Raises
     ``BackendUnavailable`` where nothing can draw, ``InvalidArgument`` where nothing can be written."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
     from memo_core.experiment.assembly import sandbox_of, world_of
     from memo_core.experiment.world import run_code
 
@@ -28,11 +26,7 @@ def draw(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with (
-        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
-        sandbox_of(experiment) as sandbox,
-    ):
+    with progress_bar() as progress, sandbox_of(experiment) as sandbox:
         bar = progress.add_task("drawing", total=len(tasks))
         for task in tasks:
             progress.update(bar, description=task.name)

@@ -11,9 +11,8 @@ import typer
 
 from memo_core.cli.options import Json, Overrides, Seed, load, one_file
 from memo_core.cli.output import note, print_json
+from memo_core.cli.stopping import INTERRUPTED
 from memo_core.errors import InvalidArgument
-
-INTERRUPTED = 130
 
 
 def command(

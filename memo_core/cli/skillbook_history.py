@@ -12,7 +12,8 @@ import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
-from memo_core.cli.stopping import stopping
+from memo_core.cli.stopping import INTERRUPTED, stopping
+from memo_core.errors import Stopped
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
@@ -125,7 +126,7 @@ def why(
         }
     first, second = settings.weights
     if json:
-        weights = {"lambda_action": first, "lambda_objects": second, "cut": settings.cut}
+        weights = {"lambda_action": first, "lambda_objects": second, "threshold": settings.cut}
         print_json({"subtask": str(found.query), **weights, **_retrieval(found), "superseded": _count(retired)})
         return
     print(f"{found.query}: r = ({first:g} action + {second:g} objects) / {first + second:g}, cut at {settings.cut:g}")
@@ -157,7 +158,10 @@ def retry(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Ask the model once more about words that were set aside, or that nobody was asked about yet."""
+    """Ask the model once more about words that were set aside, or that nobody was asked about yet.
+
+    Exit code 1 when the model could not be asked.
+    """
     from memo_core.experiment.assembly import book_of, prompts_of
     from memo_core.experiment.clustering import calls_without_a_run
     from memo_core.policy.memories import Memory
@@ -169,6 +173,7 @@ def retry(
         pass  # a mistyped path is an error, not a new empty book
     memory = getattr(experiment.create("method"), "memory", None) or Memory()
     results: list[Noted] = []
+    stopped = False
 
     def done(noted: Noted) -> None:
         results.append(noted)
@@ -187,11 +192,19 @@ def retry(
     ):
         robot, reasks = experiment.create("robot"), experiment.section("run").reasks
         ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)
-        ask_again(Noting(ask, opened, memory, ignore), opened, done)
+        try:
+            ask_again(Noting(ask, opened, memory, ignore), opened, done)
+        except Stopped:
+            stopped = True
     if json:
         print_json({"feedback": [_noted(one) for one in results]})
-    elif not results:
+    elif not results and not stopped:
         note("nothing is set aside or pending")
+    if stopped:
+        note("memo: stopped; the next memo skillbook retry goes on with the rest")
+        raise typer.Exit(INTERRUPTED)
+    if any(one.outcome == "pending" for one in results):
+        raise typer.Exit(1)
 
 
 def _noted(noted: Any) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from memo_core.policy.stopping import StopSwitch
 
+INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
+
 
 @contextmanager
 def stopping() -> Iterator[StopSwitch]:

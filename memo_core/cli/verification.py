@@ -16,7 +16,7 @@ from typing import Any
 import attrs
 
 from memo_core.cli.options import load
-from memo_core.cli.output import note
+from memo_core.cli.output import note, progress_bar
 from memo_core.errors import InvalidArgument
 
 _BEGINNING = '{"task": "'  # of every line of a TrialLog
@@ -128,9 +128,6 @@ def digest_of(experiment: Any) -> Callable[[str, int], str]:
 
 def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
     """All results, with progress on stderr; those in the log are not run again."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     results, waiting = [], []
     for trial in trials:
         known = log.known(trial)
@@ -140,8 +137,7 @@ def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[s
             results.append(known)
     if results:
         note(f"{len(results)} of {len(trials)} trials are in the file already")
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("verifying", total=len(trials), completed=len(results))
         for result in _run(
             waiting, jobs, lambda trial: progress.update(bar, description=f"{trial.task}, seed {trial.seed}")

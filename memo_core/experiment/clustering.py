@@ -78,7 +78,7 @@ def calls_without_a_run(
     names it in a study's ledger. ``keep``: a new folder for questions and answers. Raises ``MemoError`` for what cannot
     be opened."""
     llm: LanguageModel = choice.create()
-    folder = RunFolder(keep) if keep is not None else None
+    folder = RunFolder(keep, option="--keep") if keep is not None else None
     run = experiment.section("run")
     budget = Budget.of(run, what)
 

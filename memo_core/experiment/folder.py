@@ -35,17 +35,20 @@ from memo_core.redaction import Redactor
 class RunFolder:
     """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
 
-    def __init__(self, path: Path, again: bool = False) -> None:
+    def __init__(self, path: Path, again: bool = False, option: str = "") -> None:
         """Makes the folder, or with ``again`` goes on in it: only ``progress.json`` is written over. Raises
-        ``InvalidArgument`` where one with a run is already, with ``again`` where none is or it is still going on."""
+        ``InvalidArgument``, which names ``option``, where one with a run is already, with ``again`` where none is or it
+        is still going on."""
+        self._option = option or ("--resume" if again else "--out")
         file = path / "events.jsonl"
         if file.exists() != again:
             problem = "already holds a run" if file.exists() else "holds no run"
-            raise InvalidArgument("out", f"{path} {problem}", "the folder of a run" if again else "a new folder")
+            raise InvalidArgument(self._option, f"{path} {problem}", "the folder of a run" if again else "a new folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InvalidArgument("out", f"{path} cannot be made: {error.strerror}", "a folder to write to") from error
+            problem = f"{path} cannot be made: {error.strerror}"
+            raise InvalidArgument(self._option, problem, "a folder to write to") from error
         self.path = path
         self._redact = Redactor.of_environment()
         self._lock = threading.Lock()
@@ -62,9 +65,8 @@ class RunFolder:
             fcntl.flock(self._events.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._events.close()
-            raise InvalidArgument(
-                "out", f"the run in {self.path} is still going on", "wait for it, or stop it"
-            ) from None
+            problem = f"the run in {self.path} is still going on"
+            raise InvalidArgument(self._option, problem, "a run that has ended; wait for it, or stop it") from None
         except OSError:
             return  # a file system without locks
 
@@ -188,8 +190,10 @@ def new_run_folder(out: Path, task: str, seed: int) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise InvalidArgument("out", f"{path} cannot be made: {error.strerror}", "a folder to write to") from error
-    raise InvalidArgument("out", f"{out} holds a thousand runs of this second", "another folder")
+            raise InvalidArgument(
+                "--out", f"{path} cannot be made: {error.strerror}", "a folder to write to"
+            ) from error
+    raise InvalidArgument("--out", f"{out} holds a thousand runs of this second", "another folder")
 
 
 def attempt_name(attempt: int, take: int) -> str:
