@@ -134,14 +134,21 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[sa.Connection]:
-        """A connection in a write transaction, durable when the block ends, undone when it raises."""
+        """A connection in a write transaction, durable when the block ends, undone when it raises.
+
+        Raises ``SkillbookError`` when the disk is full or the server is gone.
+        """
         if self.read_only:
             raise ReadOnlyBook(self.name, "is open read-only", "evaluations never write")
-        with self._exclusive(), self._writing() as connection, connection.begin():
-            if not self.is_sqlite:
-                lock = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
-                connection.execute(lock.with_for_update())
-            yield connection
+        try:
+            with self._exclusive(), self._writing() as connection, connection.begin():
+                if not self.is_sqlite:
+                    lock = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
+                    connection.execute(lock.with_for_update())
+                yield connection
+        except sa.exc.OperationalError as error:
+            problem = f"could not be written ({' '.join(str(error.orig).split())}); what was stored before is safe"
+            raise SkillbookError(self.name, problem, "make room on its disk, or see who holds it") from error
 
     def upsert(self, table: sa.Table) -> sa.Insert:
         """An INSERT that passes over rows that exist."""
@@ -172,13 +179,16 @@ class Database:
         """SQLite's own check of its pages, and rows that refer to something that is not there; none on a server."""
         if not self.is_sqlite:
             return []
-        with self.read() as connection:
-            pages = [str(row[0]) for row in connection.exec_driver_sql("PRAGMA integrity_check")]
-            loose = [
-                f"{row[0]} {row[1]}: refers to a row of {row[2]} that is not there"
-                for row in connection.exec_driver_sql("PRAGMA foreign_key_check")
-            ]
-        return [page for page in pages if page != "ok"] + loose
+        pages: list[str] = []
+        try:
+            with self.read() as connection:
+                for (page,) in connection.exec_driver_sql("PRAGMA integrity_check"):
+                    pages.append(str(page))
+                for table, row, missing, *_ in connection.exec_driver_sql("PRAGMA foreign_key_check"):
+                    pages.append(f"{table} {row}: refers to a row of {missing} that is not there")
+        except sa.exc.DatabaseError as error:  # too damaged to be looked through
+            pages.append(str(error.orig))
+        return [page for page in pages if page != "ok"]
 
     def size(self) -> int:
         """Bytes of the database file; 0 where there is none."""

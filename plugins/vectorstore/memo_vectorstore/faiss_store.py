@@ -97,8 +97,12 @@ class FaissStore(VectorStore):
 
     def set_generation(self, generation: int) -> None:
         self._generation = generation
-        if self._file is not None and self._index is not None:
+        if self._file is None or self._index is None:
+            return
+        try:
             self._write(self._file)
+        except OSError as error:  # a full disk or a read-only folder: the next process makes it anew
+            log.warning("the index %s cannot be kept: %s", self._file, error)
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _opened(self) -> Any:
