@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -192,6 +194,50 @@ def test_the_grip_is_felt_whatever_the_fingers_inertia_looks_like():
         simulator.command_gripper(0.0, 30.0)
         run(simulator, 1.5)
         assert simulator.gripper_effort() == pytest.approx(30.0, rel=0.15)
+
+
+LOOK = """
+import json
+from memo_core.errors import BackendUnavailable
+from memo_core.testing.simulator import _history, check_robot, check_scene
+from memo_sim_pybullet.simulator import PybulletSimulator
+with PybulletSimulator() as simulator:
+    simulator.build(check_scene(), check_robot())
+    why = ""
+    try:
+        simulator.view()
+    except BackendUnavailable as error:
+        why = str(error)
+    simulator.command_gripper(0.0, 30.0)
+    print()
+    print("SAID", json.dumps([why, repr(_history(simulator, 12))]), flush=True)
+"""
+
+
+def looked(display: str) -> tuple[str, str]:
+    environment = {**os.environ, "DISPLAY": display}
+    done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, env=environment, timeout=120)
+    [line] = [line for line in done.stdout.splitlines() if line.startswith("SAID")]
+    why, history = json.loads(line[4:])
+    return why, history
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are those of X11")
+def test_a_window_needs_a_display_and_changes_nothing():
+    why, unseen = looked("")
+    assert "DISPLAY is not set" in why
+    assert "':987' does not answer" in looked(":987")[0]
+    if shutil.which("Xvfb") is None:
+        pytest.skip("no Xvfb to try a window in")
+    read, write = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(write)], pass_fds=(write,), stderr=subprocess.DEVNULL)
+    try:
+        number = os.read(read, 16).decode().strip()
+        why, seen = looked(f":{number}")
+    finally:
+        server.terminate()
+        server.wait()
+    assert not why and seen == unseen
 
 
 def test_what_bullet_cannot_build_is_named():

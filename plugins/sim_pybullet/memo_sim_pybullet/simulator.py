@@ -40,6 +40,7 @@ class PybulletSimulator(Simulator):
         self.client: Any = None
         self._listeners: tuple[Callable[[], None], ...] = ()
         self._world: Any = None
+        self._window: Any = None
 
     # -- life ------------------------------------------------------------------------------------------------------
     def open(self) -> None:
@@ -56,6 +57,7 @@ class PybulletSimulator(Simulator):
             self.client = BulletClient(pybullet.DIRECT)
 
     def close(self) -> None:
+        self._close_window()
         client, self.client = self.client, None
         if client is not None:
             with caught_output():
@@ -71,8 +73,9 @@ class PybulletSimulator(Simulator):
         from memo_sim_pybullet.drive import RobotDrive, SceneDrive
         from memo_sim_pybullet.world import build_world
 
+        self._close_window()
         world = build_world(self.client, scene, robot, self.settings)
-        self._world = world
+        self._world, self._built = world, (scene, robot)
         self._cameras = {camera.name: camera for camera in scene.cameras}
         family = families(scene)
         self._families = {name: family.get(name, frozenset((name,))) for name in world.places}
@@ -233,6 +236,8 @@ class PybulletSimulator(Simulator):
             self.mechanisms.update()
         for listener in self._listeners:
             listener()
+        if self._window is not None and not self._window.show(self.time):
+            self._close_window()
 
     def add_tick_listener(self, listener: Callable[[], None]) -> None:
         self._listeners = (*self._listeners, listener)
@@ -318,6 +323,19 @@ class PybulletSimulator(Simulator):
         if min(size) < 1 or max(size) > 4096:
             raise InvalidArgument("width, height", f"{size[0]} x {size[1]} pixels", "1 to 4096 each")
         return self._pictures.shoot(camera, *size)
+
+    def view(self) -> None:
+        if self._world is None:
+            raise BackendUnavailable("viewer", "pybullet", "nothing is built", "build a scene first")
+        from memo_sim_pybullet.window import Window
+
+        if self._window is None:
+            self._window = Window(self.client, *self._built, self.settings)
+
+    def _close_window(self) -> None:
+        window, self._window = self._window, None
+        if window is not None:
+            window.close()
 
     # -- for benchmarks ------------------------------------------------------------------------------------------------
     def engine_controls(self) -> object:
