@@ -142,11 +142,7 @@ def test_the_defaults_serve_what_is_related_and_nothing_else(embedder: Embedder)
 
 
 def test_the_defaults_hold_on_subtasks_they_were_not_chosen_on(embedder: Embedder) -> None:
-    missed, wrong = mistakes(served(embedder, HELD_OUT, RetrievalSettings()), HELD_OUT)
-    assert wrong == []
-    assert missed == ["INSERT(plug, socket) -> PUT(bread, toaster)"], (
-        "the documented miss (r = 0.78: another verb, other objects)"
-    )
+    assert mistakes(served(embedder, HELD_OUT, RetrievalSettings()), HELD_OUT) == ([], [])
 
 
 def test_the_demo_s_lesson_carries_over(embedder: Embedder) -> None:

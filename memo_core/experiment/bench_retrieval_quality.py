@@ -60,9 +60,9 @@ class One:
 def judge(gains: Sequence[int], opposites: int, ideal: Sequence[int], k: int) -> One:
     """Of the grades served, in order, and of all grades there are, largest first.
 
-    recall@k: relevant entries (grade 1 and more) among the first k, of as many as k could hold. precision@k: of what was
-    served. nDCG@k with gains 2^grade − 1 (Järvelin and Kekäläinen 2002; Burges et al. 2005). f1 is 1 where nothing is
-    relevant and nothing was served.
+    recall@k: relevant entries (grade 1 and more) among the first k, of as many as k could hold. precision@k: of what
+    was served. nDCG@k with gains 2^grade − 1 (Järvelin and Kekäläinen 2002; Burges et al. 2005). f1 is 1 where nothing
+    is relevant and nothing was served.
     """
     served = gains[:k]
     relevant, possible = sum(g > 0 for g in served), min(k, sum(g > 0 for g in ideal))

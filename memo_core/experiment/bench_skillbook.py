@@ -132,9 +132,9 @@ def bench_skillbook(
 ) -> dict[str, Any]:
     """Make a book and measure all contenders, one after the other.
 
-    ``folder``: keep the book there and take it again next time (a million entries take a quarter of an hour); without, it
-    lies in a temporary folder. ``seconds``: how long a store may take to be filled with entries; what it was given until
-    then is what it is asked over, and said. ``stores``: only these backends. Times in ms. Raises ``InvalidArgument``.
+    ``folder``: keep the book there and take it again next time (a million entries take a quarter of an hour); without,
+    it lies in a temporary folder. ``seconds``: how long a store may take to be filled with entries; what it was given
+    until then is what it is asked over, and said. ``stores``: only these backends. Raises ``InvalidArgument``.
     """
     with tempfile.TemporaryDirectory(prefix="memo-bench-") as scratch:
         path = (folder or Path(scratch)) / f"book-{size.entries}-{size.keys}-{size.general:g}-{size.seed}.db"

@@ -12,6 +12,8 @@ import attrs
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.keys import Key
 
+_OUTCOMES = {"open": "open", "shut": "close", "closed": "close", "on": "", "off": "", "out": "", "apart": ""}
+
 
 def _normal(verb: str) -> str:
     return Key.make(verb, "object").action
@@ -58,9 +60,13 @@ class Actions:
     def canonical(self, action: str) -> str:
         """The verb that stands for ``action``'s group; the action itself when it is in none.
 
-        A longer spelling falls back on its first words: "pick up gently" stands under "pick".
+        A longer spelling falls back on its first words, "pick up gently" stands under "pick", unless its last word says
+        what becomes of the thing: "nudge shut" closes, "shut off" is no closing and stands for itself.
         """
         words = action.split()
+        if action not in self.groups and len(words) > 1 and words[-1] in _OUTCOMES:
+            outcome = _OUTCOMES[words[-1]]
+            return self.groups.get(outcome, outcome) if outcome else action
         for length in range(len(words), 0, -1):
             found = self.groups.get(" ".join(words[:length]))
             if found is not None:

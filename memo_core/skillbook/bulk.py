@@ -88,9 +88,13 @@ def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence
     if entries:
         links = [{"entry": entry, "feedback": item[0]} for entry, item in zip(entries, items, strict=True)]
         connection.execute(sa.insert(tables.sources), links)
-        for entry, (feedback, key, phase, kind, *_) in zip(entries, items, strict=True):
-            if kind == "template":
-                templates.succeed(connection, key, revision_of[feedback, key, phase], entry)
+        newest = {
+            key: (revision_of[feedback, key, phase], entry)
+            for entry, (feedback, key, phase, kind, *_) in zip(entries, items, strict=True)
+            if kind == "template"
+        }
+        for key, (revision, entry) in newest.items():
+            templates.succeed(connection, key, revision, entry)
         database.next_generation(connection)
     return len(entries)
 
