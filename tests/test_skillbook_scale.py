@@ -1,4 +1,4 @@
-"""A large book: rounded vectors find what exact ones would, memory does not grow with entries, nothing is read in vain."""
+"""A large book: rounded vectors find what exact ones would, memory is bounded, nothing is read in vain."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sqlite3
 from collections import Counter
 from pathlib import Path
 
+import attrs
 import numpy as np
 import pytest
 import sqlalchemy as sa
@@ -127,15 +128,12 @@ def test_many_lessons_are_stored_all_or_none(tmp_path: Path) -> None:
     with Skillbook(str(tmp_path / "b.db")) as book:
         assert book.add_many([good, good]) == 8
         stats = book.stats()
-        assert (stats.corrections, stats.general, stats.templates, stats.superseded) == (4, 2, 1, 1), (
-            "one version valid"
-        )
+        counts = (stats.corrections, stats.general, stats.templates, stats.superseded)
+        assert counts == (4, 2, 1, 1), "one version is valid"
         assert book.pending_feedback() == [] and {e.scene for e in book.entries()} == {"kitchen"}
         assert book.sources([book.entries()[0].id]) == [1]
         with pytest.raises(sa.exc.SQLAlchemyError):
-            book.add_many(
-                [good, Lesson("no", "ana", key, ("x",), when="yesterday", scene=b"\0".join([])[:0] or object())]
-            )  # type: ignore[arg-type]
+            book.add_many([good, attrs.evolve(good, scene=object())])  # a value no database takes
         assert book.stats() == stats
         assert book.generation() == 1
     with Skillbook(str(tmp_path / "b.db"), read_only=True) as book, pytest.raises(ReadOnlyBook):
@@ -188,13 +186,11 @@ def test_memory_holds_a_bounded_number_of_groups(path: Path, monkeypatch: pytest
 
 def test_the_bench_measures_every_contender_in_a_process_of_its_own() -> None:
     shares: list[float] = []
-    found = bench_skillbook(
-        Source(), BookSize(600, 20), questions=12, seconds=5, stores=["faiss"], progress=shares.append
-    )
+    found = bench_skillbook(Source(), BookSize(300, 10), 12, 5.0, stores=["faiss"], progress=shares.append)
     assert [one["contender"] for one in found["contenders"]] == ["skillbook", "faiss", "plain loop"]
     for one in found["contenders"]:
         assert 0 < one["p50_ms"] <= one["p99_ms"] and one["peak_mib"] > 20 and one["open_s"] > 0
-    assert found["insert_per_s"] > 0 and found["general"] == 3
+    assert found["insert_per_s"] > 0 and found["general"] == 2
     assert shares == sorted(shares) and shares[-1] <= 1
 
 
