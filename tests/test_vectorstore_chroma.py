@@ -23,6 +23,7 @@ from memo_vectorstore.plugin import memo_vector_stores
 from memo_vectorstore.settings import ChromaSettings, FaissSettings
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.experiment.bench_vectorstore import bench_vectorstore
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
 from memo_core.testing.fake_embedder import FakeEmbedder
@@ -229,3 +230,12 @@ def test_it_tells_nobody_and_loads_no_model(tmp_path: Path) -> None:
         [sys.executable, "-c", CALLS_HOME], capture_output=True, text=True, cwd=tmp_path, env=environment, check=True
     )
     assert json.loads(done.stdout) == [[], False, []]
+
+
+def test_the_bench_compares_with_exact_search() -> None:
+    measured = bench_vectorstore(lambda: ChromaStore(ChromaSettings()), 200, 10, lambda share: None)
+    exact = bench_vectorstore(lambda: FaissStore(FaissSettings()), 200, 10, lambda share: None)
+    for case in ("keys_recall_at_20", "random_recall_at_20"):
+        assert exact[case] == 1.0 and measured[case] >= 0.99
+    blind = bench_vectorstore(lambda: ChromaStore(ChromaSettings(candidates=1)), 1500, 10, lambda share: None)
+    assert blind["random_recall_at_20"] < 0.99, "a store that misses is not found out"

@@ -79,6 +79,22 @@ def retrieval(
     _report(_measured("retrieval", measure), json)
 
 
+@app.command()
+def vectorstore(
+    keys: Annotated[int, typer.Option("--keys", min=20, help="Vectors in the store.")] = 300,
+    queries: Annotated[int, typer.Option("--queries", min=1, help="Searches.")] = 100,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What the experiment's vector store finds of the best there is (--set vectorstore=chroma): see docs."""
+    from memo_core.experiment.bench_vectorstore import bench_vectorstore
+
+    _, experiment = load(config, overrides)
+    make = lambda: experiment.create("vectorstore")
+    _report(_measured("vector store", lambda progress: bench_vectorstore(make, keys, queries, progress)), json)
+
+
 @app.command("retrieval-quality")
 def retrieval_quality(
     sweep: Annotated[

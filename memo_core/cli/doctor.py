@@ -98,7 +98,8 @@ def _backends(registry: Registry) -> Iterator[Finding]:
                 yield Finding(f"{kind} {name}", "optional", "not installed", one.command)
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
-                yield Finding(f"{kind} {backend.name}", "missing", f"needs {lacking.what}", lacking.remedy)
+                state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"
+                yield Finding(f"{kind} {backend.name}", state, f"needs {lacking.what}", lacking.remedy)
             # Only who selects a backend needs its keys, and one of several providers' keys is enough.
             for lacking in missing_needs(Needs(keys=backend.needs.keys)):
                 yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy)
