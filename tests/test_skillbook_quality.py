@@ -101,6 +101,7 @@ def test_a_verb_whose_last_word_says_the_outcome_is_no_other_verb() -> None:
 
 def test_without_the_shipped_tables_opposites_are_served() -> None:
     bare = RetrievalSettings(shipped_actions=False)
+    assert bare.actions.canonical("push shut") == "push shut", "nothing is known of it"
     assert not bare.actions.opposite("open", "close") and bare.actions.canonical("grab") == "grab"
     own = RetrievalSettings(shipped_actions=False, opposites=[["auf", "zu"]])
     assert own.actions.opposite("zu", "auf")

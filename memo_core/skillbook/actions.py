@@ -65,8 +65,7 @@ class Actions:
         """
         words = action.split()
         if action not in self.groups and len(words) > 1 and words[-1] in _OUTCOMES:
-            outcome = _OUTCOMES[words[-1]]
-            return self.groups.get(outcome, outcome) if outcome else action
+            return self.groups.get(_OUTCOMES[words[-1]], action)
         for length in range(len(words), 0, -1):
             found = self.groups.get(" ".join(words[:length]))
             if found is not None:
