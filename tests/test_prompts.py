@@ -296,3 +296,9 @@ def test_a_built_in_text_does_not_change_without_a_new_version():
         text = built_in(name)
         said = f"{name} v{text.version} is {text.digest}: raise its version and note both in tests/prompt_versions.yaml"
         assert str(known.get(name, {}).get(int(text.version))) == text.digest, said
+
+
+def test_a_folder_that_prompts_cannot_be_copied_to_is_named(folder, capsys):
+    Path("taken").write_text("")
+    code, _, err = memo("prompts", "export", "taken", capsys=capsys)
+    assert code == 2 and err.startswith("memo: folder: taken: ")

@@ -73,10 +73,13 @@ def export(
     there = [name + SUFFIX for name in texts if (folder / (name + SUFFIX)).exists()]
     if there:
         raise InvalidArgument("folder", f"{folder} already holds {', '.join(there)}", "a new or empty folder")
-    folder.mkdir(parents=True, exist_ok=True)
-    for text in texts.values():
-        front = f"---\nversion: {text.version}\n---\n" if text.version else ""
-        (folder / (text.name + SUFFIX)).write_text(front + text.text, encoding="utf-8")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for text in texts.values():
+            front = f"---\nversion: {text.version}\n---\n" if text.version else ""
+            (folder / (text.name + SUFFIX)).write_text(front + text.text, encoding="utf-8")
+    except OSError as error:
+        raise InvalidArgument("folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
     print(f"{len(texts)} prompts in {folder}; use them with --set prompts.folder={folder}")
 
 

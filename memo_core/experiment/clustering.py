@@ -228,7 +228,3 @@ def outcome_record(outcome: Outcome) -> dict[str, Any]:
         "problem": outcome.problem or None,
         "calls": outcome.calls,
     }
-
-
-def error_record(error: MemoError) -> dict[str, Any]:
-    return {"error": str(error)}

@@ -164,9 +164,6 @@ class Skillbook:
         with self._database.read() as connection:
             return rows.feedback_where(connection, _F.run == run)
 
-    def mark_processed(self, feedback_id: int) -> None:
-        self._set_status(feedback_id, "processed", "")
-
     def park(self, feedback_id: int, reason: str) -> None:
         """Set feedback aside that could not be processed; it is kept and shown with the reason."""
         self._set_status(feedback_id, "parked", reason)
