@@ -213,8 +213,8 @@ def _sweep(
     without a cut tells what each cut would serve."""
     found, pairs = [], list(itertools.product(WORDINGS, SHARES))
     for n, ((action, thing), share) in enumerate(pairs):
-        weights = {"lambda_action": share, "lambda_objects": round(1 - share, 3)}
-        wording = {"action_phrase": action, "object_phrase": thing}
+        weights: Row = {"lambda_action": share, "lambda_objects": round(1 - share, 3)}
+        wording: Row = {"action_phrase": action, "object_phrase": thing}
         measured = book.measure(attrs.evolve(ours, cut=-1.0, **weights, **wording), asked)
         for cut in CUTS:
             row = summary(measured.rows(cut, ours.corrections))
