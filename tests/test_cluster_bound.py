@@ -219,3 +219,9 @@ def test_texts_are_what_the_book_holds(cluster) -> None:
     with new_book() as book:
         teach(book, "OPEN(oven)", "One.", "Two.")
         assert texts(book) == ["One.", "Two."]
+
+
+def test_notes_without_a_word_are_joined_too() -> None:
+    with new_book() as book:
+        teach(book, "OPEN(oven)", "3", "3")
+        assert [one.text for one in book.join_duplicates(only_cluster(book)).members] == ["3"]

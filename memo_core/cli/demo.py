@@ -44,6 +44,10 @@ def command(
         raise InvalidArgument("--replay", "beside --record", "one of them")
     registry, experiment = load(config, overrides, seed=seed)
     demo = experiment.choice("suite").backend.demo
+    if replay and config is None and demo is not None and demo.replay_suite:
+        overrides = [f"suite.backend={demo.replay_suite}", *(overrides or ())]
+        registry, experiment = load(config, overrides, seed=seed)
+        demo = experiment.choice("suite").backend.demo
     if demo is not None and demo.settings:
         registry, experiment = load(config, [*demo.settings, *(overrides or ())], seed=seed)
     if record is not None:

@@ -39,13 +39,15 @@ class Demo:
 
     ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this
     story on ``seed``, for ``memo demo --replay``; empty where there is none. ``settings``: overrides that the story
-    needs, as after ``--set``; what the user sets wins."""
+    needs, as after ``--set``; what the user sets wins. ``replay_suite``: the suite whose recording
+    ``memo demo --replay`` plays unless one is named; empty: this one."""
 
     taught: str
     transfer: str
     recording: str = ""
     seed: int = 0
     settings: tuple[str, ...] = ()
+    replay_suite: str = ""
 
 
 @attrs.frozen(eq=False)

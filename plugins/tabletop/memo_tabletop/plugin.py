@@ -86,6 +86,7 @@ def memo_task_suites():
                 taught="put-the-food-in-the-microwave",
                 transfer="put-the-food-in-the-oven",
                 recording="memo_tabletop/recordings/demo.jsonl.gz",
+                replay_suite="quirks",  # a real model opens the microwave without being taught
             ),
             default=True,
         ),
