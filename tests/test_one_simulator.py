@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import sysconfig
@@ -30,7 +31,10 @@ def without(absent: str, site: Path) -> list[str]:
 
 
 def memo(command: list[str], *arguments: str, code: int = 0) -> str:
-    done = subprocess.run([*command, *arguments], capture_output=True, text=True, timeout=120)
+    # The sandbox's interpreter is a program beside Python's.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    environment = {**os.environ, "PATH": path}
+    done = subprocess.run([*command, *arguments], capture_output=True, text=True, timeout=240, env=environment)
     assert done.returncode == code, done.stderr
     return done.stdout if code == 0 else done.stderr
 
