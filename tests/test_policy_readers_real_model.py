@@ -98,8 +98,12 @@ def test_the_demo_of_the_quirks_is_played_with_the_settings_its_story_needs(monk
         raise KeyboardInterrupt
 
     monkeypatch.setattr(story, "run_demo", cut_short)
-    for overrides, repairs in ((["suite.backend=quirks"], 0), (["suite.backend=quirks", "run.repairs=1"], 1), ([], 2)):
+    for overrides, repairs, recording in (
+        ([], 0, "quirks.jsonl.gz"),
+        (["suite.backend=quirks", "run.repairs=1"], 1, "quirks.jsonl.gz"),
+        (["suite.backend=tabletop"], 2, "demo.jsonl.gz"),
+    ):
         with pytest.raises(KeyboardInterrupt):
             command.command(out=tmp_path, overrides=overrides, replay=True)
         assert taken[-1].section("run").repairs == repairs
-        assert taken[-1].public()["llm.file"].endswith("quirks.jsonl.gz" if overrides else "demo.jsonl.gz")
+        assert taken[-1].public()["llm.file"].endswith(recording)
