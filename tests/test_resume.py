@@ -10,6 +10,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -34,11 +35,22 @@ from memo_core.interfaces.backend import Backend
 
 what, which, later = os.environ.get("DIE", "never:1:0").split(":")
 seen = []
+writing = threading.Lock()
+in_flight = []  # questions that were answered, while the answer may not be kept yet
+
+def note(file, lines):
+    with open(file, "a") as notes:
+        notes.write("".join(line + chr(10) for line in lines))
+
+def die():
+    with writing:
+        note("cut", in_flight)
+        os.kill(os.getpid(), signal.SIGKILL)
 
 def now_perhaps(name):
     seen.append(name)
     if name == what and seen.count(name) == int(which):
-        threading.Timer(float(later), lambda: os.kill(os.getpid(), signal.SIGKILL)).start()
+        threading.Timer(float(later), die).start()
         if not float(later):
             time.sleep(60)
 
@@ -50,8 +62,10 @@ def model(settings):
         def answer(self, request, on_text=None, cancelled=None):
             now_perhaps(request.phase)  # inside of the call
             answer = super().answer(request, on_text, cancelled)
-            with open("asked", "a") as file:
-                file.write(request.digest + chr(10))
+            with writing:
+                in_flight.append(request.digest)
+                note("asked", [request.digest])
+            now_perhaps(request.phase + " answered")
             time.sleep(0.05)
             return attrs.evolve(answer, usage=attrs.evolve(answer.usage, cost=0.01))
 
@@ -63,6 +77,9 @@ def memo_language_models():
 
 @hookimpl
 def memo_event(event):
+    if type(event).__name__ == "ModelCalled":  # the answer is kept
+        with writing:
+            in_flight.clear()
     now_perhaps(type(event).__name__)
 """
 CONFIG = """
@@ -112,10 +129,13 @@ def kept(folder: Path) -> dict:
         "subtasks": [(one["subtask"], one["status"], one["attempts"], one["code"]) for one in summary["subtasks"]],
         "said": book.execute("select kind, words, subtask, status from feedback order by id").fetchall(),
         "learnt": book.execute("select kind, text from entries order by id").fetchall(),
-        "questions": sorted((folder / "asked").read_text().split()),
         "spent": (summary["prompt_tokens"], summary["completion_tokens"], round(summary["cost"], 6)),
         "sim_s": summary["sim_s"],
     }
+
+
+def lines(file: Path) -> Counter[str]:
+    return Counter(file.read_text().split() if file.exists() else ())
 
 
 def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
@@ -129,6 +149,7 @@ def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
         f"CodeEnded:1:{dice.uniform(0.001, 0.05):.3f}",
         "template:1:0",
         f"SubtaskStarted:1:{dice.uniform(0.0, 0.9):.2f}",
+        "code answered:1:0",  # the answer is paid, and lost
     ]
     arguments = ["config.yaml"]
     for death in deaths:
@@ -141,6 +162,9 @@ def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
     ended = memo(cut, arguments)
     assert ended.returncode == 1 and "--resume" not in ended.stderr, ended.stderr
     assert kept(cut) == kept(whole)
+    twice = lines(cut / "asked") - lines(whole / "asked")
+    assert twice <= lines(cut / "cut")  # only what was being answered at the moment of a death is asked again
+    assert not lines(whole / "asked") - lines(cut / "asked")
     summary = json.loads((run / "summary.json").read_text())
     assert summary["parts"] == len(deaths) + 2 and not summary["resumable"]
     calls = [json.loads(file.read_text())["answer"]["usage"] for file in (run / "calls").iterdir()]
