@@ -83,15 +83,35 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
     assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
 
 
-def test_the_command_goes_on_from_its_file(tmp_path):
+def test_a_result_without_the_plain_attempt_does_not_answer_for_it(tmp_path):
     file = tmp_path / "out.jsonl"
-    command = ("tasks", "verify", "pick-the-left-can", "--out", str(file), "--json", "--seeds")
-    first = memo(*command, "0")
+    TrialLog(file, same).add(RESULT)
+    asked = Trial(None, (), "lift", 3, plain=True)
+    assert TrialLog(file, same).known(asked) is None
+    TrialLog(file, same).add(RESULT | {"plain": False, "plain_why": "it slipped"})
+    assert TrialLog(file, same).known(asked) is not None and TrialLog(file, same).known(TRIAL) is not None
+
+
+def test_a_plain_attempt_that_succeeds_is_a_failure_and_one_that_is_missing_is_none():
+    results = [RESULT | {"seed": seed, "plain": seed == 1, "plain_why": "it is up"} for seed in range(3)]
+    report = report_of("lift", results)
+    assert (report["plain"], report["plain_seeds"]) == (1, 3) and not holds(report)
+    [failure] = report["failures"]
+    assert failure == {"seed": 1, "what": "the plain attempt succeeded", "why": "it is up"}
+    report = report_of("lift", [RESULT | {"plain": None, "plain_why": ""}])
+    assert (report["plain"], report["plain_seeds"]) == (None, 0) and holds(report)
+
+
+def test_the_command_tries_what_one_would_do_untaught_too_and_goes_on_from_its_file(tmp_path):
+    file = tmp_path / "out.jsonl"
+    command = ("tasks", "verify", "open-the-rice-cooker", "--suite", "quirks", "--plain", "--seeds", "0", "--json")
+    first = memo(*command, "--out", str(file))
     assert first.returncode == 0, first.stderr
     [report] = json.loads(first.stdout)["tasks"]
-    assert report["real_time_factor"] > 1 and json.loads(first.stdout)["suite"] == "tabletop"
+    assert json.loads(first.stdout)["suite"] == "quirks" and report["sim_s"] > 0 and report["real_time_factor"] > 0
+    assert (report["reference"], report["null"], report["plain"], report["plain_seeds"]) == (1, 0, 0, 1)
     [line] = file.read_text().splitlines()
-    second = memo(*command, "0")
+    second = memo(*command, "--out", str(file))
     assert "1 of 1 trials are in the file already" in second.stderr
     assert json.loads(second.stdout) == json.loads(first.stdout)
     assert file.read_text().splitlines() == [line]

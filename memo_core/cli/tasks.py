@@ -67,6 +67,9 @@ def verify(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
     seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-19 or 3,5.")] = "0-19",
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes to use.")] = 1,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="Also what one would try first, untaught, of tasks with a trick: must fail.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="Keep each result as a JSON line; what is in it is not run again."),
@@ -78,7 +81,7 @@ def verify(
 ) -> None:
     """Run each task's reference solution, and nothing at all, and let the success check judge both.
 
-    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or doing nothing on any. "x real time"
+    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any. "x real time"
     is how many seconds are simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
@@ -88,7 +91,7 @@ def verify(
     _, experiment = load(config, overrides)
     chosen = [task_of(experiment, name).name for name in names] if names else [t.name for t in tasks_of(experiment)]
     chosen = list(dict.fromkeys(chosen))
-    trials = [verification.Trial(config, tuple(overrides), name, seed) for name in chosen for seed in wanted]
+    trials = [verification.Trial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted]
     log = verification.TrialLog(out, verification.digest_of(experiment))
     results = verification.run_trials(trials, jobs, log)
     report = [verification.report_of(name, [r for r in results if r["task"] == name]) for name in chosen]
@@ -100,12 +103,14 @@ def verify(
                 t["name"],
                 f"{t['reference']}/{t['seeds']}",
                 f"{t['null']}/{t['seeds']}",
+                *([f"{t['plain'] or 0}/{t['plain_seeds']}"] if plain else []),
                 t["wall_s"],
                 t["real_time_factor"],
             )
             for t in report
         ]
-        print_table(("task", "reference", "nothing", "seconds", "x real time"), rows)
+        untaught = ("plain attempt",) if plain else ()
+        print_table(("task", "reference", "nothing", *untaught, "seconds", "x real time"), rows)
         for task in report:
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")

@@ -226,16 +226,17 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 
 @attrs.frozen
 class Verified:
-    """How a task's reference solution and doing nothing fared on one seed."""
+    """How a task's reference solution and doing nothing, and what one would try untaught, fared on one seed."""
 
     task: str
     seed: int
     reference: Outcome
     null: Outcome
     error: str = ""  # how the reference solution's code ended, if not at its end
-    wall_s: float = 0.0  # all of it: building, doing nothing, the reference solution
+    wall_s: float = 0.0  # all of it: building, doing nothing, the reference solution, the plain attempt
     sim_s: float = 0.0  # simulated, of the reference solution
     cpu_s: float = 0.0  # processor time of the reference solution: physics, planning, monitors
+    plain: Outcome | None = None  # of the plain attempt; None where it was not tried
 
 
 def run_code(world: World, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None) -> Execution:
@@ -255,10 +256,10 @@ def run_code(world: World, code: str, sandbox: Sandbox, on_print: Callable[[str]
 
 
 def verify_task(
-    make_world: Callable[[int], World], make_sandbox: Callable[[], Sandbox], seeds: Sequence[int]
+    make_world: Callable[[int], World], make_sandbox: Callable[[], Sandbox], seeds: Sequence[int], plain: bool = False
 ) -> Iterable[Verified]:
-    """The reference solution and doing nothing on each seed, both judged by the success check. ``make_world(seed)``
-    gives an unopened world of the task."""
+    """The reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has one,
+    all judged by the success check. ``make_world(seed)`` gives an unopened world of the task."""
     import time
 
     for seed in seeds:
@@ -274,8 +275,13 @@ def verify_task(
             begun, cpu = world.time(), time.process_time()
             execution = run_code(world, world.task.reference_solution, sandbox)
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
+            reference, tried = world.check(), None
+            if plain and world.task.plain_attempt:
+                world.restore(start)
+                run_code(world, world.task.plain_attempt, sandbox)
+                tried = world.check()
             wall_s = time.monotonic() - started
-            yield Verified(world.task.name, seed, world.check(), null, execution.error, wall_s, sim_s, cpu_s)
+            yield Verified(world.task.name, seed, reference, null, execution.error, wall_s, sim_s, cpu_s, tried)
 
 
 # -- parts ------------------------------------------------------------------------------------------------------------

@@ -71,3 +71,9 @@ class Task(ABC):
     def reference_solution(self) -> str:
         """Robot code written by hand that solves the task; used by tests and ``memo tasks verify`` only."""
         return ""
+
+    @property
+    def plain_attempt(self) -> str:
+        """For a task with a trick: robot code of what anybody would try first who was not told of it. It must fail.
+        Used by tests and ``memo tasks verify --plain`` only."""
+        return ""

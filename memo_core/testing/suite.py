@@ -113,10 +113,11 @@ def monitors_are_new_and_remember(make: Make) -> None:
 
 @rule
 def reference_solutions_are_code(make: Make) -> None:
-    """A hand-written solution exists and is Python."""
+    """A hand-written solution exists; it and the plain attempt, if there is one, are Python."""
     for task in make():
         assert task.reference_solution.strip(), f"{task.name} has none"
-        try:
-            compile(task.reference_solution, task.name, "exec")
-        except SyntaxError as error:
-            raise AssertionError(f"{task.name}: {error}") from None
+        for code in (task.reference_solution, task.plain_attempt):
+            try:
+                compile(code, task.name, "exec")
+            except SyntaxError as error:
+                raise AssertionError(f"{task.name}: {error}") from None

@@ -17,4 +17,4 @@ class QuirkTask(Task):
     @property
     @abstractmethod
     def plain_attempt(self) -> str:
-        """Robot code of what anybody would try first; it must fail. For tests and reports only."""
+        """As in ``Task``; here every task has one."""
