@@ -93,7 +93,11 @@ def test_moved_remembers_the_farthest_even_when_it_was_put_back():
 
 def test_standing_starts_again_when_the_chain_breaks():
     world = Puppets()
-    monitor = world.watch(Standing(("red", "green")))
+    monitor = world.watch(Standing(("green", "red"), rise=0.08))  # the lower one need not be named first
+    world.go(0.5)
+    assert monitor.seconds(world) == 0.0
+    world.moved["green"] = Pose((0.5, 0.2, 0.1))  # beside it and a little higher, as on uneven ground
+    world.touching = [("red", "table"), ("green", "table"), ("green", "red")]
     world.go(0.5)
     assert monitor.seconds(world) == 0.0
     world.moved["green"] = Pose((0.5, 0.2, 0.165))

@@ -130,12 +130,6 @@ def on_table(world: WorldState, thing: str) -> bool:
     return touches(world, thing, "table")
 
 
-def rests_on(world: WorldState, upper: str, lower: str) -> bool:
-    """Whether ``upper`` touches ``lower`` from above."""
-    above = world.body_pose(upper).position[2] > world.body_pose(lower).position[2]
-    return above and touches(world, upper, lower)
-
-
 def upright(world: WorldState, thing: str, within: float = 0.2) -> bool:
     """Whether its own z axis points up, to within an angle (rad)."""
     return tilt(world.body_pose(thing)) <= within

@@ -10,6 +10,7 @@ import copy
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import attrs
@@ -104,23 +105,32 @@ class Moved(Sampled):
 
 
 class Standing(Sampled):
-    """Since when each of the given ``things`` (bottom first) has rested on the one before, untouched by the robot: a
-    chain of contacts."""
+    """Since when ``things`` have rested on one another in one tower, in any order, untouched by the robot: a chain of
+    contacts in which each thing's frame is at least ``rise`` (m) above the one below it."""
 
-    def __init__(self, things: Sequence[str], name: str = "standing") -> None:
+    def __init__(self, things: Sequence[str], rise: float, name: str = "standing") -> None:
         super().__init__()
-        self.things, self.name = tuple(things), name
+        self.things, self.rise, self.name = tuple(things), rise, name
 
     def start(self, world: WorldState) -> dict[str, Any]:
         return {"since": None}
 
     def sample(self, world: WorldState) -> None:
-        pairs = zip(self.things, self.things[1:], strict=False)
-        stands = all(judging.rests_on(world, upper, lower) for lower, upper in pairs)
-        if not stands or not all(judging.released(world, thing) for thing in self.things):
+        if not self._tower(world):
             self.seen["since"] = None
         elif self.seen["since"] is None:
             self.seen["since"] = world.time
+
+    def _tower(self, world: WorldState) -> bool:
+        height = {thing: world.body_pose(thing).position[2] for thing in self.things}
+        order = sorted(self.things, key=lambda thing: height[thing])
+        pairs = list(pairwise(order))
+        # Heights first: contacts are dear to ask for.
+        if any(height[upper] - height[lower] < self.rise for lower, upper in pairs):
+            return False
+        return all(judging.touches(world, upper, lower) for lower, upper in pairs) and all(
+            judging.released(world, thing) for thing in order
+        )
 
     def seconds(self, world: WorldState) -> float:
         since = self.seen["since"]
@@ -146,7 +156,7 @@ class Mishaps(Sampled):
 
     def start(self, world: WorldState) -> dict[str, Any]:
         return {
-            thing: {"at": list(world.body_pose(thing).position), "carried": False, "speed": 0.0, "befell": []}
+            thing: {"at": list(world.body_pose(thing).position), "carried": False, "befell": []}
             for thing in self.things
         }
 
@@ -157,7 +167,6 @@ class Mishaps(Sampled):
             if math.dist(before, now) < STILL_M:
                 continue
             known["at"] = list(now)
-            known["speed"] = max(known["speed"], math.dist(before, now) / SAMPLE_S)
             held = judging.held(world, thing)
             if known["carried"] and not held and (before[2] - now[2]) / SAMPLE_S > FALLING_M_S:
                 self._note(known, "dropped")
@@ -173,10 +182,6 @@ class Mishaps(Sampled):
 
     def befell(self, thing: str) -> tuple[str, ...]:
         return tuple(self.seen[thing]["befell"])
-
-    def top_speed(self, thing: str) -> float:
-        """The fastest it ever moved (m/s)."""
-        return self.seen[thing]["speed"]
 
     def story(self, world: WorldState) -> str:
         """What befell the things, and what the hand still has hold of or presses against something; empty when all

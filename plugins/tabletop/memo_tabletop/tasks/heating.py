@@ -24,7 +24,6 @@ BUTTON_HEIGHT = 0.16  # m above the table
 PRESSED_M = 0.005
 LET_OUT_M = 0.002  # a button this far in counts as let out
 SHUT_RAD = math.radians(3)
-PRESSING = ("PRESS", "PUSH", "TURN_ON", "START", "SWITCH_ON")
 
 
 class HeatTheFood(Task):
