@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
+import attrs
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -24,6 +25,7 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
 EVERYTHING = RetrievalSettings(cut=-1.0, corrections=1000, general=1000, templates=1000)
+ASKING = attrs.evolve(EVERYTHING, exact_keys=0)  # the store, however few the keys are
 KEYS = (
     "OPEN(microwave)",
     "CLOSE(microwave)",
@@ -62,11 +64,12 @@ def texts(found: Retrieval) -> list[str]:
     st.floats(1e-3, 1e3),
     st.sampled_from([*KEYS, "GRAB(cube, drawer)", "STACK(a, b, c)"]),
     st.sampled_from([FakeStore, lambda: FaissStore(FaissSettings())]),
+    st.sampled_from([0, 1000]),
 )
 def test_r_is_exact_for_any_weights(
-    book: Skillbook, one: float, two: float, query: str, make: type[VectorStore]
+    book: Skillbook, one: float, two: float, query: str, make: type[VectorStore], exact: int
 ) -> None:
-    chosen = RetrievalSettings(one, two, cut=-1.0, corrections=1000, templates=1000)
+    chosen = RetrievalSettings(one, two, cut=-1.0, corrections=1000, templates=1000, exact_keys=exact)
     with Skillbook(book.url, FakeEmbedder(), make(), chosen, read_only=True) as again:
         found = again.retrieve(query)
     assert found.corrections
@@ -90,7 +93,7 @@ def test_the_inner_product_in_the_store_is_r(book: Skillbook) -> None:
             return self.answer
 
     spy = Spy()
-    chosen = RetrievalSettings(0.3, 0.9, cut=-1.0)
+    chosen = RetrievalSettings(0.3, 0.9, cut=-1.0, exact_keys=0)
     with Skillbook(book.url, FakeEmbedder(), spy, chosen, read_only=True) as again:
         found = again.retrieve("OPEN(oven)")
     scores = {round(s.score, 5) for s in found.corrections} | {round(c.score, 5) for c in found.cut}
@@ -224,15 +227,19 @@ def test_new_entries_are_served_at_once_also_from_another_process_s_write(book: 
 def test_an_index_is_rebuilt_only_when_it_has_to_be(book: Skillbook) -> None:
     store = FakeStore()
     for expected in (1, 1):
-        with Skillbook(book.url, FakeEmbedder(), store, EVERYTHING) as again:
+        with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
             again.retrieve("OPEN(oven)")
             again.retrieve("PUSH(box)")
         assert store.rebuilt == expected, "an index that was up to date was rebuilt"
+    teach(book, "OPEN(fridge)", "new")
+    with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
+        assert "new" in texts(again.retrieve("OPEN(oven)"))
+    assert store.rebuilt == 1, "no key came, and it was rebuilt"
     teach(book, "OPEN(oven)", "new")
-    with Skillbook(book.url, FakeEmbedder(), store, EVERYTHING) as again:
+    with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
         assert "new" in texts(again.retrieve("OPEN(oven)"))
     assert store.rebuilt == 2, "a stale index was kept"
-    with Skillbook(book.url, FakeEmbedder(), store, RetrievalSettings(object_phrase="the {}")) as again:
+    with Skillbook(book.url, FakeEmbedder(), store, RetrievalSettings(object_phrase="the {}", exact_keys=0)) as again:
         again.retrieve("OPEN(oven)")
     assert store.rebuilt == 3, "an index of another wording was kept"
 
@@ -242,7 +249,7 @@ def test_a_corrupt_index_file_is_made_anew(book: Skillbook, tmp_path: Path, dama
     file = tmp_path / "keys.faiss"
 
     def ask() -> list[tuple[str, float]]:
-        with Skillbook(book.url, FakeEmbedder(), FaissStore(FaissSettings(str(file))), EVERYTHING) as again:
+        with Skillbook(book.url, FakeEmbedder(), FaissStore(FaissSettings(str(file))), ASKING) as again:
             return [(s.text, s.score) for s in again.retrieve("OPEN(oven)").corrections]
 
     wanted = ask()
@@ -251,7 +258,7 @@ def test_a_corrupt_index_file_is_made_anew(book: Skillbook, tmp_path: Path, dama
         body[len(body) // 2] ^= 255
     elif damage == "another book's":
         with Skillbook(
-            str(tmp_path / "b"), FakeEmbedder(), FaissStore(FaissSettings(str(tmp_path / "k"))), EVERYTHING
+            str(tmp_path / "b"), FakeEmbedder(), FaissStore(FaissSettings(str(tmp_path / "k"))), ASKING
         ) as b:
             for key in KEYS:
                 teach(b, f"{key[:-1]}, table)", "x")
@@ -289,7 +296,7 @@ class _Lying(FakeStore):
 @pytest.mark.parametrize("lie", ["scores", "order", "raises once", "unknown ids once"])
 def test_a_store_can_miss_but_never_lie(book: Skillbook, lie: str) -> None:
     wanted = [(s.text, s.score) for s in book.retrieve("OPEN(oven)").corrections]
-    with Skillbook(book.url, FakeEmbedder(), _Lying(lie), EVERYTHING) as again:
+    with Skillbook(book.url, FakeEmbedder(), _Lying(lie), ASKING) as again:
         assert [(s.text, s.score) for s in again.retrieve("OPEN(oven)").corrections] == [
             (text, pytest.approx(r, abs=1e-6)) for text, r in wanted
         ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import sqlite3
 from collections import Counter
@@ -21,6 +22,7 @@ from memo_core.skillbook import likeness, rows, tables
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.bulk import Lesson
 from memo_core.skillbook.database import Database, ReadOnlyBook
+from memo_core.skillbook.history import CannotRollBack
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_store import FakeStore
@@ -78,10 +80,15 @@ def test_retrieval_serves_what_comparing_every_vector_would(path: Path) -> None:
 def test_a_rounded_vector_is_off_by_less_than_a_ten_thousandth(seed: int, count: int, dimension: int) -> None:
     vectors = np.random.default_rng(seed).standard_normal((count, dimension)).astype(np.float32)
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
-    again = likeness.read_sketches(likeness.write_sketches(vectors))
+    sketches = likeness.write_sketches(vectors)
+    again = likeness.read_sketches(sketches)
     assert again.shape == vectors.shape and again.dtype == np.float32
     assert np.linalg.norm(again - vectors, axis=1).max() < 1e-4
-    assert np.array_equal(again, likeness.read_sketches(likeness.write_sketches(vectors.copy())))
+    assert np.array_equal(sketches, likeness.write_sketches(vectors.copy()))
+    ids = np.arange(count)
+    similar = likeness.Group(ids, sketches).similar(vectors[0])
+    assert similar == pytest.approx(likeness.Group(ids, vectors).similar(vectors[0]), abs=1e-4)
+    assert similar == pytest.approx(again @ vectors[0], abs=1e-6)
 
 
 def test_nothing_is_embedded_or_written_when_all_is_prepared(path: Path) -> None:
@@ -108,8 +115,52 @@ def test_a_new_entry_of_a_large_key_is_served_and_an_old_one_of_the_withdrawn_is
         assert book.forget("bob").entries == 2
         found = book.retrieve(key)
         assert "open microwave" not in {one.text for one in found.served} and len(found.general) == 1
-    raw = sqlite3.connect(tmp_path / "b.db")
-    assert raw.execute("SELECT count(*) FROM sketches").fetchone() == (100,), "its sketch went with it"
+        book.prepare()
+        assert _on_sheets(tmp_path / "b.db") == {e.id for e in book.entries()}, "its sketch went with it"
+
+
+def _on_sheets(path: Path) -> set[int]:
+    raw = sqlite3.connect(path)
+    return {int(i) for (ids,) in raw.execute("SELECT entries FROM sheets") for i in np.frombuffer(ids, "<i8")}
+
+
+def test_a_withdrawn_text_leaves_no_sketch_even_before_its_sheet_is_made_anew(tmp_path: Path) -> None:
+    key = Key.parse("OPEN(microwave)")
+    with Skillbook(str(tmp_path / "b.db"), WordVectors()) as book:
+        book.add_many([Lesson("no", "ana", key, ("slowly",)), Lesson("no", "bob", key, ("gently", "quickly"))])
+        book.prepare()
+        assert _on_sheets(tmp_path / "b.db") == {e.id for e in book.entries()} and len(book.entries()) == 3
+        book.forget("bob")
+        assert not _on_sheets(tmp_path / "b.db") - {e.id for e in book.entries()}
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(["teach", "many", "retire", "forget", "ask", "prepare"]), st.integers(0, 9))))
+def test_sheets_serve_what_comparing_would_whatever_happened_to_the_book(
+    tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[str, int]]
+) -> None:
+    """One book is asked after each change, with sheets that are missing, lack entries or have too many."""
+    path = tmp_path_factory.mktemp("steps") / "b.db"
+    key, embedder = Key.parse("OPEN(microwave)"), WordVectors()
+    meant = embedder.embed(["open microwave"])[0]
+    with Skillbook(str(path), embedder, settings=RetrievalSettings(corrections=5)) as book:
+        for turn, (step, number) in enumerate(steps):
+            if step in ("teach", "many"):
+                texts = tuple(f"take part {turn} {n} microwave" for n in range(45 if step == "many" else number + 1))
+                book.add_many([Lesson("no", f"person {number % 3}", key, texts)])
+            elif step == "retire" and (taught := [r for r in book.history() if r.count("added")]):
+                with contextlib.suppress(CannotRollBack):
+                    book.rollback(taught[number % len(taught)].id)
+            elif step == "forget" and f"person {number % 3}" in book.people():
+                book.forget(f"person {number % 3}")
+            elif step == "prepare":
+                book.prepare()
+            entries = book.entries()
+            similar = embedder.embed([e.text for e in entries]) @ meant if entries else np.zeros(0)
+            served = book.retrieve(key).corrections
+            assert len(served) == min(5, len(entries))
+            assert [s.text_similarity for s in served] == pytest.approx(sorted(similar)[::-1][:5], abs=1e-5)
+            assert {s.entry.id for s in served} <= {e.id for e in entries}
 
 
 def test_a_large_key_in_a_read_only_book_without_sketches_is_compared_exactly(tmp_path: Path) -> None:
@@ -147,9 +198,9 @@ def test_a_book_of_an_older_version_gets_the_table_and_the_indexes(tmp_path: Pat
         book.add_many([Lesson("no", "ana", Key.parse("OPEN(box)"), tuple(f"part {n}" for n in range(60)))])
     raw = sqlite3.connect(tmp_path / "b.db")
     raw.executescript(
-        "DROP TABLE sketches; DROP INDEX ix_entries_valid; DROP INDEX ix_entries_retired;"
+        "DROP TABLE sheets; CREATE TABLE sketches (key, entry, sketch); DROP INDEX ix_entries_valid; DROP INDEX ix_entries_retired;"
         "CREATE INDEX ix_entries_superseded_by ON entries (superseded_by);"
-        "UPDATE meta SET value = '2' WHERE name = 'schema_version'"
+        "UPDATE meta SET value = '3' WHERE name = 'schema_version'"
     )
     raw.close()
     with Skillbook(str(tmp_path / "b.db"), WordVectors(), FakeStore(), read_only=True) as book:
@@ -158,15 +209,16 @@ def test_a_book_of_an_older_version_gets_the_table_and_the_indexes(tmp_path: Pat
         assert book.retrieve("OPEN(box)").corrections
     raw = sqlite3.connect(tmp_path / "b.db")
     names = {name for (name,) in raw.execute("SELECT name FROM sqlite_master")}
-    assert {"sketches", "ix_entries_valid", "ix_entries_retired"} <= names and "ix_entries_superseded_by" not in names
-    assert raw.execute("SELECT count(*) FROM sketches").fetchone() == (60,)
+    assert {"sheets", "ix_entries_valid", "ix_entries_retired"} <= names
+    assert not names & {"ix_entries_superseded_by", "sketches"}
+    assert len(_on_sheets(tmp_path / "b.db")) == 60
 
 
 def test_no_statement_of_a_retrieval_walks_all_entries(path: Path) -> None:
     from sqlalchemy.dialects import sqlite
 
     raw = sqlite3.connect(path)
-    for statement in (likeness._OF_KEYS, likeness._MEMBERS, likeness._SKETCHED, likeness._TEXTS, rows._SERVED):
+    for statement in (likeness._MEMBERS, likeness._TEXTS, rows._SERVED):
         compiled = statement.compile(dialect=sqlite.dialect())
         plan = raw.execute(f"EXPLAIN QUERY PLAN {compiled}", [1] * len(compiled.positiontup or ())).fetchall()
         steps = [step for *_, step in plan]
@@ -181,7 +233,7 @@ def test_memory_holds_a_bounded_number_of_groups(path: Path, monkeypatch: pytest
         for _ in range(20):
             book.retrieve(draw.choice(keys_of(SIZE)))
         kept = book._retriever._likeness._groups  # type: ignore[union-attr]
-        assert sum(vectors.nbytes for _, vectors in kept.values()) <= 500_000 + max(v.nbytes for _, v in kept.values())
+        assert sum(g.nbytes for g in kept.values()) <= 500_000 + max(g.nbytes for g in kept.values())
 
 
 def test_the_bench_measures_every_contender_in_a_process_of_its_own() -> None:

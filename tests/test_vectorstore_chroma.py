@@ -26,6 +26,7 @@ from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.experiment.bench_vectorstore import bench_vectorstore
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.vectorstore import RULES
 
@@ -86,7 +87,7 @@ def test_recall_at_20_of_exact_search_is_at_least_0_99(place: str, request: pyte
 
 
 def _taught(path: Path, store: VectorStore) -> Skillbook:
-    book = Skillbook(str(path), FakeEmbedder(), store).open()
+    book = Skillbook(str(path), FakeEmbedder(), store, RetrievalSettings(exact_keys=0)).open()
     for number in range(60):
         key = f"{['OPEN', 'CLOSE', 'LIFT', 'WIPE'][number % 4]}(thing {number % 30}, place {number % 7})"
         book.add_lessons(book.record_feedback("words", "ana"), key, [f"lesson {number}"], [f"general {number}"])
@@ -135,6 +136,45 @@ def test_an_index_that_was_not_finished_is_not_taken_for_one(lasting: ChromaSett
     again.open()
     assert (len(again), again.generation()) == (0, None)
     killed.close(), again.close()
+
+
+def test_an_index_that_was_not_changed_to_the_end_is_not_taken_for_one(lasting: ChromaSettings) -> None:
+    killed = ChromaStore(lasting)
+    killed.open()
+    killed.reset(3)
+    killed.add([1, 2], np.eye(2, 3, dtype=np.float32))
+    for change in (lambda: killed.add([3], np.eye(1, 3, dtype=np.float32)), lambda: killed.remove([1])):
+        killed.set_generation(4)
+        change()
+        again = ChromaStore(lasting)
+        again.open()
+        assert (len(again), again.generation()) == (0, None)
+        again.close()
+    killed.close()
+
+
+def test_new_keys_are_added_to_the_index_and_keys_that_went_are_removed(
+    lasting: ChromaSettings, tmp_path: Path
+) -> None:
+    def asked(other: Skillbook) -> list[tuple[str, str, float]]:
+        return [(one.key, one.text, one.score) for one in other.retrieve("LIFT(new thing)").served]
+
+    with _taught(tmp_path / "book.db", ChromaStore(lasting)) as book:
+        book.retrieve("LIFT(new thing)")
+        store = book._store
+        [made] = store._collections()  # type: ignore[union-attr]
+        book.add_lessons(book.record_feedback("words", "bob"), "LIFT(new thing)", ["gently"])
+        assert asked(book)[0][1] == "gently"
+        with _taught(tmp_path / "other.db", FaissStore(FaissSettings())) as exact:
+            exact.add_lessons(exact.record_feedback("words", "bob"), "LIFT(new thing)", ["gently"])
+            assert asked(book) == asked(exact)
+        with Skillbook(book.url, FakeEmbedder(), again := ChromaStore(lasting), book.settings) as late:
+            assert asked(late) == asked(book)
+            assert [c.name for c in again._collections()] == [made.name], "it was filled anew"
+        book.forget("bob")
+        assert "gently" not in {text for _, text, _ in asked(book)}
+        assert [c.name for c in store._collections()] == [made.name]  # type: ignore[union-attr]
+        assert made.count() == len(store) == 60  # type: ignore[arg-type]
 
 
 def test_two_that_fill_it_at_the_same_time_do_not_mix(lasting: ChromaSettings) -> None:

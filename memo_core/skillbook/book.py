@@ -200,7 +200,7 @@ class Skillbook:
             vectors.get([as_text(key) for key in keys])
         likeness, done, total = Likeness(self._database, vectors), 0, sum(size for *_, size in sizes)
         for key, kind, size in sizes:
-            likeness.prepare(kind, key, size)
+            likeness.prepare(kind, key)
             done += size
             progress(done / total)
 
@@ -304,13 +304,9 @@ class Skillbook:
         """What a subtask is served (``memo_core.skillbook.retrieval``). ``task`` (the instruction) and ``scene`` are
         part of the question but take no part in the score. Raises ``SkillbookError``, ``NotAKey``."""
         if self._retriever is None:
-            if self._vectors is None or self._store is None:
-                raise SkillbookError(
-                    self.url, "was opened without an embedder or a vector store", "configure both to retrieve"
-                )
             key_vectors = self._key_vectors()
-            index = KeyIndex(self._store, key_vectors)
-            self._retriever = Retriever(self._database, self._vectors, index, key_vectors, self.settings)
+            index = KeyIndex(self._store, key_vectors, self.settings.exact_keys)
+            self._retriever = Retriever(self._database, self._text_vectors(), index, key_vectors, self.settings)
         return self._retriever.retrieve(_key(subtask))
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
@@ -580,10 +576,10 @@ def reembed(url: str, embedder: Embedder) -> int:
             texts = sorted({row.text for row in rows.valid_entry_rows(connection)})
         with database.write() as connection:
             connection.execute(sa.delete(tables.vectors))
-            connection.execute(sa.delete(tables.sketches))
+            connection.execute(sa.delete(tables.sheets))
             database.set_meta(connection, "embedder", embedder.name)
             database.set_meta(connection, "dimension", str(embedder.dimension))
-            database.next_generation(connection)
+            database.set_meta(connection, "reembedded", str(database.next_generation(connection)))
         if texts:
             TextVectors(database, embedder).get(texts)
         return len(texts)

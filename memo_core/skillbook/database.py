@@ -330,6 +330,8 @@ class Database:
                 index.create(connection, checkfirst=True)
             for name in tables.FORMER_INDEXES:
                 connection.exec_driver_sql(f"DROP INDEX IF EXISTS {name}")
+            for name in tables.FORMER_TABLES:
+                connection.exec_driver_sql(f"DROP TABLE IF EXISTS {name}")
             self.set_meta(connection, "schema_version", str(tables.SCHEMA_VERSION))
 
     def _create(self) -> None:

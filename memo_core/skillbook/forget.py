@@ -41,12 +41,16 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     note_withdrawn(connection, rows.ids_of(connection.execute(theirs)))
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
-    doomed = list(connection.execute(sa.select(_E.id, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others))))
+    doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others))))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
     ]
     _forget_reasons(connection, ids)
+    keys_of_them = sorted({row.key for row in doomed})
+    for start in range(0, len(keys_of_them), _CHUNK):
+        part = keys_of_them[start : start + _CHUNK]
+        connection.execute(sa.delete(tables.sheets).where(tables.sheets.c.key.in_(part)))
     for start in range(0, len(ids), _CHUNK):
         part = ids[start : start + _CHUNK]
         connection.execute(sa.delete(tables.sources).where(_S.entry.in_(part)))
@@ -55,7 +59,7 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     connection.execute(sa.update(tables.entries).where(_E.feedback.in_(theirs)).values(feedback=None))
     feedback = connection.execute(sa.delete(tables.feedback).where(condition)).rowcount
     _bring_back(connection, sorted(set(back) - set(ids)), "what it gave way to was withdrawn")
-    gone = [text for text in texts if not connection.execute(sa.select(_E.id).where(_E.text == text).limit(1)).first()]
+    gone = _no_longer_there(connection, texts)
     for start in range(0, len(gone), _CHUNK):
         digests = [digest(text) for text in gone[start : start + _CHUNK]]
         connection.execute(sa.delete(tables.vectors).where(tables.vectors.c.digest.in_(digests)))
@@ -63,6 +67,15 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     unused = tables.keys.c.id.not_in(sa.select(_E.key))
     keys = connection.execute(sa.delete(tables.keys).where(unused, tables.keys.c.action != "")).rowcount
     return Forgotten(who, feedback, len(ids), keys), gone
+
+
+def _no_longer_there(connection: sa.Connection, texts: list[str]) -> list[str]:
+    """Texts that no entry has. Texts have no index, so many are looked for at once."""
+    left = set(texts)
+    for start in range(0, len(texts), _CHUNK):
+        among = _E.text.in_(texts[start : start + _CHUNK])
+        left.difference_update(text for (text,) in connection.execute(sa.select(_E.text).where(among).distinct()))
+    return sorted(left)
 
 
 def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:

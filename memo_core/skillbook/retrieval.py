@@ -19,7 +19,7 @@ from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
 from memo_core.skillbook.index import Hits, KeyIndex
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.likeness import Likeness
-from memo_core.skillbook.rows import alias_rows, group_sizes, keys_by_id, served_rows
+from memo_core.skillbook.rows import alias_rows, generation_of, group_sizes, keys_by_id, served_rows
 from memo_core.skillbook.vectors import TextVectors
 from memo_core.skillbook.wording import KeyVectors, Wording
 
@@ -45,6 +45,11 @@ def _cosine(instance: object, attribute: attrs.Attribute[float], value: float) -
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
 
 
+def _keys(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 10_000_000:
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 10000000")
+
+
 @attrs.frozen
 class RetrievalSettings:
     """How much is served, and by which score. The defaults were calibrated (``docs/skillbook.md``)."""
@@ -62,6 +67,12 @@ class RetrievalSettings:
     )
     synonyms: dict[str, list[str]] = attrs.field(factory=dict, metadata={"help": "more synonym groups of actions"})
     opposites: list[list[str]] = attrs.field(factory=list, metadata={"help": "more pairs of opposite actions"})
+
+    exact_keys: int = attrs.field(
+        default=50_000,
+        validator=_keys,
+        metadata={"help": "up to so many keys all are scored, exactly; the vector store is asked beyond; 0: always"},
+    )
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -202,6 +213,8 @@ class Retriever:
 
     def _retrieve(self, subtask: Key, words: str, state: _Generation) -> Retrieval | None:
         """None when ``state`` is not the database's state any more."""
+        if not self._index.exact and generation_of(self._database) != state.number:
+            return None  # before a store that others bring up to date is asked for what is there no more
         query = state.aliases.get(str(subtask), subtask)
         meant = self._vectors.get([words])[0]
         hits = self._search(query, state)
@@ -237,7 +250,7 @@ class Retriever:
         number = int(meta["generation"])
         self._likeness.clear()
         by_id = {key: known[key] for key in sorted({key for key, _, _ in counted}) if known[key] != GLOBAL_KEY}
-        self._index.load(by_id, number, meta["book"])
+        self._index.load(by_id, f"{meta['book']} {meta.get('reembedded', '')}")
         ids = list(by_id)
         row_of = {key: row for row, key in enumerate(ids)}
         sizes = {kind: np.zeros(len(ids), dtype=np.int64) for kind in self._limits}
@@ -290,8 +303,8 @@ class Retriever:
             taken += int(sizes[hits.rows[place]])
         if not chosen:
             return {}
-        of_keys = {state.ids[row]: int(sizes[row]) for row in hits.rows[chosen].tolist()}
-        nearest = self._likeness.nearest(kind, of_keys, meant, limit)
+        keys = [state.ids[row] for row in hits.rows[chosen].tolist()]
+        nearest = self._likeness.nearest(kind, keys, meant, limit)
         places = np.repeat(chosen, [len(ids) for ids, _ in nearest])
         ids, similar = (np.concatenate(column) for column in zip(*nearest, strict=True))
         return _first(limit, hits, ids, places, similar)

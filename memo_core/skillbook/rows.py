@@ -64,6 +64,11 @@ def entry_of(row: Sequence[Any]) -> Entry:
     return Entry(row[0], row[1], key_of(row[-2], row[-1]), *row[3:-2])
 
 
+def generation_of(database: Database) -> int:
+    """The book's generation."""
+    return int(database.fetch(_GENERATION, {})[0][0])
+
+
 def served_rows(database: Database, ids: Sequence[int]) -> tuple[int, dict[int, Entry]]:
     """The book's generation and entries by id, as one statement and so of one state of the book.
 

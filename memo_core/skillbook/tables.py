@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 3  # 2 and 3 have more tables and other indexes than those before, and nothing else: opening an older
-# book for writing makes them
+SCHEMA_VERSION = 4  # 2 to 4 have other caches, more tables and other indexes than those before, and nothing else:
+# opening an older book for writing makes them
 
 metadata = sa.MetaData()
 _ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
@@ -93,6 +93,7 @@ retired_entries = (
     )
 )
 FORMER_INDEXES = ("ix_entries_superseded_by",)  # of schema versions 1 and 2
+FORMER_TABLES = ("sketches",)  # of schema version 3, a cache
 
 sources = sa.Table(  # which feedback an entry derives from, for `forget`
     "sources",
@@ -109,13 +110,13 @@ vectors = sa.Table(  # a cache; the digest of the text, so that no words are kep
     sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
 )
 
-sketches = sa.Table(  # a cache: vectors of one key's texts, rounded, side by side (memo_core.skillbook.likeness)
-    "sketches",
+sheets = sa.Table(  # a cache: the vectors of one key's texts, rounded, on one page (memo_core.skillbook.likeness)
+    "sheets",
     metadata,
     sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True, autoincrement=False),
-    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True, index=True),
-    sa.Column("sketch", sa.LargeBinary, nullable=False),
-    sqlite_with_rowid=False,
+    sa.Column("kind", sa.String(20), primary_key=True),
+    sa.Column("entries", sa.LargeBinary, nullable=False),  # their ids, int64, little endian; all are under this key
+    sa.Column("sketches", sa.LargeBinary, nullable=False),
 )
 
 changes = sa.Table(  # what a revision did to entries that it did not bring in itself

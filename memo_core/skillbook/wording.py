@@ -11,6 +11,7 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.actions import Actions
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.parts import KeyParts, distinct
 from memo_core.skillbook.vectors import TextVectors
 
 _KEPT = 20_000  # keys' vectors in memory
@@ -59,15 +60,27 @@ class KeyVectors:
         found = [self._known[key] for key in keys]
         return np.stack([action for action, _ in found]), np.stack([objects for _, objects in found])
 
-    def _make(self, keys: list[Key]) -> list[tuple[np.ndarray, np.ndarray]]:
-        verbs = [self._wording.action.replace("{}", self._actions.canonical(key.action)) for key in keys]
+    def parts(self, keys: Sequence[Key]) -> KeyParts:
+        """One or more keys taken apart: what ``get`` says of each, without a vector for each."""
         names = sorted({name for key in keys for name in key.objects})
         nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))
-        made = []
-        for key, action in zip(keys, self._vectors.get(verbs), strict=True):
-            moved = np.mean([nouns[name] for name in key.moved], axis=0)
-            moved /= np.linalg.norm(moved)
-            place = np.zeros_like(moved) if key.destination is None else nouns[key.destination]
-            objects = np.concatenate([moved, place])
-            made.append((action, (objects / np.linalg.norm(objects)).astype(np.float32)))
-        return made
+        nowhere = np.zeros_like(nouns[names[0]])
+
+        def verbs(different: list[str]) -> np.ndarray:
+            return self._vectors.get([self._wording.action.replace("{}", verb) for verb in different])
+
+        def things(different: list[tuple[str, ...]]) -> np.ndarray:
+            made = np.stack([np.mean([nouns[name] for name in several], axis=0) for several in different])
+            return made / np.linalg.norm(made, axis=1, keepdims=True)
+
+        def places(different: list[str | None]) -> np.ndarray:
+            return np.stack([nowhere if place is None else nouns[place] for place in different])
+
+        actions, action_of = distinct([self._actions.canonical(key.action) for key in keys], verbs)
+        moved, moved_of = distinct([key.moved for key in keys], things)
+        to, to_of = distinct([key.destination for key in keys], places)
+        length = np.sqrt((moved * moved).sum(axis=1)[moved_of] + (to * to).sum(axis=1)[to_of])
+        return KeyParts(actions, action_of, moved, moved_of, to, to_of, 1 / length)
+
+    def _make(self, keys: list[Key]) -> list[tuple[np.ndarray, np.ndarray]]:
+        return list(zip(*self.parts(keys).vectors(np.arange(len(keys))), strict=True))

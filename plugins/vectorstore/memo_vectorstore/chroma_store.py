@@ -3,6 +3,7 @@
 A filling of the index is a collection of its own: it is named by its time and a random part, filled, and only then
 stamped with its generation. So two processes that make the index anew at the same time on one server never mix their
 vectors, and one that was killed while it filled leaves a collection without a stamp, which nobody takes for an index.
+A change of a stamped collection takes the stamp off until the next one is set.
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ class ChromaStore(VectorStore):
             raise InvalidArgument("vectors", f"shape {given.shape}", expected)
         if len(set(ids)) != len(ids):
             raise InvalidArgument("ids", "an id occurs twice", "different ids")
+        self._take_stamp_off()
         for start in range(0, len(ids), _BATCH):
             part = [int(i) for i in ids[start : start + _BATCH]]
             self._collection.upsert(ids=[str(i) for i in part], embeddings=given[start : start + _BATCH])
@@ -94,6 +96,8 @@ class ChromaStore(VectorStore):
     def remove(self, ids: Sequence[int]) -> None:
         self._opened()
         there = [int(i) for i in ids if int(i) in self._ids]
+        if there:
+            self._take_stamp_off()
         for start in range(0, len(there), _BATCH):
             part = there[start : start + _BATCH]
             self._collection.delete(ids=[str(i) for i in part])
@@ -121,13 +125,21 @@ class ChromaStore(VectorStore):
         self._opened()
         if self._collection is None:
             return
-        stamped = {key: value for key, value in self._collection.metadata.items() if key != "generation"}
         # as text: Chroma's integers are floats to its server
-        self._collection.modify(metadata=stamped | {"generation": str(generation)})
+        self._collection.modify(metadata=self._unstamped() | {"generation": str(generation)})
         self._generation = generation
         self._clear_away()
 
     # -- inside --------------------------------------------------------------------------------------------------------
+    def _unstamped(self) -> dict[str, Any]:
+        return {key: value for key, value in self._collection.metadata.items() if key != "generation"}
+
+    def _take_stamp_off(self) -> None:
+        """Before a change: a process that is killed in the middle of it leaves no index that looks finished."""
+        if self._generation is not None:
+            self._collection.modify(metadata=self._unstamped())
+            self._generation = None
+
     def _connect(self) -> Any:
         try:
             import chromadb
