@@ -83,8 +83,8 @@ class Kinematics:
         frame = model.frames[model.getFrameId(description.tool_link)]
         above = 0
         turn = np.eye(3)
-        self._fixed: list[tuple[Array, Array]] = []
-        self._revolute: list[bool] = []
+        self._onwards: list[Array] = []
+        self.revolute: list[bool] = []
         for number in ids:
             if model.parents[number] != above:
                 raise InvalidArgument(
@@ -101,8 +101,8 @@ class Kinematics:
             axis = motion[3:] if revolute else motion[:3]
             placement = model.jointPlacements[number]
             onto = _z_onto(axis)
-            self._fixed.append((turn.T @ placement.rotation @ onto, turn.T @ placement.translation))
-            self._revolute.append(revolute)
+            self._onwards.append(_onwards(turn.T @ placement.rotation @ onto, turn.T @ placement.translation))
+            self.revolute.append(revolute)
             turn = onto
             above = number
         if frame.parentJoint != above:
@@ -111,15 +111,17 @@ class Kinematics:
                 f"{description.tool_link!r} is not moved by the last joint {model.names[above]!r}",
             )
         tool = np.asarray(frame.placement.homogeneous) @ description.tool_offset.matrix
-        self._tool = (turn.T @ tool[:3, :3], turn.T @ tool[:3, 3])
+        self._onwards_to_tool = _onwards(turn.T @ tool[:3, :3], turn.T @ tool[:3, 3])
         self.joint_ids = tuple(ids)
+        parts = [*self._onwards, self._onwards_to_tool, self.lower, self.upper, np.array(self.revolute, dtype=float)]
+        self.fingerprint = b"".join(np.asarray(part).tobytes() for part in parts)
         self.shoulder = np.asarray(model.jointPlacements[ids[0]].translation).copy()
 
     # -- forward -----------------------------------------------------------------------------------------------------
     def forward(self, joints: Array) -> tuple[Array, Array]:
         """Tool rotations (3, 3, N) and positions (3, N) for joints (n, N)."""
-        rotation, position, _, _ = self._chain(joints)
-        return rotation, position
+        columns, position, _, _ = self._chain(joints)
+        return columns.transpose(1, 0, 2), position
 
     def pose(self, joints: Array) -> Pose:
         """The tool's pose for one configuration, shape (n,)."""
@@ -128,47 +130,53 @@ class Kinematics:
 
     def jacobian(self, joints: Array) -> Array:
         """Of the tool's origin in base axes, linear over angular, shape (6, n), for one configuration (n,)."""
-        _rotation, position, axes, origins = self._chain(np.asarray(joints, dtype=float)[:, None])
-        return self._jacobian(position, axes, origins)[:, :, 0]
+        _columns, position, axes, origins = self._chain(np.asarray(joints, dtype=float)[:, None])
+        return self._jacobian(position, axes, origins)[0].T
+
+    def chain(self, joints: Array) -> tuple[Array, Array, Array, Array]:
+        """Tool rotations (3, 3, N), tool positions (3, N), joint axes and joint origins (n, 3, N) for joints (n, N)."""
+        columns, position, axes, origins = self._chain(joints)
+        return columns.transpose(1, 0, 2), position, axes, origins
 
     def _chain(self, joints: Array) -> tuple[Array, Array, Array, Array]:
-        """Tool rotation, tool position, joint axes (n, 3, N), joint origins (n, 3, N)."""
+        """Columns of the tool's rotation (3, 3, N), the column's number first; tool position (3, N); joint axes and
+        joint origins (n, 3, N)."""
         count, size = joints.shape
         axes = np.empty((count, 3, size))
         origins = np.empty((count, 3, size))
-        rotation = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, size))
+        columns = np.repeat(np.eye(3)[:, :, None], size, axis=2)
         position = np.zeros((3, size))
         cosine, sine = np.cos(joints), np.sin(joints)
-        for i, (turn, offset) in enumerate(self._fixed):
-            position = position + np.matmul(offset, rotation)
-            rotation = np.matmul(turn.T, rotation)
-            axes[i] = rotation[:, 2]
+        for i, onwards in enumerate(self._onwards):
+            # One product for the three new columns and the way to the next joint: small arrays cost by the call.
+            moved = (onwards @ columns.reshape(3, -1)).reshape(4, 3, size)
+            columns, position = moved[:3], position + moved[3]
+            axes[i] = columns[2]
             origins[i] = position
-            if self._revolute[i]:
-                turned = np.empty((3, 3, size))
-                turned[:, 0] = rotation[:, 0] * cosine[i] + rotation[:, 1] * sine[i]
-                turned[:, 1] = rotation[:, 1] * cosine[i] - rotation[:, 0] * sine[i]
-                turned[:, 2] = rotation[:, 2]
-                rotation = turned
+            if self.revolute[i]:
+                turned = columns[:2] * cosine[i]
+                across = columns[:2] * sine[i]
+                columns[0] = turned[0] + across[1]
+                columns[1] = turned[1] - across[0]
             else:
-                position = position + rotation[:, 2] * joints[i]
-        turn, offset = self._tool
-        position = position + np.matmul(offset, rotation)
-        return np.matmul(turn.T, rotation), position, axes, origins
+                position = position + columns[2] * joints[i]
+        moved = (self._onwards_to_tool @ columns.reshape(3, -1)).reshape(4, 3, size)
+        return moved[:3], position + moved[3], axes, origins
 
     def _jacobian(self, position: Array, axes: Array, origins: Array) -> Array:
-        """(6, n, N)"""
+        """Transposed, configurations first: (N, n, 6)."""
+        count, _, size = axes.shape
         arm = position - origins
-        result = np.empty((6, axes.shape[0], axes.shape[2]))
-        result[0] = axes[:, 1] * arm[:, 2] - axes[:, 2] * arm[:, 1]
-        result[1] = axes[:, 2] * arm[:, 0] - axes[:, 0] * arm[:, 2]
-        result[2] = axes[:, 0] * arm[:, 1] - axes[:, 1] * arm[:, 0]
-        result[3:] = axes.transpose(1, 0, 2)
-        for i, revolute in enumerate(self._revolute):
+        result = np.empty((count, 6, size))
+        result[:, 0] = axes[:, 1] * arm[:, 2] - axes[:, 2] * arm[:, 1]
+        result[:, 1] = axes[:, 2] * arm[:, 0] - axes[:, 0] * arm[:, 2]
+        result[:, 2] = axes[:, 0] * arm[:, 1] - axes[:, 1] * arm[:, 0]
+        result[:, 3:] = axes
+        for i, revolute in enumerate(self.revolute):
             if not revolute:
-                result[:3, i] = axes[i]
-                result[3:, i] = 0.0
-        return result
+                result[i, :3] = axes[i]
+                result[i, 3:] = 0.0
+        return np.ascontiguousarray(result.transpose(2, 0, 1))
 
     # -- inverse -----------------------------------------------------------------------------------------------------
     def solve(
@@ -182,7 +190,7 @@ class Kinematics:
         lower, upper = self.lower + margin, self.upper - margin
         seeds = np.asarray(seeds, dtype=float)
         size = seeds.shape[1]
-        rotation = np.broadcast_to(rotation, (3, 3, size))
+        goals = np.ascontiguousarray(np.broadcast_to(rotation, (3, 3, size)).transpose(1, 0, 2))
         position = np.broadcast_to(position, (3, size))
         joints = np.clip(seeds, lower[:, None], upper[:, None])
         place_error = np.full(size, np.inf)
@@ -194,7 +202,7 @@ class Kinematics:
             turned, placed, axes, origins = self._chain(now)
             error = np.empty((6, active.size))
             error[:3] = position[:, active] - placed
-            error[3:] = _rotation_vectors(turned, rotation[:, :, active])
+            error[3:] = _rotation_vectors(turned, goals[:, :, active])
             place_error[active] = np.sqrt((error[:3] ** 2).sum(axis=0))
             turn_error[active] = np.sqrt((error[3:] ** 2).sum(axis=0))
             open_ = (place_error[active] > POSITION_TOLERANCE / 4) | (turn_error[active] > ROTATION_TOLERANCE / 4)
@@ -202,7 +210,7 @@ class Kinematics:
                 break
             jacobian = self._jacobian(placed, axes, origins)
             if not open_.all():
-                active, now, error, jacobian = active[open_], now[:, open_], error[:, open_], jacobian[:, :, open_]
+                active, now, error, jacobian = active[open_], now[:, open_], error[:, open_], jacobian[open_]
             step = _damped_step(jacobian, error)
             largest = np.abs(step).max(axis=0)
             step *= np.minimum(1.0, _MAXIMUM_STEP / np.maximum(largest, 1e-12))
@@ -210,10 +218,13 @@ class Kinematics:
         solved = (place_error < POSITION_TOLERANCE) & (turn_error < ROTATION_TOLERANCE)
         return Solutions(joints, place_error, turn_error, solved)
 
-    def samples(self, count: int) -> Array:
-        """Configurations spread evenly over the joint limits, shape (n, count); always the same ones (Halton)."""
+    def samples(self, count: int, moving: slice = slice(None)) -> Array:
+        """Configurations spread evenly over the joint limits, shape (n, count); always the same ones (Halton).
+        ``moving``: only these joints are spread, the others stand in the middle."""
         primes = (2, 3, 5, 7, 11, 13, 17, 19, 23)
-        unit = np.array([_halton(count, primes[i % len(primes)]) for i in range(self.count)])
+        unit = np.full((self.count, count), 0.5)
+        for number, i in enumerate(range(self.count)[moving]):
+            unit[i] = _halton(count, primes[number % len(primes)])
         return self.lower[:, None] + unit * (self.upper - self.lower)[:, None]
 
     def inverse(self, pose: Pose, seeds: Array | None = None, samples: int = 300) -> Array:
@@ -240,6 +251,15 @@ def thin(joints: Array, distance: float, most: int = 400) -> Array:
     return kept
 
 
+def first_of_cells(cells: np.ndarray) -> np.ndarray:
+    """Indices, ascending, of the first of each distinct column of whole numbers (m, N)."""
+    # One number a column, since sorting columns takes several times as long; two differ with 1 - 2^-64.
+    mixed = (cells.astype(np.int64) * _MIXERS[: len(cells), None]).sum(axis=0)
+    _, first = np.unique(mixed, return_index=True)
+    first.sort()
+    return first
+
+
 def _z_onto(axis: Array) -> Array:
     """A rotation whose z column is ``axis``."""
     z = axis / np.linalg.norm(axis)
@@ -261,17 +281,18 @@ def _halton(count: int, base: int) -> Array:
     return result
 
 
+def _onwards(rotation: Array, translation: Array) -> Array:
+    """(4, 3): times a frame's columns, the columns of the next frame and, last, the way there."""
+    return np.vstack([rotation.T, translation])
+
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
 def _rotation_vectors(current: Array, goal: Array) -> Array:
-    """Rotation vectors (3, N), base axes, that turn ``current`` into ``goal``, both (3, 3, N)."""
-    axis = np.zeros((3, current.shape[2]))
-    trace = np.zeros(current.shape[2])
-    for i in range(3):
-        a, b = current[:, i], goal[:, i]
-        axis[0] += a[1] * b[2] - a[2] * b[1]
-        axis[1] += a[2] * b[0] - a[0] * b[2]
-        axis[2] += a[0] * b[1] - a[1] * b[0]
-        trace += (a * b).sum(axis=0)
-    axis *= 0.5
+    """Rotation vectors (3, N), base axes, that turn ``current`` into ``goal``, both columns first (3, 3, N)."""
+    axis = 0.5 * (current[:, _NEXT] * goal[:, _LAST] - current[:, _LAST] * goal[:, _NEXT]).sum(axis=0)
+    trace = (current * goal).sum(axis=(0, 1))
     sine = np.sqrt((axis**2).sum(axis=0))
     angle = np.arctan2(sine, (trace - 1.0) / 2.0)
     scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
@@ -282,28 +303,12 @@ def _rotation_vectors(current: Array, goal: Array) -> Array:
 
 
 def _damped_step(jacobian: Array, error: Array) -> Array:
-    """J^T (J J^T + d I)^-1 e for a batch: (6, n, N), (6, N) -> (n, N), by a Cholesky factorisation over the batch."""
+    """J^T (J J^T + d I)^-1 e for a batch: J^T (N, n, 6), e (6, N) -> (n, N)."""
     damping = np.minimum(0.5 * (error**2).sum(axis=0), 0.05) + 1e-6
-    lower: list[list[Array]] = []
-    for i in range(6):
-        row: list[Array] = []
-        for j in range(i + 1):
-            value = np.einsum("kn,kn->n", jacobian[i], jacobian[j])
-            if i == j:
-                value = value + damping
-            for k in range(j):
-                value = value - row[k] * (lower[j][k] if j < i else row[k])
-            row.append(np.sqrt(np.maximum(value, 1e-12)) if i == j else value / lower[j][j])
-        lower.append(row)
-    solution: list[Array] = []
-    for i in range(6):
-        value = error[i]
-        for k in range(i):
-            value = value - lower[i][k] * solution[k]
-        solution.append(value / lower[i][i])
-    for i in reversed(range(6)):
-        value = solution[i]
-        for k in range(i + 1, 6):
-            value = value - lower[k][i] * solution[k]
-        solution[i] = value / lower[i][i]
-    return np.einsum("ikn,in->kn", jacobian, np.array(solution))
+    square = jacobian.transpose(0, 2, 1) @ jacobian
+    square[:, _SIX, _SIX] += damping[:, None]
+    return (jacobian @ np.linalg.solve(square, error.T[:, :, None]))[:, :, 0].T
+
+
+_SIX = np.arange(6)
+_MIXERS = np.random.default_rng(1).integers(-(2**62), 2**62, 64) * 2 + 1

@@ -184,6 +184,7 @@ def stopping(kinematics: Kinematics, before: Array, last: Array, period: float) 
     request.max_jerk = list(kinematics.jerk)
     profile = RuckigTrajectory(count)
     generator.calculate(request, profile)
-    ticks = np.arange(1, int(np.ceil(profile.duration / period)) + 1) * period
+    # One tick beyond the end: the last step of the deceleration is still a motion.
+    ticks = np.arange(1, int(np.ceil(profile.duration / period)) + 2) * period
     targets = np.array([profile.at_time(min(t, profile.duration))[0] for t in ticks]).reshape(-1, count)
     return np.clip(targets, kinematics.lower, kinematics.upper)
