@@ -14,15 +14,15 @@ from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 
 
 class Switch:
-    """Stops at the n-th poll and keeps the longest time between two."""
+    """Stops at the n-th poll and keeps the longest time (s, of this thread's processor) between two."""
 
     def __init__(self, after: int) -> None:
         self.left = after
         self.longest = 0.0
-        self.last = time.perf_counter()
+        self.last = time.thread_time()
 
     def __call__(self) -> None:
-        now = time.perf_counter()
+        now = time.thread_time()
         self.longest = max(self.longest, now - self.last)
         self.last = now
         self.left -= 1
@@ -32,7 +32,7 @@ class Switch:
 
 def plan_an_arc(poll):
     planner = MotionPlanner(panda(), 0.01, poll)
-    poll.last = time.perf_counter()
+    poll.last = time.thread_time()
     down = (0.0, 1.0, 0.0, 0.0)
     arc = [
         Pose((0.5 + 0.1 * np.cos(a), 0.1 * np.sin(a), 0.4), quaternion_from_axis_angle((0, 0, 1), a))
@@ -51,5 +51,5 @@ def test_a_stop_while_planning_ends_it(after):
 def test_planning_asks_often_enough_for_the_promise():
     switch = Switch(10**9)
     plan_an_arc(switch)
-    assert switch.longest < 0.5, "a gap no load of the machine explains"
+    assert switch.longest < 0.05, "50 ms is what a stop may take in all"
     assert 10**9 - switch.left > 60

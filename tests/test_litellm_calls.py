@@ -207,10 +207,10 @@ def test_the_time_limit_bounds_all_of_a_call_and_the_connection_is_closed(reply,
         model = model_at(wire, timeout_s=0.4)
         started = time.monotonic()
         problem = failed(model, on_text=(lambda piece: None) if stream else None)
-        assert 0.35 < time.monotonic() - started < 2.0
+        assert 0.35 < time.monotonic() - started < 10.0
         assert "timeout_s" in problem.problem and not problem.retryable
         assert problem.usage is not None, "it was asked, so it probably costs"
-        assert wire.hung_up.wait(2.0), "the server still works for nobody"
+        assert wire.hung_up.wait(10.0), "the server still works for nobody"
 
 
 @pytest.mark.parametrize("stream", [True, False])
@@ -221,9 +221,9 @@ def test_a_call_that_is_given_up_ends_at_once_and_closes_the_connection(stream):
         threading.Timer(0.6, given_up.set).start()
         started = time.monotonic()
         problem = failed(model, on_text=(lambda piece: None) if stream else None, cancelled=given_up.is_set)
-        assert time.monotonic() - started < 3.0
+        assert time.monotonic() - started < 10.0
         assert "given up" in problem.problem and not problem.retryable and problem.usage is not None
-        assert wire.hung_up.wait(2.0)
+        assert wire.hung_up.wait(10.0)
 
 
 def test_an_address_where_nobody_ever_answered_is_not_worth_another_try():
