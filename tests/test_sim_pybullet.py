@@ -69,7 +69,7 @@ def test_each_shape_of_a_body_has_its_own_friction():
         for y, friction in ((-0.08, 0.9), (0.08, 0.1))
     )
     ramp = Body("ramp", halves, Pose((0.9, 0.6, 0.3), slope))
-    block = (Geom("box", (0.04, 0.04, 0.04), material=Material(friction=0.9)),)
+    block = (Geom("box", (0.04, 0.04, 0.04), material=Material(friction=0.1)),)
     above = {name: ramp.pose * Pose((0.0, y, 0.0301)) for name, y in (("rough", -0.08), ("smooth", 0.08))}
     blocks = tuple(Body(name, block, pose, Free(), mass=0.2) for name, pose in above.items())
     with built(SceneDescription((ramp, *blocks))) as simulator:

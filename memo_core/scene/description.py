@@ -20,7 +20,11 @@ Colour = tuple[float, float, float, float]
 
 @attrs.frozen
 class Material:
-    """How a surface touches. The defaults are the measured ones for grasping (DESIGN 7)."""
+    """How a surface touches. The defaults are the measured ones for grasping (DESIGN 7).
+
+    Where two surfaces meet, the larger friction of the two holds, sliding, torsional and rolling, and the larger number
+    of contact dimensions; the softer one decides how soft the contact is.
+    """
 
     friction: float = 0.8  # sliding coefficient
     torsional: float = 0.005  # m

@@ -16,7 +16,7 @@ import numpy as np
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
 from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
 from memo_core.interfaces.simulator import Simulator
-from memo_core.scene.description import Body, Camera, Free, Geom, Hinge, Latch, SceneDescription, Slide
+from memo_core.scene.description import Body, Camera, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
 from memo_core.scene.mechanisms import Above, Below, Lasting, Lock, Locked, Pressed, Spring, Times
 from memo_core.scene.pose import Pose, look_at
 
@@ -277,6 +277,30 @@ def bodies_fall_by_gravity(make: Make) -> None:
             linear, angular = simulator.body_velocity("ball")
             assert np.allclose(linear, (0, 0, -0.2 * gravity), atol=0.03), f"velocity {linear} at g = {gravity}"
             assert np.abs(angular).max() < 0.01, f"angular velocity {angular}"
+
+
+@rule
+def the_larger_friction_holds(make: Make) -> None:
+    """Where two surfaces meet, the larger friction of the two holds; each shape of a body has its own."""
+    tilt = Pose((0.0, -0.6, 0.3), (math.cos(0.225), 0.0, math.sin(0.225), 0.0))  # tan is 0.48
+    halves = tuple(
+        Geom("box", (0.6, 0.15, 0.02), Pose((0.0, y, 0.0)), material=Material(friction=friction))
+        for y, friction in ((-0.08, 0.8), (0.08, 0.2))
+    )
+    cases = {("rough", 0.08, 0.8): True, ("smooth", -0.08, 0.2): True, ("slippery", 0.08, 0.2): False}
+    blocks, starts = [], {}
+    for name, y, friction in cases:
+        starts[name] = tilt * Pose((0.1 if name == "slippery" else -0.1, y, 0.0301))
+        geom = Geom("box", (0.04, 0.04, 0.04), material=Material(friction=friction))
+        blocks.append(Body(name, (geom,), starts[name], Free(), mass=0.2))
+    with make() as simulator:
+        simulator.build(SceneDescription((Body("ramp", halves, tilt), *blocks)), check_robot())
+        _run(simulator, 0.6)
+        for (name, _, friction), holds in cases.items():
+            moved = math.dist(simulator.body_pose(name).position, starts[name].position)
+            on = 0.2 if name != "smooth" else 0.8
+            expected = "it to stay" if holds else "it to slide"
+            assert (moved < 0.01) == holds, f"friction {friction} on {on}: moved {moved:.3f} m, expected {expected}"
 
 
 @rule

@@ -9,10 +9,18 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
+import attrs
 import numpy as np
 
 from memo_core.errors import InvalidArgument, MemoError
+from memo_core.scene.description import Body
 from memo_core.scene.pose import Pose
+
+
+def _half_as_rough(body: Body) -> Body:
+    """Rough shapes as the mean of rough and smooth would make them."""
+    geoms = (attrs.evolve(geom, material=attrs.evolve(geom.material, friction=0.4)) for geom in body.geoms)
+    return attrs.evolve(body, geoms=tuple(geoms))
 
 
 def wrong_simulators(right: type) -> dict[str, type]:
@@ -69,20 +77,18 @@ def wrong_simulators(right: type) -> dict[str, type]:
 
     class KnowsOnlyTheEarth(base):
         def build(self, scene, robot):
-            import attrs
-
             super().build(attrs.evolve(scene, gravity=9.81), robot)
+
+    class TakesTheMeanFriction(base):
+        def build(self, scene, robot):
+            super().build(attrs.evolve(scene, bodies=tuple(map(_half_as_rough, scene.bodies))), robot)
 
     class HasNoCatches(base):
         def build(self, scene, robot):
-            import attrs
-
             super().build(attrs.evolve(scene, latches=()), robot)
 
     class HasNoMechanisms(base):
         def build(self, scene, robot):
-            import attrs
-
             super().build(attrs.evolve(scene, mechanisms=()), robot)
 
     class FeelsNothing(base):
@@ -187,6 +193,7 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "tool_pose_is_that_of_the_kinematics": TellsTheLastToolPose,
         "bodies_rest_on_the_table": WeighsTwice,
         "bodies_fall_by_gravity": KnowsOnlyTheEarth,
+        "the_larger_friction_holds": TakesTheMeanFriction,
         "springs_and_catches_hold": HasNoCatches,
         "mechanisms_lock_and_release": HasNoMechanisms,
         "mechanisms_feel_what_the_robot_presses": FeelsNothing,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Literal
 from xml.etree import ElementTree
 
 import attrs
@@ -14,11 +15,16 @@ from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.building import masses
 from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide, Vector
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_sim_pybullet.friction import Frictions
 
 ROBOT = "robot/"
 _SURFACE, _ANCHOR = "/surface ", "/anchor"  # of links that are a part of a body
 _LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
 _LEAST_INERTIA = 1e-7  # kg m2; Bullet divides by it
+# m, least radius of gyration of loose things. Bullet's solver goes from contact to contact, and a hundred rounds are
+# not enough where two fingers of an arm hold what turns as easily as a bottle's cap (12 mm): it tips by some degrees
+# in a grip that would hold it. With 40 mm it stays within 0.1 degrees.
+_LEAST_GYRATION = 0.04
 
 
 @attrs.frozen
@@ -35,7 +41,8 @@ class JointSpec:
 
 @attrs.frozen(eq=False)
 class LinkSpec:
-    """One link, its frame at its joint. ``frame``: the link's frame in that of the body it stands for."""
+    """One link, its frame at its joint. ``frame``: the link's frame in that of the body it stands for. ``meets``:
+    whether it collides with smooth things only, with all others, or with both (``memo_sim_pybullet.friction``)."""
 
     name: str
     parent: str | None
@@ -47,6 +54,9 @@ class LinkSpec:
     inertia: Array  # (3, 3) kg m2 about the centre of mass, in the link's axes
     material: Material = Material()
     frame: Pose = Pose()
+    meets: Literal["smooth", "others", "both"] = "both"
+    seen: bool = True
+    gyration: float = 0.0  # m, its least radius of gyration
 
 
 def body_of(link: str) -> str:
@@ -64,7 +74,7 @@ class Tree:
     body: Body | None = None
 
 
-def scene_tree(root: Body, mesh_mass: Callable[[str], float]) -> Tree:
+def scene_tree(root: Body, mesh_volume: Callable[[str], float], frictions: Frictions) -> Tree:
     """A body of the scene with all that hangs on it."""
     links: list[LinkSpec] = []
     moves = isinstance(root.joint, (Hinge, Slide))
@@ -72,12 +82,18 @@ def scene_tree(root: Body, mesh_mass: Callable[[str], float]) -> Tree:
         nothing = (np.zeros(3), np.zeros((3, 3)))
         links.append(LinkSpec(f"{root.name}{_ANCHOR}", None, Pose(), JointSpec(""), (), 0.0, *nothing))
     pose = Pose() if moves else root.pose
-    _add(links, root, f"{root.name}{_ANCHOR}" if moves else None, root.pose if moves else Pose(), mesh_mass)
+    parent, at = (f"{root.name}{_ANCHOR}", root.pose) if moves else (None, Pose())
+    _add(links, root, parent, at, mesh_volume, frictions)
     return Tree(tuple(links), pose, not isinstance(root.joint, Free), root)
 
 
 def _add(
-    links: list[LinkSpec], body: Body, parent: str | None, pose: Pose, mesh_volume: Callable[[str], float]
+    links: list[LinkSpec],
+    body: Body,
+    parent: str | None,
+    pose: Pose,
+    mesh_volume: Callable[[str], float],
+    frictions: Frictions,
 ) -> None:
     """``pose``: the body's frame in its parent link's. A hinge's link has its frame at the anchor."""
     anchor = body.joint.anchor if isinstance(body.joint, Hinge) else (0.0, 0.0, 0.0)
@@ -86,16 +102,31 @@ def _add(
     shapes = tuple(attrs.evolve(geom, pose=back * geom.pose) for geom in body.geoms)
     weights = masses(body, mesh_volume)
     materials = list(dict.fromkeys(geom.material for geom in body.geoms if geom.collides)) or [Material()]
-    joint, hangs_on, at = _joint(body), parent, pose * frame
-    for number, material in enumerate(materials):
+    surfaces: list[LinkSpec] = []
+    gyration = _LEAST_GYRATION if isinstance(body.joint, Free) and not _rolls(body) else 0.0
+    for material in materials:
         chosen = [n for n, geom in enumerate(shapes) if (geom.material if geom.collides else materials[0]) == material]
         own, heavy = tuple(shapes[n] for n in chosen), tuple(weights[n] for n in chosen)
-        name = f"{body.name}{_SURFACE}{number}" if number else body.name
-        links.append(LinkSpec(name, hangs_on, at, joint, own, *_mass_properties(own, heavy), material, frame))
+        surface = LinkSpec("", "", Pose(), JointSpec(""), own, *_mass_properties(own, heavy), material, frame)
+        surface = attrs.evolve(surface, gyration=gyration)
+        if frictions.smooth(material):
+            copy = attrs.evolve(surface, mass=0.0, inertia=np.zeros((3, 3)), meets="others", seen=False)
+            surfaces += [attrs.evolve(surface, meets="smooth"), copy]
+        else:
+            surfaces.append(surface)
+    first, *others = surfaces
+    links.append(attrs.evolve(first, name=body.name, parent=parent, pose=pose * frame, joint=_joint(body)))
+    for number, surface in enumerate(others, 1):
         # Bullet has one material a link: the body's other surfaces are links fixed to its first.
-        joint, hangs_on, at = JointSpec(f"{body.name}{_SURFACE}{number + 1}/fixed"), body.name, Pose()
+        name = f"{body.name}{_SURFACE}{number}"
+        links.append(attrs.evolve(surface, name=name, parent=body.name, joint=JointSpec(f"{name}/fixed")))
     for child in body.bodies:
-        _add(links, child, body.name, back * child.pose, mesh_volume)
+        _add(links, child, body.name, back * child.pose, mesh_volume, frictions)
+
+
+def _rolls(body: Body) -> bool:
+    """How something rolls is seen from its inertia."""
+    return any(geom.shape == "sphere" or geom.material.contact_dimensions == 6 for geom in body.geoms if geom.collides)
 
 
 def _joint(body: Body) -> JointSpec:
@@ -180,9 +211,11 @@ def _solid(geom: Geom, mass: float) -> tuple[float, float, float]:
 
 
 def principal(link: LinkSpec) -> tuple[list[float], Array]:
-    """Principal moments of inertia (kg m2) of a link, its joint's armature included, and their axes as columns."""
+    """Principal moments of inertia (kg m2) of a link as Bullet gets them, its joint's armature included, and their axes
+    as columns."""
     moments, axes = np.linalg.eigh(link.inertia + link.joint.armature * np.outer(link.joint.axis, link.joint.axis))
-    return [max(float(value), _LEAST_INERTIA) for value in moments], axes * np.sign(np.linalg.det(axes))
+    least = max(link.mass * link.gyration**2, _LEAST_INERTIA)
+    return [max(float(value), least) for value in moments], axes * np.sign(np.linalg.det(axes))
 
 
 def urdf_text(tree: Tree, name: str) -> str:
@@ -209,11 +242,12 @@ def _write_link(root: ElementTree.Element, link: LinkSpec, place: str, fixed: bo
     xx = yy = zz = repr(max(moments)) if mass else "0"
     ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
     for number, geom in enumerate(link.shapes):
-        visual = ElementTree.SubElement(element, "visual")
-        _origin(visual, geom.pose)
-        _shape(visual, geom)
-        colour = ElementTree.SubElement(visual, "material", name=f"{place}/{number}")
-        ElementTree.SubElement(colour, "color", rgba=" ".join(map(repr, geom.colour)))
+        if link.seen:
+            visual = ElementTree.SubElement(element, "visual")
+            _origin(visual, geom.pose)
+            _shape(visual, geom)
+            colour = ElementTree.SubElement(visual, "material", name=f"{place}/{number}")
+            ElementTree.SubElement(colour, "color", rgba=" ".join(map(repr, geom.colour)))
         if geom.collides:
             collision = ElementTree.SubElement(element, "collision")
             _origin(collision, geom.pose)

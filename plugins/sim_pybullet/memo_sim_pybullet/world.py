@@ -18,6 +18,7 @@ from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, jo
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
 from memo_sim_pybullet.chatter import caught_output
+from memo_sim_pybullet.friction import Frictions, frictions_of
 from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
 from memo_sim_pybullet.settings import PybulletSettings
 
@@ -81,7 +82,8 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
     if all(body.name != "table" for body, _ in scene.walk()):
         bodies.insert(0, default_table(scene.table_height))
     bodies.insert(0, _floor(scene.table_height - FLOOR_DEPTH))
-    trees = [robot_tree(urdf, robot), *(scene_tree(body, _mesh_volume) for body in bodies)]
+    frictions = frictions_of(scene)
+    trees = [robot_tree(urdf, robot), *(scene_tree(body, _mesh_volume, frictions) for body in bodies)]
     digest = hashlib.sha256(f"{client.getAPIVersion()} {settings} {scene} {robot.name} {robot.home}".encode())
     places: dict[str, Place] = {}
     names: dict[tuple[int, int], str] = {}
@@ -93,7 +95,7 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
             file = Path(folder) / f"{number}.urdf"
             file.write_text(text, encoding="utf-8")
             body = _load(client, pybullet, file, tree)
-            _index(client, body, tree, places, names, indices)
+            _index(client, body, tree, frictions, places, names, indices)
     world = World(
         robot=robot,
         robot_body=places[ROBOT + urdf.root].body,
@@ -112,6 +114,7 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
     )
     _weigh(client, trees, world)
     _keep_apart(client, world, scene, settings, may_touch(urdf, robot))
+    _sort_by_friction(client, trees, world)
     _set_up_joints(client, pybullet, world, scene)
     return world
 
@@ -144,7 +147,7 @@ def _load(client: Any, pybullet: Any, file: Path, tree: Tree) -> int:
     return body
 
 
-def _index(client: Any, body: int, tree: Tree, places: dict, names: dict, indices: dict) -> None:
+def _index(client: Any, body: int, tree: Tree, frictions: Frictions, places: dict, names: dict, indices: dict) -> None:
     links = {tree.links[0].name: -1}
     for index in range(client.getNumJoints(body)):
         spec = tree.links[int(client.getJointInfo(body, index)[12])]
@@ -158,12 +161,11 @@ def _index(client: Any, body: int, tree: Tree, places: dict, names: dict, indice
             frame = Pose(*_pose(*client.getDynamicsInfo(body, -1)[3:5])).inverse() * frame
         places[spec.name] = Place(body, link, frame)
         names[(body, link)] = body_of(spec.name)
-        _set_dynamics(client, body, link, spec, damping)
+        _set_dynamics(client, body, link, spec, frictions, damping)
 
 
-def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, damping: float) -> None:
+def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, frictions: Frictions, damping: float) -> None:
     material = spec.material
-    # Bullet multiplies the two surfaces' coefficients.
     more: dict[str, float] = {}
     if material.softness_s > _HARD_S and spec.mass > 0:
         stiffness = _PRESSED_KG / material.softness_s**2
@@ -171,7 +173,7 @@ def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, damping: fl
     client.changeDynamics(
         body,
         link,
-        lateralFriction=material.friction**0.5,
+        lateralFriction=frictions.coefficient(material, spec.meets == "smooth"),
         spinningFriction=material.torsional if material.contact_dimensions >= 4 else 0.0,
         rollingFriction=material.rolling if material.contact_dimensions == 6 else 0.0,
         restitution=0.0,
@@ -229,6 +231,20 @@ def _keep_apart(client: Any, world: World, scene: SceneDescription, settings: Py
         for one, other in itertools.product(links[first], links[second]):
             if one != other:
                 client.setCollisionFilterPair(one.body, other.body, one.link, other.link, 0)
+
+
+def _sort_by_friction(client: Any, trees: list[Tree], world: World) -> None:
+    """Let the copies of smooth surfaces collide with what they are for."""
+    links = [spec for tree in trees for spec in tree.links]
+    smooth = [spec for spec in links if spec.meets == "smooth"]
+    for one, other in itertools.product(smooth, links):
+        if other.meets != "smooth":
+            first, second = world.places[one.name], world.places[other.name]
+            client.setCollisionFilterPair(first.body, second.body, first.link, second.link, 0)
+    copies = [spec for spec in links if spec.meets == "others"]
+    for one, other in itertools.combinations(copies, 2):
+        first, second = world.places[one.name], world.places[other.name]
+        client.setCollisionFilterPair(first.body, second.body, first.link, second.link, 0)
 
 
 def _both_fixed(world: World, one: str, other: str) -> bool:
