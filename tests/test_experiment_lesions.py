@@ -1,38 +1,26 @@
-"""The demo's benefit goes where it should: each lesion of the book destroys it, lesions of the scene do not (DESIGN 9).
-
-Physics throughout: one lesson is taught on the taught task, then the transfer task is done with a damaged copy of the
-book, and its success check decides.
-"""
+"""What each lesion does to a lesson, and to a scene (DESIGN 9). Where the benefit goes: tests/test_lesions.py."""
 
 from __future__ import annotations
 
 import ast
 import random
-from collections.abc import Callable
-from pathlib import Path
 
-import attrs
 import numpy as np
 import pytest
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.experiment.assembly import book_of, library_of, sandbox_of, task_of, tasks_of, world_of
-from memo_core.experiment.folder import RunFolder, new_run_folder
+from memo_core.experiment.assembly import task_of, tasks_of, world_of
 from memo_core.experiment.lesions import (
-    LESIONS,
     Taught,
     VariedTask,
     arc_reversed,
-    handle_moved,
     keys_shuffled,
     lesioned_copy,
     mirrored,
     nonsense,
     opposite,
 )
-from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
-from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.experiment.sections import SECTIONS
 from memo_core.experiment.world import generator
 from memo_core.interfaces.task import Task
@@ -137,74 +125,3 @@ def test_a_mirrored_door_opens_to_the_mirrored_side(experiment):
     assert where["mirrored"] == pytest.approx(where["plain"] * [1, -1, 1], abs=1e-3)
     plain, image = hinges_of(task)[0], hinges_of(VariedTask(task, mirrored, "mirrored"))[0]
     assert image.range == plain.range and image.axis == (-plain.axis[0], plain.axis[1], -plain.axis[2])
-
-
-# -- the benefit ------------------------------------------------------------------------------------------------------
-
-
-@attrs.frozen(eq=False)
-class Lesson:
-    """A lesson taught by the simulated participant, and the transfer task done with copies of its book."""
-
-    experiment: object
-    out: Path
-    book: str
-
-    def transfer(self, book: str, change: Callable | None = None) -> RunReport:
-        task = task_of(self.experiment, self.experiment.choice("suite").backend.demo.transfer)
-        return do(self.experiment, self.out, VariedTask(task, change, "varied") if change else task, book, None)
-
-    def lesioned(self, lesion: str) -> str:
-        url = f"sqlite:///{self.out / lesion}.db"
-        source = book_of(self.experiment, self.book, read_only=True)
-        with source as book, book_of(self.experiment, url, read_only=False) as copy:
-            lesioned_copy(book, copy, lesion, SEED)
-        return url
-
-
-def do(experiment, out: Path, task: Task, book: str, teacher: SimulatedParticipant | None) -> RunReport:
-    cast = Cast(
-        method=experiment.create("method"),
-        llm=experiment.create("llm"),
-        make_world=lambda: world_of(experiment, task, SEED),
-        sandbox=sandbox_of(experiment),
-        skills=library_of(experiment),
-        settings=experiment.section("run"),
-        book=book_of(experiment, book, read_only=teacher is None),
-        teacher=teacher,
-    )
-    return perform(cast, task, SEED, RunFolder(new_run_folder(out, task.name, SEED)), Registry(), {})
-
-
-@pytest.fixture(scope="module")
-def lesson(experiment, tmp_path_factory) -> Lesson:
-    out = tmp_path_factory.mktemp("lesson")
-    taught = task_of(experiment, experiment.choice("suite").backend.demo.taught)
-    url = f"sqlite:///{out / 'book.db'}"
-    teacher = SimulatedParticipant(ParticipantSettings(seed=SEED, misjudges=0.0))
-    report = do(experiment, out, taught, url, teacher)
-    assert report.success, report.outcome or report.problem
-    return Lesson(experiment, out, url)
-
-
-def test_an_undamaged_copy_keeps_the_benefit(lesson):
-    assert lesson.transfer(lesson.lesioned("intact")).success
-
-
-@pytest.mark.parametrize("lesion", ["keys-shuffled", "nonsense", "opposite", "arc-reversed"])
-def test_each_lesion_of_the_book_destroys_the_benefit(lesson, lesion):
-    assert lesion in LESIONS
-    report = lesson.transfer(lesson.lesioned(lesion))
-    assert report.outcome is not None and not report.outcome.success, "a benefit that should be gone is a bug"
-
-
-@pytest.mark.parametrize(
-    "change", [mirrored, handle_moved((0.0, 0.0, -0.03))], ids=["mirrored hinge", "another handle height"]
-)
-def test_another_geometry_keeps_the_benefit(lesson, change):
-    report = lesson.transfer(lesson.book, change)
-    assert report.success, report.outcome or report.problem
-
-
-def test_without_the_book_there_is_nothing_to_carry_over(lesson):
-    assert not lesson.transfer("sqlite://").success
