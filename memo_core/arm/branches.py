@@ -31,6 +31,8 @@ _LIMIT_ZONE = 0.2  # rad
 # Near starts that are looked up, and solutions that are kept, for each tilt: with only one, and with many.
 _CLOUD, _TILTED_CLOUD = (128, 90), (80, 40)
 _CLOUD_ITERATIONS = 10
+_FAR, _TILTED_FAR = 200, 60  # spread starts for each tilt, where the near ones lead nowhere
+_TELLING = 40  # configurations of a layer that are asked what they touch
 
 
 @attrs.frozen(eq=False)
@@ -115,7 +117,7 @@ class BranchSearch:
         self._edges = [self._edge(a, b) for a, b in zip(self._layered, self._layered[1:], strict=False)]
         self._nodes = [self._node_cost(layer) for layer in self._layered]
         self._filtered = [False] * len(self._layered)
-        self._hits: dict[int, Hit] = {}
+        self._struck: dict[int, list[int]] = {}
         return None
 
     def best(self, attempts: int = 25) -> Motion | Blocked:
@@ -128,8 +130,8 @@ class BranchSearch:
                 return failure or self._why_blocked()
             clean = True
             for k, i in enumerate(chain):
-                if not self._filtered[k] and (hit := self._hit(layers[k].joints[:, i], layers[k].s)) is not None:
-                    self._hits[k] = self._filter(layers[k], nodes[k], hit)
+                if not self._filtered[k] and self._touches(layers[k].joints[:, i], layers[k].s):
+                    self._struck[k] = [i, *self._filter(layers[k], nodes[k])]
                     self._filtered[k] = True
                     clean = False
             if not clean:
@@ -199,7 +201,7 @@ class BranchSearch:
 
     def _far_cloud(self, s: float, tilts: Array, most: int) -> tuple[Array, Array]:
         """Solutions from starts that know nothing of the pose, with patience, before it counts as out of reach."""
-        seeds = self._kinematics.samples(160 if len(tilts) > 1 else 500)
+        seeds = self._kinematics.samples(_FAR if len(tilts) == 1 else _TILTED_FAR)
         tilt = np.repeat(tilts, seeds.shape[1])
         rotation, position = self._path.at(np.full(len(tilt), s), tilt)
         found = self._kinematics.solve(np.tile(seeds, (1, len(tilts))), rotation, position, 30)
@@ -258,22 +260,33 @@ class BranchSearch:
         if self._carried:
             self._checker.carry(self._path.pose(s).matrix @ self._origin)
 
-    def _hit(self, joints: Array, s: float) -> Hit | None:
+    def _touches(self, joints: Array, s: float) -> bool:
         self._place(s)
-        mode = self._mode(s)
-        return self._checker.hit(joints, mode) if self._checker.collides(joints, mode) else None
+        return self._checker.collides(joints, self._mode(s))
 
-    def _filter(self, layer: _Layer, cost: Array, hit: Hit) -> Hit:
-        """Rule out every configuration of a layer that touches something; returns what is touched most often."""
+    def _hit(self, joints: Array, s: float) -> Hit | None:
+        return self._checker.hit(joints, self._mode(s)) if self._touches(joints, s) else None
+
+    def _filter(self, layer: _Layer, cost: Array) -> list[int]:
+        """Rule out every configuration of a layer that touches something; returns which."""
         self._place(layer.s)
         mode = self._mode(layer.s)
-        counts: dict[Hit, int] = {hit: 1}
-        for i in np.flatnonzero(np.isfinite(cost)):
-            if self._checker.collides(layer.joints[:, i], mode):
-                cost[i] = np.inf
-                if len(counts) < 40 and (one := self._checker.hit(layer.joints[:, i], mode)) is not None:
-                    counts[one] = counts.get(one, 0) + 1
-        return max(counts, key=lambda one: (not one.own, counts[one]))
+        struck = [int(i) for i in np.flatnonzero(np.isfinite(cost)) if self._checker.collides(layer.joints[:, i], mode)]
+        cost[struck] = np.inf
+        return struck
+
+    def _hit_at(self, k: int) -> Hit | None:
+        """What the configurations of a layer touch most often, or None. A reason costs more than a verdict, so it is
+        looked for only where one is given."""
+        if k not in self._struck:
+            return None
+        layer = self._layered[k]
+        self._place(layer.s)
+        counts: dict[Hit, int] = {}
+        for i in self._struck[k][:_TELLING]:
+            if (one := self._checker.hit(layer.joints[:, i], self._mode(layer.s))) is not None:
+                counts[one] = counts.get(one, 0) + 1
+        return max(counts, key=lambda one: (not one.own, counts[one])) if counts else None
 
     # -- the result ----------------------------------------------------------------------------------------------------
     def _dense(self, layers: Sequence[_Layer], chain: Sequence[int]) -> Motion | tuple[int, Hit | None]:
@@ -321,20 +334,21 @@ class BranchSearch:
         )
 
     def _why_blocked(self) -> Blocked:
-        layers, nodes, edges, hits = self._layered, self._nodes, self._edges, self._hits
+        layers, nodes, edges = self._layered, self._nodes, self._edges
         reached = np.where(np.isfinite(nodes[0]), 0.0, np.inf)
         last = 0
         if not np.isfinite(reached).any():
-            return Blocked(layers[0].s, _cause(hits[0]) if 0 in hits else "no-branch", hits.get(0))
+            hit = self._hit_at(0)
+            return Blocked(layers[0].s, "no-branch" if hit is None else _cause(hit), hit)
         for k, edge in enumerate(edges):
             reached = np.where(np.isfinite(nodes[k + 1]), (edge + reached[:, None]).min(axis=0), np.inf)
             if not np.isfinite(reached).any():
                 last = k + 1
                 break
-        hit = hits.get(last)
+        hit = self._hit_at(last)
         if hit is not None and not np.isfinite(nodes[last]).any():
             return Blocked(layers[last].s, _cause(hit), hit)
-        near = [hits[k] for k in (last, last - 1, last + 1) if k in hits]
+        near = [one for k in (last, last - 1, last + 1) if (one := self._hit_at(k)) is not None]
         return Blocked(layers[last].s, "no-branch", near[0] if near else None)
 
 
