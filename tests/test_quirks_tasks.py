@@ -1,12 +1,9 @@
 """The quirks by physics: who knows the trick succeeds; whoever does not know it, or half knows it, fails.
 
-All twenty seeds: ``memo tasks verify --set suite.backend=quirks``. What anybody would try first, on more than one seed:
-``QUIRK_SEEDS=0-19 pytest tests/test_quirks_tasks.py -k first``.
+All twenty seeds, and what anybody would try first: ``memo tasks verify --suite quirks --plain``.
 """
 
 from __future__ import annotations
-
-import os
 
 import pytest
 from memo_tabletop.quirks.buttons import OpenTheRiceCooker, OpenTheSafe
@@ -25,13 +22,11 @@ from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
 from tabletop_wrong import Wrong, each, rehearsal_fixture
 
 from memo_core.cli.options import load
-from memo_core.cli.tasks import read_seeds
 from memo_core.experiment.assembly import sandbox_of, world_of
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.world import run_code
 from memo_core.interfaces.teacher import Episode
 
-SEEDS = read_seeds(os.environ.get("QUIRK_SEEDS", "0"))
 SHUT = "is shut"
 
 
@@ -64,11 +59,20 @@ def carried(how, what, because, calls) -> Wrong:
     return wrong(how, what, because, "carry_gently", using=("handling",), calls=calls)
 
 
-PUSH_BAR = """
-door = read_door("{0}")
-close_gripper()
-move_to(add(door["grip"], door["out"], 0.1), door["hand"])
-move_straight(door["grip"], door["hand"])
+HOLD_ON = """
+door = read_door("{0}", {1})
+raised, way = at_angle(door, 0.0, {2}), arc(door, 0.0, 1.48, {2})
+grasp_bar(door, [raised] + way)
+follow_path([raised], then=way)
+follow_path(way)
+"""
+DRAWER_HOLD_ON = """
+grip, out, hand = read_drawer("workbench")
+raised = add(grip, [0, 0, 1], 0.026)
+end = add(raised, out, 0.16)
+grasp_handle(grip, out, hand, [[raised, hand], [end, hand]])
+follow_path([[raised, hand]], then=[[end, hand]])
+move_straight(end, hand)
 """
 STAY = "\nmove_straight(add(get_gripper_position(), [-1, 0, 0], 0.04))"
 BESIDE = """
@@ -134,12 +138,12 @@ rise(0.06)
 """
 
 
-def turning(name: str, because: str) -> tuple[Wrong, ...]:
+def turning(name: str, because: str, left: str, because_left: str, leave: str = "") -> tuple[Wrong, ...]:
     end = "rise(0.06)" if "cap" in name else "open_gripper()\nrise(0.1)"
     return (
         top("nearly right", "turns it too little", because, f'turn_top("{name}", math.radians(55), 20)\n{end}'),
         top("sloppy", "presses first and turns then", because, PRESS_THEN_TURN.format(name)),
-        top("sloppy", "turns harder", because, f'turn_top("{name}", math.radians(95), 0)\nclose_gripper(80)\n{end}'),
+        top("cheating", left, because_left, f'turn_top("{name}", math.radians(95), 20)\n{leave}'),
     )
 
 
@@ -207,14 +211,18 @@ WRONG = {
         door("nearly right", "lifts too little", SHUT, 'lift_and_open("locker", lift=0.010)', "lift_and_open"),
         door("sloppy", "pulls straight", SHUT, STRAIGHT.format("locker")),
         door("nearly right", "lifts, lets it drop and pulls", SHUT, LET_DROP),
+        door("cheating", "keeps hold of the door", "touches the door", HOLD_ON.format("locker", False, 0.026)),
     ),
     OpenTheWorkbench: (
         drawer("nearly right", "lifts too little", SHUT, 'lift_and_pull("workbench", 0.010, 0.16)'),
         drawer("sloppy", "pulls twice", SHUT, 'pull_twice("workbench", 0.03, 0.16)'),
         drawer("nearly right", "lifts, lets it drop and pulls", SHUT, DRAWER_LET_DROP),
+        drawer("cheating", "keeps hold of the drawer", "touches the drawer", DRAWER_HOLD_ON),
     ),
-    OpenTheMedicineBottle: turning("medicine bottle cap", "on the bottle"),
-    TurnOnTheHeater: turning("heater knob", "turned by only"),
+    OpenTheMedicineBottle: turning(
+        "medicine bottle cap", "on the bottle", "turns it free and leaves it there", "on the bottle", "open_gripper()"
+    ),
+    TurnOnTheHeater: turning("heater knob", "turned by only", "keeps hold of the knob", "still touches the knob"),
     OpenTheDresser: (
         drawer("nearly right", "eases off before it sticks", "mm out", 'pull_twice("dresser", 0.045, 0.16)'),
         drawer("sloppy", "pulls once, for long", "mm out", ONE_LONG_PULL),
@@ -236,22 +244,12 @@ WRONG = {
     OpenTheMedicineCabinet: (
         door("nearly right", "half-way round", "lets only", 'open_near_hinge("medicine cabinet", 0.6)', "near_hinge"),
         door("sloppy", "pulls straight", "lets only", STRAIGHT.format("medicine cabinet")),
-        door(
-            "sloppy",
-            "just pushes the bar",
-            SHUT,
-            PUSH_BAR.format("medicine cabinet"),
-        ),
+        door("cheating", "keeps hold of the door", "touches the door", HOLD_ON.format("medicine cabinet", True, 0.0)),
     ),
     OpenTheFreezer: (
         door("nearly right", "half-way round", "lets only", 'open_near_hinge("freezer", 0.6)', "near_hinge"),
         door("sloppy", "pulls straight", "lets only", STRAIGHT.format("freezer")),
-        door(
-            "sloppy",
-            "just pushes the bar",
-            SHUT,
-            PUSH_BAR.format("freezer"),
-        ),
+        door("cheating", "keeps hold of the door", "touches the door", HOLD_ON.format("freezer", True, 0.0)),
     ),
     PepperTheSoup: shaking("pepper mill", "soup bowl"),
     SugarTheCake: shaking("sugar shaker", "cake"),
@@ -282,10 +280,9 @@ def test_who_knows_the_trick_succeeds_and_doing_nothing_does_not(rehearsal, make
     rehearsal.must_succeed(make)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-def test_what_anybody_would_try_first_fails(rehearsal, make, seed):
-    outcome, _ = rehearsal.outcome(make, make().plain_attempt, seed=seed)
+@pytest.mark.parametrize("make", [make for make in WRONG if make.split == "training"], ids=lambda make: make.name)
+def test_what_anybody_would_try_first_fails(rehearsal, make):
+    outcome, _ = rehearsal.outcome(make, make().plain_attempt)
     assert not outcome.success, outcome.reason
 
 
