@@ -11,14 +11,7 @@ says which words the verdict must give as the reason, so that it fails for what 
     }
 
     rehearsal = rehearsal_fixture()
-
-    @pytest.mark.parametrize(("make", "wrong"), each(WRONG))
-    def test_a_wrong_behaviour_is_not_success(rehearsal, make, wrong):
-        rehearsal.must_fail(make, wrong)
-
-    @pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-    def test_the_reference_is_success_and_doing_nothing_is_not(rehearsal, make):
-        rehearsal.must_succeed(make)
+    test_a_wrong_behaviour_is_not_success, test_the_reference_is_success_and_doing_nothing_is_not = judged(WRONG)
 
 The functions of the task's solution may be called: ``using`` names the files of ``memo_tabletop.solutions``. A
 ``before`` that several behaviours share is performed once and restored for each. One world is kept open, of the task
@@ -146,3 +139,18 @@ def rehearsal_fixture() -> Any:
             yield stage
 
     return rehearsal
+
+
+def judged(table: Mapping[Callable[[], Task], Sequence[Wrong]]) -> tuple[Callable[..., None], Callable[..., None]]:
+    """The two tests of a table: its wrong behaviours fail; its tasks' reference solutions succeed, doing nothing does
+    not. They ask for a fixture ``rehearsal``."""
+
+    @pytest.mark.parametrize(("make", "wrong"), each(table))
+    def wrong_ones(rehearsal: Rehearsal, make: Callable[[], Task], wrong: Wrong) -> None:
+        rehearsal.must_fail(make, wrong)
+
+    @pytest.mark.parametrize("make", table, ids=lambda make: make.name)
+    def reference(rehearsal: Rehearsal, make: Callable[[], Task]) -> None:
+        rehearsal.must_succeed(make)
+
+    return wrong_ones, reference

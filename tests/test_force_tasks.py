@@ -13,7 +13,7 @@ import pytest
 from memo_tabletop.reference import solution
 from memo_tabletop.tasks.bottle import CapTurned, CloseTheBottle, OpenTheBottle, cap_on_bottle, screwed_on
 from memo_tabletop.tasks.plate import HEIGHT, SPONGE, Wiped, WipeThePlate
-from tabletop_wrong import Wrong, each, rehearsal_fixture
+from tabletop_wrong import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.description import SceneDescription
@@ -144,16 +144,7 @@ WRONG = {
 }
 
 rehearsal = rehearsal_fixture()
-
-
-@pytest.mark.parametrize(("make", "wrong"), each(WRONG))
-def test_a_wrong_behaviour_is_not_success(rehearsal, make, wrong):
-    rehearsal.must_fail(make, wrong)
-
-
-@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-def test_the_reference_is_success_and_doing_nothing_is_not(rehearsal, make):
-    rehearsal.must_succeed(make)
+test_a_wrong_behaviour_is_not_success, test_the_reference_is_success_and_doing_nothing_is_not = judged(WRONG)
 
 
 # -- a closed bottle holds a pull of 8 N -------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from memo_tabletop.tasks.cooking import CookTheFood
 from memo_tabletop.tasks.faucet import TurnOnTheFaucet
 from memo_tabletop.tasks.heating import HeatTheFood, Started
 from memo_tabletop.tasks.toast import MakeToast
-from tabletop_wrong import Wrong, each, rehearsal_fixture
+from tabletop_wrong import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.pose import Pose
@@ -157,16 +157,7 @@ WRONG = {
 }
 
 rehearsal = rehearsal_fixture()
-
-
-@pytest.mark.parametrize(("make", "wrong"), each(WRONG))
-def test_a_wrong_behaviour_is_not_success(rehearsal, make, wrong):
-    rehearsal.must_fail(make, wrong)
-
-
-@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-def test_the_reference_is_success_and_doing_nothing_is_not(rehearsal, make):
-    rehearsal.must_succeed(make)
+test_a_wrong_behaviour_is_not_success, test_the_reference_is_success_and_doing_nothing_is_not = judged(WRONG)
 
 
 class Button:

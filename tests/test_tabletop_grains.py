@@ -19,7 +19,7 @@ from memo_tabletop.tasks import pouring, seasoning
 from memo_tabletop.tasks.pouring import PourTheCan
 from memo_tabletop.tasks.seasoning import SeasonTheFood
 from memo_tabletop.things import block
-from tabletop_wrong import Wrong, each, rehearsal_fixture
+from tabletop_wrong import Wrong, judged, rehearsal_fixture
 
 from memo_core.arm.attachment import Attachment, grasped
 from memo_core.arm.collision import obstacles_of
@@ -101,16 +101,7 @@ WRONG = {
 }
 
 rehearsal = rehearsal_fixture()
-
-
-@pytest.mark.parametrize(("make", "wrong"), each(WRONG))
-def test_a_wrong_behaviour_is_not_success(rehearsal, make, wrong):
-    rehearsal.must_fail(make, wrong)
-
-
-@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-def test_the_reference_is_success_and_doing_nothing_is_not(rehearsal, make):
-    rehearsal.must_succeed(make)
+test_a_wrong_behaviour_is_not_success, test_the_reference_is_success_and_doing_nothing_is_not = judged(WRONG)
 
 
 # -- where grains are --------------------------------------------------------------------------------------------------

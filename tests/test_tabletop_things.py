@@ -5,7 +5,6 @@ All twenty seeds: ``memo tasks verify``.
 
 from __future__ import annotations
 
-import pytest
 from memo_tabletop.tasks.banana import PutTheBananaOnThePlate
 from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
 from memo_tabletop.tasks.clean_table import CleanUpTheTable
@@ -14,7 +13,7 @@ from memo_tabletop.tasks.lonely import MoveTheLonelyObjectToTheOthers
 from memo_tabletop.tasks.pan_in_microwave import PutTheFoodInThePanAndPlaceItInTheMicrowave
 from memo_tabletop.tasks.set_table import SetTheTable
 from memo_tabletop.tasks.trash import PutTheTrashAway
-from tabletop_wrong import Wrong, each, rehearsal_fixture
+from tabletop_wrong import Wrong, judged, rehearsal_fixture
 
 CANS = ("handling", "cans")
 TIDIED = 'throw_into("tub", "cup", 0.09)\nthrow_into("tub", "spoon", -0.045, "width")\nthrow_into("bin", "napkin", 0.0)'
@@ -328,13 +327,4 @@ WRONG |= {
 }
 
 rehearsal = rehearsal_fixture()
-
-
-@pytest.mark.parametrize(("make", "wrong"), each(WRONG))
-def test_a_wrong_behaviour_is_not_success(rehearsal, make, wrong):
-    rehearsal.must_fail(make, wrong)
-
-
-@pytest.mark.parametrize("make", WRONG, ids=lambda make: make.name)
-def test_the_reference_is_success_and_doing_nothing_is_not(rehearsal, make):
-    rehearsal.must_succeed(make)
+test_a_wrong_behaviour_is_not_success, test_the_reference_is_success_and_doing_nothing_is_not = judged(WRONG)
