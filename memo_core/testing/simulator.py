@@ -574,7 +574,7 @@ def continuing_after_restore_is_exact(make: Make) -> None:
         after_closing = _history(simulator)
         _lift(simulator)
         lifted = simulator.checkpoint()
-        contacts = simulator.contacts()
+        felt = (simulator.contacts(), *simulator.joint_torques(), *simulator.joint_accelerations())
         after_lifting = _history(simulator)
         simulator.command_gripper(0.08, 10.0)
         simulator.command_joints(np.zeros(3))
@@ -587,7 +587,8 @@ def continuing_after_restore_is_exact(make: Make) -> None:
         ):
             simulator.restore(state)
             if state is lifted:
-                assert simulator.contacts() == contacts, "the contacts read right after the restore differ"
+                again = (simulator.contacts(), *simulator.joint_torques(), *simulator.joint_accelerations())
+                assert again == felt, "contacts, torques or accelerations read right after the restore differ"
             got = _history(simulator)
             wrong = [tick for tick, (a, b) in enumerate(zip(got, expected, strict=True)) if a != b]
             assert not wrong, f"the continuation differs from tick {wrong[0]} on"

@@ -43,14 +43,15 @@ class RobotDrive:
         ]
         self._order = [moving.index(index) for index in self._joints]
         self._moving = moving
-        self._servos = [(joint.kp, joint.kv, joint.effort) for joint in world.robot.joints]
+        self._servos = [(joint.kp / joint.kv, joint.kp, joint.kv, joint.effort) for joint in world.robot.joints]
         self.targets = [float(angle) for angle in world.robot.home]
-        self.speeds_before = [0.0] * self._count  # rad/s, before the last step
         # Looking a call up in the client costs as much as the call.
         self._read, self._control = client.getJointStates, client.setJointMotorControlArray
         self.opening = 0.0  # m, the gripper's set point
         self.force = world.robot.gripper.max_force
         self.sent: tuple[list[float], list[float], list[float]] = ([], [], [])  # with the last step
+        self._before = [0.0] * self._count  # rad/s, before the last step
+        self._recalled: list[float] | None = None  # Nm, until the next step
         self._gravity: list[float] = [0.0] * len(self._joints)
         self._still = [0.0] * len(moving)
 
@@ -71,21 +72,37 @@ class RobotDrive:
         )
         self._gravity = [torques[index] for index in self._order]
 
-    @property
-    def gravity(self) -> Array:
-        """Nm, of the arm's joints."""
-        return np.array(self._gravity[: self._count])
+    def torques(self) -> Array:
+        """What the arm's motors did in the last step and carry since then, shape (n,), Nm."""
+        return self._motors() + np.array(self._gravity[: self._count])
+
+    def _motors(self) -> Array:
+        return self.states()[2][: self._count] if self._recalled is None else np.array(self._recalled)
+
+    def accelerations(self, timestep: float) -> Array:
+        """rad/s2 over the last step, shape (n,)."""
+        return (self.states()[1][: self._count] - np.array(self._before)) / timestep
+
+    def last_step(self) -> list[list[float]]:
+        """What Bullet's own file forgets of the last step, as JSON numbers that ``recall`` takes."""
+        return [self._before, self._gravity, self._motors().tolist()]
+
+    def recall(self, last_step: list[list[float]]) -> None:
+        self._before, self._gravity, self._recalled = last_step
 
     def push(self) -> None:
-        # Plain numbers: NumPy costs three times as much on seven joints.
+        # Plain numbers and no calls: NumPy costs three times as much on seven joints.
         states = self._read(self._body, self._joints)
         wanted, limit, speeds = [], [], []
-        for state, target, (kp, kv, effort) in zip(states, self.targets, self._servos, strict=False):
+        for state, target, (rate, kp, kv, effort) in zip(states, self.targets, self._servos, strict=False):
             error, speed = target - state[0], state[1]
             speeds.append(speed)
-            wanted.append(kp * error / kv)
-            limit.append(min(max(kp * abs(error), kv * abs(speed)), effort))
-        self.speeds_before = speeds
+            wanted.append(rate * error)
+            held = kp * error if error > 0.0 else -kp * error
+            damped = kv * speed if speed > 0.0 else -kv * speed
+            strength = held if held > damped else damped
+            limit.append(strength if strength < effort else effort)
+        self._before, self._recalled = speeds, None
         if self._fingers:
             gap = self.opening - sum(state[0] for state in states[self._count :])
             share = gap / len(self._fingers) * _FINGER_STIFFNESS / _FINGER_DAMPING
@@ -157,7 +174,8 @@ class SceneDrive:
         self.sent, self.caught = [], []
         for spring in self._active:
             position, speed = self._read(spring.body, spring.index)[:2]
-            self.sent.append((spring.body, spring.index, spring.stiffness * (spring.rest - position)))
+            if spring.stiffness:
+                self.sent.append((spring.body, spring.index, spring.stiffness * (spring.rest - position)))
             if spring.catches:
                 wanted, limit = 0.0, spring.friction
                 for latch in spring.catches:

@@ -163,11 +163,11 @@ class PybulletSimulator(Simulator):
         return self._arm.states()[1][: len(self._world.arm)]
 
     def joint_torques(self) -> Array:
-        return self._arm.states()[2][: len(self._world.arm)] + self._arm.gravity
+        return self._arm.torques()
 
     def joint_accelerations(self) -> Array:
         """Over the last physics step."""
-        return (self.joint_velocities() - np.array(self._arm.speeds_before)) / self.timestep
+        return self._arm.accelerations(self.timestep)
 
     def gripper_width(self) -> float:
         return float(self._arm.states()[0][len(self._world.arm) :].sum())
@@ -262,6 +262,7 @@ class PybulletSimulator(Simulator):
             # Bullet's file forgets the forces of the last step.
             "contacts": [attrs.astuple(one) for one in self._all_contacts()],
             "effort": self.gripper_effort(),
+            "step": self._arm.last_step(),
             "mechanisms": self.mechanisms.memory() if self._moving_parts else None,
         }
         with tempfile.TemporaryDirectory(prefix="memo-") as folder:
@@ -296,7 +297,7 @@ class PybulletSimulator(Simulator):
         self._effort = kept["effort"]
         if self._moving_parts:
             self.mechanisms.recall(kept["mechanisms"])
-        self._arm.compensate()
+        self._arm.recall(kept["step"])
 
     # -- pictures ------------------------------------------------------------------------------------------------------
     def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
