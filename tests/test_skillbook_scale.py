@@ -198,7 +198,8 @@ def test_a_book_of_an_older_version_gets_the_table_and_the_indexes(tmp_path: Pat
         book.add_many([Lesson("no", "ana", Key.parse("OPEN(box)"), tuple(f"part {n}" for n in range(60)))])
     raw = sqlite3.connect(tmp_path / "b.db")
     raw.executescript(
-        "DROP TABLE sheets; CREATE TABLE sketches (key, entry, sketch); DROP INDEX ix_entries_valid; DROP INDEX ix_entries_retired;"
+        "DROP TABLE sheets; CREATE TABLE sketches (key, entry, sketch);"
+        "DROP INDEX ix_entries_valid; DROP INDEX ix_entries_retired;"
         "CREATE INDEX ix_entries_superseded_by ON entries (superseded_by);"
         "UPDATE meta SET value = '3' WHERE name = 'schema_version'"
     )

@@ -241,7 +241,7 @@ class Skillbook:
             there = sorted(rows.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
             templates.count_use(connection, there, key, success)
             if not success and templates.elect(self._database, connection, key, "record") is not None:
-                self._database.next_generation(connection)
+                self._database.next_generation(connection, by_revisions=True)
 
     # -- clusters ------------------------------------------------------------------------------------------------------
     def clusters(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> list[Cluster]:
@@ -547,7 +547,7 @@ class Skillbook:
                 [key_id] = revision_of
                 templates.succeed(connection, key_id, revision_of[key_id], added[0])
             if added:
-                self._database.next_generation(connection)
+                self._database.next_generation(connection, by_revisions=True)
             stored = rows.entries_by_id(connection, added)
         return tuple(stored[entry] for entry in added)
 

@@ -95,7 +95,7 @@ def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence
         }
         for key, (revision, entry) in newest.items():
             templates.succeed(connection, key, revision, entry)
-        database.next_generation(connection)
+        database.next_generation(connection, by_revisions=True)
     return len(entries)
 
 

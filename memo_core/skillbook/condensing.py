@@ -114,7 +114,7 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
         if proposal.changes(cluster):
             revision = rows.insert(connection, tables.revisions, key=key, time=now, reason=reason)
             added = _replace(connection, cluster, proposal, revision, key)
-            database.next_generation(connection)
+            database.next_generation(connection, by_revisions=True)
         if cluster.part == cluster.parts and reason != DUPLICATES:
             note_clustered(connection, key, _state_now(connection, cluster, key), model)
         stored = rows.entries_by_id(connection, added)

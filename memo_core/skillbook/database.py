@@ -169,10 +169,16 @@ class Database:
         if not changed.rowcount:
             connection.execute(sa.insert(tables.meta).values(name=name, value=value))
 
-    def next_generation(self, connection: sa.Connection) -> int:
-        """Count the change that this write transaction makes to what can be retrieved."""
+    def next_generation(self, connection: sa.Connection, by_revisions: bool = False) -> int:
+        """Count the change that this write transaction makes to what can be retrieved.
+
+        ``by_revisions``: new revisions and what they list as changed tell all of it, so that who has counted the
+        generation before need not count everything again (``memo_core.skillbook.contents``).
+        """
         generation = int(self.meta(connection)["generation"]) + 1
         self.set_meta(connection, "generation", str(generation))
+        if not by_revisions:
+            self.set_meta(connection, "uncounted", str(generation))
         return generation
 
     def problems(self) -> list[str]:

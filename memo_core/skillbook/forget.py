@@ -41,7 +41,9 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     note_withdrawn(connection, rows.ids_of(connection.execute(theirs)))
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
-    doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others))))
+    doomed = list(
+        connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others)))
+    )
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])

@@ -1,9 +1,10 @@
 """The derived index: which keys are nearest. Indexed are keys, not entries: many entries share a key.
 
-A book of some thousand keys scores them all, exactly, from the few parts they are made of (``memo_core.skillbook.parts``).
-Beyond that a vector store is asked: it holds one vector a key and is made anew or brought up to date whenever it is not
-the database's. With the query [λ1 q_act ; λ2 q_obj] / (λ1 + λ2) the inner product with a key's [v_act ; v_obj] is
-r(q, v) exactly, for any λ. What a store returns is scored again here, so an approximate store can miss but never lie.
+A book of some thousand keys scores them all, exactly, from the few parts that they are made of
+(``memo_core.skillbook.parts``). Beyond that a vector store is asked: it holds one vector a key and is brought up to
+date or made anew whenever it is not the database's. With the query [λ1 q_act ; λ2 q_obj] / (λ1 + λ2) the inner product
+with a key's [v_act ; v_obj] is r(q, v) exactly, for any λ. What a store returns is scored again here, so an approximate
+store can miss but never lie.
 """
 
 from __future__ import annotations
@@ -143,7 +144,9 @@ class KeyIndex:
     def _stamp_of(self, keys: dict[int, Key]) -> int:
         """62 bits that change with the keys, their vectors and the book, and with nothing else: a change of the book
         that brings in no key leaves the store as it is."""
-        listed = "|".join((str(self._book), self._key_vectors.fingerprint(), *(f"{i} {key}" for i, key in keys.items())))
+        listed = "|".join(
+            (str(self._book), self._key_vectors.fingerprint(), *(f"{i} {key}" for i, key in keys.items()))
+        )
         return int.from_bytes(hashlib.sha256(listed.encode()).digest()[:8], "big") >> 2
 
     def _store_is_ours(self) -> bool:

@@ -9,7 +9,6 @@ texts have equal sketches and tie all the same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import attrs
 import numpy as np
@@ -29,7 +28,7 @@ _CHUNK = 5000  # vectors made at once
 _BLOCK = 512  # sketches compared at once: as numbers they stay in the processor's cache
 
 _E, _S = tables.entries.c, tables.sheets.c
-_ONE_OF = [sa.bindparam(name) for name in PLACE_NAMES]
+_ONE_OF: list[sa.BindParameter[int]] = [sa.bindparam(name) for name in PLACE_NAMES]
 _KIND, _VALID = _E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None)
 _MEMBERS = sa.select(_E.key, _E.id).where(_KIND, _VALID, _E.key.in_(_ONE_OF)).order_by(_E.key, _E.id)
 _SHEETS = sa.select(_S.key, _S.entries, _S.sketches).where(_S.kind == sa.bindparam("kind"), _S.key.in_(_ONE_OF))
@@ -73,7 +72,7 @@ class Group:
 
 
 class Likeness:
-    """Nearest entries by text, by kind and key. What it keeps in memory is one generation's: ``clear`` it then."""
+    """Nearest entries by text, by kind and key. Keeps one generation's in memory: ``forget`` what changed."""
 
     def __init__(self, database: Database, vectors: TextVectors) -> None:
         self._database = database
@@ -84,10 +83,12 @@ class Likeness:
         self._whole_is_current: set[tuple[str, int]] = set()
         self._sheets: bool | None = None  # whether the book has the table
 
-    def clear(self) -> None:
-        self._groups.clear()
-        self._whole_is_current.clear()
-        self._bytes = 0
+    def forget(self, keys: Iterable[int] | None) -> None:
+        """Read these keys' groups again when they are asked for; None: all."""
+        changed = {key for _, key in [*self._groups, *self._whole]} if keys is None else set(keys)
+        for where in [where for where in self._groups if where[1] in changed]:
+            self._bytes -= self._groups.pop(where).nbytes
+        self._whole_is_current = {where for where in self._whole_is_current if where[1] not in changed}
 
     def nearest(self, kind: str, keys: Sequence[int], meant: np.ndarray, count: int) -> list[Nearest]:
         """Of each key the ``count`` valid entries most like ``meant``, a unit vector of shape (d,), and all that tie

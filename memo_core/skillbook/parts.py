@@ -41,7 +41,6 @@ class KeyParts:
         by_place = (self.places @ objects[half:]).astype(np.float64)[self.place_of]
         return by_action, (by_moved + by_place) * self.share
 
-
     def vectors(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Unit vectors of the actions, shape (len(rows), d), and of the objects, shape (len(rows), 2 d), float32."""
         halves = (self.moved[self.moved_of[rows]], self.places[self.place_of[rows]])

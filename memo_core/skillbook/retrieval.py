@@ -14,12 +14,13 @@ import numpy as np
 from memo_core import events
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.actions import Actions, default_actions
+from memo_core.skillbook.contents import Contents, read_contents
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import GLOBAL_KEY, Entry, key_label
+from memo_core.skillbook.entries import Entry, key_label
 from memo_core.skillbook.index import Hits, KeyIndex
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.likeness import Likeness
-from memo_core.skillbook.rows import alias_rows, generation_of, group_sizes, keys_by_id, served_rows
+from memo_core.skillbook.rows import generation_of, served_rows
 from memo_core.skillbook.vectors import TextVectors
 from memo_core.skillbook.wording import KeyVectors, Wording
 
@@ -159,22 +160,6 @@ class Retrieval:
         )
 
 
-@attrs.define(eq=False)
-class _Generation:
-    """What retrieval keeps in memory of one generation of the book. Arrays have one value a row of the key index."""
-
-    number: int
-    ids: list[int]  # of the keys
-    keys: list[Key]
-    labels: list[str]
-    verbs: list[str]  # different canonical actions
-    verb_of: np.ndarray  # int64, place in ``verbs``
-    sizes: dict[str, np.ndarray]  # kind -> int64, number of valid entries
-    everywhere: int | None  # id of the global key, where it has entries
-    aliases: dict[str, Key]
-    opposites: dict[str, np.ndarray] = attrs.field(factory=dict)  # action -> bool, rows that undo it
-
-
 class Retriever:
     """Serves subtasks from one book. Keeps a derived index that follows the database's generation."""
 
@@ -194,7 +179,8 @@ class Retriever:
         self._settings = settings
         self._actions = settings.actions
         self._limits = {"correction": settings.corrections, "template": settings.templates}
-        self._state: _Generation | None = None
+        self._state: Contents | None = None  # what the book is taken to be
+        self._last: Contents | None = None  # what it was when it was last read
         self._lock = threading.Lock()  # one that was given up may still be at work on the index
 
     def retrieve(self, subtask: Key, text: str = "") -> Retrieval:
@@ -211,21 +197,21 @@ class Retriever:
                     return found
                 self._state = None  # the book has changed meanwhile
 
-    def _retrieve(self, subtask: Key, words: str, state: _Generation) -> Retrieval | None:
+    def _retrieve(self, subtask: Key, words: str, state: Contents) -> Retrieval | None:
         """None when ``state`` is not the database's state any more."""
-        if not self._index.exact and generation_of(self._database) != state.number:
+        if not self._index.exact and generation_of(self._database) != state.generation:
             return None  # before a store that others bring up to date is asked for what is there no more
         query = state.aliases.get(str(subtask), subtask)
         meant = self._vectors.get([words])[0]
         hits = self._search(query, state)
-        opposite = self._opposite_rows(query, state)[hits.rows]
+        opposite = state.opposite_rows(query.action, self._actions)[hits.rows]
         allowed = ~opposite & (hits.scores >= self._settings.cut - _TIE)
         ranked = np.flatnonzero(allowed)
         corrections = self._best("correction", hits, ranked, meant, state)
         templates = self._best("template", hits, ranked, meant, state)
         general = self._best_general(meant, state)
         generation, rows = served_rows(self._database, [*corrections, *templates, *general])
-        if generation != state.number:
+        if generation != state.generation:
             return None
         served = {
             "correction": _order(corrections, rows, self._settings.corrections),
@@ -237,41 +223,19 @@ class Retriever:
             _order(general, rows, self._settings.general),
             served["template"],
             self._refused(hits, opposite, allowed, state) + self._beyond(hits, ranked, served, state),
-            state.number,
+            state.generation,
         )
 
-    # -- following the database ----------------------------------------------------------------------------------------
-    def _load(self) -> _Generation:
-        with self._database.read() as connection:
-            meta = self._database.meta(connection)
-            known = keys_by_id(connection)
-            counted = group_sizes(connection)
-            aliases = alias_rows(connection)
-        number = int(meta["generation"])
-        self._likeness.clear()
-        by_id = {key: known[key] for key in sorted({key for key, _, _ in counted}) if known[key] != GLOBAL_KEY}
-        self._index.load(by_id, f"{meta['book']} {meta.get('reembedded', '')}")
-        ids = list(by_id)
-        row_of = {key: row for row, key in enumerate(ids)}
-        sizes = {kind: np.zeros(len(ids), dtype=np.int64) for kind in self._limits}
-        everywhere = None
-        for key, kind, size in counted:
-            if key in row_of and kind in sizes:
-                sizes[kind][row_of[key]] = size
-            elif kind == "general":
-                everywhere = key
-        keys = list(by_id.values())
-        canonical = [self._actions.canonical(key.action) for key in keys]
-        place_of = {verb: place for place, verb in enumerate(sorted(set(canonical)))}
-        verb_of = np.array([place_of[verb] for verb in canonical], dtype=np.int64)
-        self._state = _Generation(
-            number, ids, keys, [*map(str, keys)], list(place_of), verb_of, sizes, everywhere, aliases
-        )
-        return self._state
+    def _load(self) -> Contents:
+        contents, changed = read_contents(self._database, self._actions, self._last)
+        self._likeness.forget(changed)
+        self._index.load(dict(zip(contents.ids, contents.keys, strict=True)), contents.book)
+        self._state = self._last = contents
+        return contents
 
     # -- ranking -------------------------------------------------------------------------------------------------------
-    def _search(self, query: Key, state: _Generation) -> Hits:
-        opposite = self._opposite_rows(query, state)
+    def _search(self, query: Key, state: Contents) -> Hits:
+        opposite = state.opposite_rows(query.action, self._actions)
 
         def enough(hits: Hits) -> bool:
             if hits.scores[-1] < self._settings.cut - _TIE:
@@ -282,14 +246,7 @@ class Retriever:
         actions, objects = self._key_vectors.get([query])
         return self._index.search(actions[0], objects[0], self._settings.weights, enough)
 
-    def _opposite_rows(self, query: Key, state: _Generation) -> np.ndarray:
-        found = state.opposites.get(query.action)
-        if found is None:
-            against = np.array([self._actions.opposite(query.action, verb) for verb in state.verbs], dtype=bool)
-            found = state.opposites[query.action] = against[state.verb_of]
-        return found
-
-    def _best(self, kind: str, hits: Hits, ranked: np.ndarray, meant: np.ndarray, state: _Generation) -> Found:
+    def _best(self, kind: str, hits: Hits, ranked: np.ndarray, meant: np.ndarray, state: Contents) -> Found:
         """The best entries and all that tie with the last of them: confirmed uses and recency decide among those, and
         these are the database's to say."""
         limit, sizes = self._limits[kind], state.sizes[kind]
@@ -309,7 +266,7 @@ class Retriever:
         ids, similar = (np.concatenate(column) for column in zip(*nearest, strict=True))
         return _first(limit, hits, ids, places, similar)
 
-    def _best_general(self, meant: np.ndarray, state: _Generation) -> Found:
+    def _best_general(self, meant: np.ndarray, state: Contents) -> Found:
         if state.everywhere is None or not self._settings.general:
             return {}
         ids, similar = self._likeness.nearest_of_all("general", state.everywhere, meant, self._settings.general)
@@ -317,7 +274,7 @@ class Retriever:
         return {int(ids[i]): (float(similar[i]), 0.0, 0.0, float(similar[i])) for i in best}
 
     # -- what was not served -------------------------------------------------------------------------------------------
-    def _refused(self, hits: Hits, opposite: np.ndarray, allowed: np.ndarray, state: _Generation) -> tuple[Cut, ...]:
+    def _refused(self, hits: Hits, opposite: np.ndarray, allowed: np.ndarray, state: Contents) -> tuple[Cut, ...]:
         below = f"below the cut {self._settings.cut:g}"
         return tuple(
             _cut(hits, place, state, sum(int(s[hits.rows[place]]) for s in state.sizes.values()), rule)
@@ -326,7 +283,7 @@ class Retriever:
         )
 
     def _beyond(
-        self, hits: Hits, ranked: np.ndarray, served: dict[str, tuple[Served, ...]], state: _Generation
+        self, hits: Hits, ranked: np.ndarray, served: dict[str, tuple[Served, ...]], state: Contents
     ) -> tuple[Cut, ...]:
         cut = []
         for kind, limit in self._limits.items():
@@ -344,7 +301,7 @@ class Retriever:
         return tuple(cut)
 
 
-def _cut(hits: Hits, place: int, state: _Generation, entries: int, rule: str) -> Cut:
+def _cut(hits: Hits, place: int, state: Contents, entries: int, rule: str) -> Cut:
     terms = (float(hits.scores[place]), float(hits.action_cosines[place]), float(hits.objects_cosines[place]))
     return Cut(state.labels[hits.rows[place]], *terms, entries, rule)
 

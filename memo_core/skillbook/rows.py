@@ -20,6 +20,7 @@ _COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
 _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
 _PLACES = 40
+_CHUNK = 500
 _PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
 _GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
 _SERVED = (
@@ -105,17 +106,32 @@ def valid_entry_rows(connection: sa.Connection) -> list[ValidRow]:
     return rows
 
 
-def keys_by_id(connection: sa.Connection) -> dict[int, Key]:
-    """All keys of the book, the global one too."""
+def keys_by_id(connection: sa.Connection, ids: Sequence[int] | None = None) -> dict[int, Key]:
+    """All keys of the book, the global one too, or those with these ids."""
+    query = sa.select(_K.id, _K.action, _K.objects)
     return {
         number: key_of(action, objects)
-        for number, action, objects in connection.execute(sa.select(_K.id, _K.action, _K.objects))
+        for among in _among(_K.id, ids)
+        for number, action, objects in connection.execute(query.where(among))
     }
 
 
-def group_sizes(connection: sa.Connection) -> list[tuple[int, str, int]]:
-    """Key, kind and number of the valid entries, where there are any."""
-    return [(key, kind, size) for key, kind, size in connection.execute(_SIZES)]
+def group_sizes(connection: sa.Connection, keys: Sequence[int] | None = None) -> list[tuple[int, str, int]]:
+    """Key, kind and number of the valid entries, where there are any; of all keys or of these."""
+    return [
+        (key, kind, size)
+        for among in _among(_E.key, keys)
+        for key, kind, size in connection.execute(_SIZES.where(among))
+    ]
+
+
+def _among(column: sa.ColumnElement[int], values: Sequence[int] | None) -> Iterable[sa.ColumnElement[bool]]:
+    """Conditions that together let these values pass, or all."""
+    if values is None:
+        yield sa.true()
+        return
+    for start in range(0, len(values), _CHUNK):
+        yield column.in_(values[start : start + _CHUNK])
 
 
 def alias_rows(connection: sa.Connection) -> dict[str, Key]:
