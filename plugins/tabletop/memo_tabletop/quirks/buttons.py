@@ -10,7 +10,7 @@ import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, SceneDescription, Slide, Vector
+from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Slide, Vector
 from memo_core.scene.hollow import shell
 from memo_core.scene.mechanisms import Mechanism
 from memo_core.scene.pose import Pose
@@ -21,8 +21,7 @@ from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.doors import OpenADoor
 from memo_tabletop.quirks.fixtures import with_joint
 from memo_tabletop.quirks.latches import button_latch
-from memo_tabletop.quirks.task import QuirkTask
-from memo_tabletop.things import cameras
+from memo_tabletop.quirks.opening import OpenAThing
 
 TRAVEL = 0.008  # m
 PRESSED = 0.005  # m
@@ -45,7 +44,7 @@ def button(thing: str, at: Vector, colour: Colour = CHROME) -> Body:
     )
 
 
-class OpenTheRiceCooker(QuirkTask):
+class OpenTheRiceCooker(OpenAThing):
     """Success: the lid stands up, still, and the robot touches neither lid nor button."""
 
     name = "open-the-rice-cooker"
@@ -53,6 +52,7 @@ class OpenTheRiceCooker(QuirkTask):
     quirk = "hold the button"
     lesson = "You have to keep the rice cooker's button pressed for two seconds until the lid pops up."
     thing = "rice cooker"
+    mover, motion, still, looked_at = "lid", "hinge", judging.AT_REST_RAD_S, 0.15
     size: Vector = (0.22, 0.22, 0.15)  # depth, width, height without the lid
 
     def furniture(self, rng: np.random.Generator) -> Body:
@@ -96,32 +96,19 @@ class OpenTheRiceCooker(QuirkTask):
             bodies=(lid, button(self.thing, (-0.004, 0.0, 0.07))),
         )
 
-    @property
-    def joint(self) -> str:
-        return f"{self.thing}/hinge"
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return button_latch(self.joint, 1.45, f"{self.thing}/press", PRESSED, SECONDS)
 
-    def scene(self, rng: np.random.Generator) -> SceneDescription:
-        fixture = self.furniture(rng)
-        x, y, _ = fixture.pose.position
-        latch = button_latch(self.joint, 1.45, f"{self.thing}/press", PRESSED, SECONDS)
-        return SceneDescription((fixture,), cameras((x, y, 0.15)), mechanisms=latch)
+    def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
+        angle = world.joint_position(self.joint)
+        how = "is shut" if angle < 0.03 else f"stands at {math.degrees(angle):.0f} degrees"
+        return angle >= LID_OPEN_RAD, how, {"lid_rad": angle}
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        angle = world.joint_position(self.joint)
-        held_down = not judging.released(world, f"{self.thing}/button")
-        conditions = (
-            (
-                angle >= LID_OPEN_RAD,
-                f"the lid is {'shut' if angle < 0.03 else f'at {math.degrees(angle):.0f} degrees'}",
-            ),
-            (judging.released(world, f"{self.thing}/lid"), "the robot still touches the lid"),
-            (not held_down, "the robot still touches the button"),
-            (abs(world.joint_velocity(self.joint)) < judging.AT_REST_RAD_S, "the lid is still moving"),
-        )
-        return judging.judge("the rice cooker stands open", conditions, {"lid_rad": angle})
-
-    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None
+        outcome = super().check(world, monitors)
+        if outcome.success and not judging.released(world, f"{self.thing}/button"):
+            return Outcome(False, "the robot still touches the button", outcome.measures)
+        return outcome
 
     @property
     def plain_attempt(self) -> str:

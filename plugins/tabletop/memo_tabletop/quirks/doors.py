@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, Colour, SceneDescription, Vector
+from memo_core.scene.description import Body, Colour, Vector
 from memo_core.scene.mechanisms import Mechanism
 from memo_tabletop import judging
 from memo_tabletop.furniture import DARK, STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle
 from memo_tabletop.quirks.latches import half_way_catch, lifted_bolt, push_latch
-from memo_tabletop.quirks.task import QuirkTask
-from memo_tabletop.things import cameras
+from memo_tabletop.quirks.opening import OpenAThing
 
 OPENING = math.radians(88)
 
 
-class OpenADoor(QuirkTask):
+class OpenADoor(OpenAThing):
     """Success: the door stands open so far that a hand reaches straight in, still and let go."""
 
-    thing: str  # "cupboard"
+    mover, motion, still, looked_at = "door", "hinge", judging.AT_REST_RAD_S, 0.25
     size: Vector = (0.30, 0.36, 0.34)  # depth, width, height
     place: tuple[float, float] = (0.70, 0.0)
     hinge = DoorHinge("left", math.radians(110))
@@ -35,39 +32,14 @@ class OpenADoor(QuirkTask):
     def furniture(self, rng: np.random.Generator) -> Body:
         x, y = np.asarray(self.place) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
-        return self.changed(cabinet(self.thing, (x, y, 0.0), yaw, self.size, self.hinge, self.handle, *self.colours))
+        return cabinet(self.thing, (x, y, 0.0), yaw, self.size, self.hinge, self.handle, *self.colours)
 
-    def changed(self, fixture: Body) -> Body:
-        """The cabinet with what is particular about it."""
-        return fixture
-
-    def mechanisms(self) -> tuple[Mechanism, ...]:
-        return ()
-
-    @property
-    def joint(self) -> str:
-        return f"{self.thing}/hinge"
-
-    def scene(self, rng: np.random.Generator) -> SceneDescription:
-        fixture = self.furniture(rng)
-        x, y, _ = fixture.pose.position
-        return SceneDescription((fixture,), cameras((x, y, 0.25)), mechanisms=self.mechanisms())
-
-    def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+    def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
         angle = world.joint_position(self.joint)
         width = judging.passage(angle, self.size[1] - 2 * WALL, self.size[1])
-        measures = {"door_rad": angle, "passage_m": width}
-        if width < judging.HAND_PASSAGE_M:
-            how = "is shut" if angle < math.radians(3) else f"lets only {max(width, 0):.2f} m through"
-            return Outcome(False, f"the {self.thing} door {how}", measures)
-        if not judging.released(world, f"{self.thing}/door"):
-            return Outcome(False, "the robot still touches the door", measures)
-        if abs(world.joint_velocity(self.joint)) > judging.AT_REST_RAD_S:
-            return Outcome(False, "the door is still moving", measures)
-        return Outcome(True, f"the {self.thing} stands open, {width:.2f} m wide", measures)
-
-    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None
+        wide = width >= judging.HAND_PASSAGE_M
+        how = f"lets {'' if wide else 'only '}{max(width, 0):.2f} m through"
+        return wide, "is shut" if angle < math.radians(3) else how, {"door_rad": angle, "passage_m": width}
 
     @property
     def plain_attempt(self) -> str:

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import attrs
 import numpy as np
 
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, SceneDescription, Vector
+from memo_core.scene.description import Body, Vector
 from memo_core.scene.mechanisms import Mechanism
 from memo_tabletop import judging
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle, with_mover
 from memo_tabletop.quirks.latches import half_way_catch, lifted_bolt, push_latch
-from memo_tabletop.quirks.task import QuirkTask
-from memo_tabletop.things import cameras
+from memo_tabletop.quirks.opening import OpenAThing
 
 PLINTH = 0.06  # m, as under the tabletop suite's chest
 REACHED_INTO_M = 0.10  # a drawer this far out can be reached into
 TRAVEL = 0.18  # m
 
 
-class OpenADrawer(QuirkTask):
+class OpenADrawer(OpenAThing):
     """Success: the drawer is out so far that a hand reaches into it, still and let go."""
 
-    thing: str  # "dresser"
+    mover, motion, still, looked_at = "drawer", "slide", judging.AT_REST_M_S, 0.15
+    verbs = ("OPEN", "PULL_OUT", "PULL")
     size: Vector = (0.28, 0.30, 0.16)  # depth, width, height
     place: tuple[float, float] = (0.66, 0.10)
     handle = Handle(length=0.12, distance=0.055, height=0.08)
@@ -37,7 +35,7 @@ class OpenADrawer(QuirkTask):
         x, y = np.asarray(self.place) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
         fixture = chest(self.thing, (x, y, 0.0), yaw, self.size, PLINTH, self.handle, TRAVEL)
-        return self.changed(with_mover(fixture, self._named))
+        return with_mover(fixture, self._named)
 
     def _named(self, drawer: Body) -> Body:
         part, cavity = drawer.parts[0], drawer.cavities[0]
@@ -48,36 +46,11 @@ class OpenADrawer(QuirkTask):
             cavities=(attrs.evolve(cavity, label=f"{self.thing} inside"),),
         )
 
-    def changed(self, fixture: Body) -> Body:
-        """The chest with what is particular about it."""
-        return fixture
-
-    def mechanisms(self) -> tuple[Mechanism, ...]:
-        return ()
-
-    @property
-    def joint(self) -> str:
-        return f"{self.thing}/slide"
-
-    def scene(self, rng: np.random.Generator) -> SceneDescription:
-        fixture = self.furniture(rng)
-        x, y, _ = fixture.pose.position
-        return SceneDescription((fixture,), cameras((x, y, 0.15)), mechanisms=self.mechanisms())
-
-    def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
+    def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
         out = world.joint_position(self.joint)
-        measures = {"drawer_m": out}
-        if out < REACHED_INTO_M:
-            how = "is shut" if out < 0.01 else f"is only {out * 1000:.0f} mm out"
-            return Outcome(False, f"the {self.thing} drawer {how}", measures)
-        if not judging.released(world, f"{self.thing}/drawer"):
-            return Outcome(False, "the robot still touches the drawer", measures)
-        if abs(world.joint_velocity(self.joint)) > judging.AT_REST_M_S:
-            return Outcome(False, "the drawer is still moving", measures)
-        return Outcome(True, f"the {self.thing} drawer is {out * 1000:.0f} mm out", measures)
-
-    def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] in ("OPEN", "PULL_OUT", "PULL") else None
+        far = out >= REACHED_INTO_M
+        how = f"is {'' if far else 'only '}{out * 1000:.0f} mm out"
+        return far, "is shut" if out < 0.01 else how, {"drawer_m": out}
 
     @property
     def plain_attempt(self) -> str:
