@@ -140,6 +140,18 @@ def test_what_slips_from_the_hand_was_dropped_and_what_is_set_down_was_not():
     assert monitor.befell("green") == ("dropped",)
 
 
+def test_what_was_set_down_and_is_pushed_over_later_was_not_dropped():
+    world = Puppets()
+    monitor = world.watch(Mishaps(NAMES, upright=NAMES))
+    world.grasp("red")
+    world.go(0.5, "red", (0, 0, 0.1))
+    world.go(0.5, "red", (0, 0, -0.1))
+    world.let_go()
+    world.go(0.5, "red", (0, 0, 0))
+    world.go(0.2, "red", (0.1, 0, 0), tilted=1.5)
+    assert monitor.befell("red") == ("pushed over",)
+
+
 def test_what_falls_off_the_table_is_told():
     world = Puppets()
     monitor = world.watch(Mishaps(NAMES))

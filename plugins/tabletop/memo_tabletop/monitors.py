@@ -165,6 +165,8 @@ class Mishaps(Sampled):
             pose = world.body_pose(thing)
             before, now = known["at"], pose.position
             if math.dist(before, now) < STILL_M:
+                if known["carried"] and judging.at_rest(world, thing):
+                    known["carried"] = judging.held(world, thing)
                 continue
             known["at"] = list(now)
             held = judging.held(world, thing)
