@@ -146,6 +146,7 @@ def test_what_was_set_down_and_is_pushed_over_later_was_not_dropped():
     world.grasp("red")
     world.go(0.5, "red", (0, 0, 0.1))
     world.go(0.5, "red", (0, 0, -0.1))
+    world.go(0.2, "red", (0, 0, 0))
     world.let_go()
     world.go(0.5, "red", (0, 0, 0))
     world.go(0.2, "red", (0.1, 0, 0), tilted=1.5)
