@@ -26,7 +26,7 @@ _SEEK_SPEED = 0.015  # m/s towards what is to be pressed on
 _TOUCHED = 0.6  # share of the force from which on something is touched
 _CORRECTION_SPEED = 0.008  # m/s, most that the force may shift the path by
 _BANDWIDTH = 10.0  # 1/s of the force loop
-_BEND = 0.004  # m
+_BEND = 0.004  # m, most that the arm is expected to give way across what it presses on
 # Taken at once, what is done against the bending is felt in full a tick later: where a contact sticks, that alternates.
 _BEND_SHARE = 0.2  # of its change a tick
 _REGAIN, _REGAIN_SPEED = 0.02, 0.01  # m/s2 up to m/s towards what was touched, where contact is lost
@@ -34,19 +34,19 @@ _SLOPE_SPEED = 0.02  # m/s, most of it that is learnt
 _MEASURABLE = 0.0003  # m of travel from which on a contact's stiffness is measured
 _SOFTEST = 300.0  # N/m
 _LOST = 0.2  # share of the force below which contact counts as lost
-_PATIENCE = 0.4  # s of lost contact, or of too much force, that end a motion
+_PATIENCE = 0.4  # s of lost contact that end a motion
 _SETTLE = 0.3  # s in which a force is reached after contact
 _NULLSPACE = 0.2  # share of the way back to the planned posture a tick
-_OVERLOAD_TICKS = 3
-_EASE_TICKS = 12
+_OVERLOAD_TICKS = 3  # control periods of too much force beyond which a motion ends
+_EASE_TICKS = 12  # control periods in which the targets go to where the arm is
 
 
 @attrs.frozen(eq=False)
 class Pressed:
-    """What pressing along a path came to: mean force (N) and how far the path was shifted at its end (m)."""
+    """What pressing along a path came to."""
 
-    mean_force: float
-    offset: float
+    mean_force: float  # N
+    offset: float  # m along the direction that the path was shifted by at its end
     deepest: float  # m, most it was shifted by
     stopped_early: bool
 

@@ -197,7 +197,8 @@ class OpenTheBottle(Task):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return judging.picked(world, ("cap",), judging.read_subtask(subtask)[1])
+        action, names = judging.read_subtask(subtask)
+        return judging.picked(world, ("cap",), names) if action in (*judging.PICKING, "REMOVE", "TAKE_OFF") else None
 
     @property
     def reference_solution(self) -> str:
