@@ -10,12 +10,11 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json, print_table
+from memo_core.cli.stopping import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.experiment.demo import DemoReport
-
-INTERRUPTED = 130
 
 
 def command(
