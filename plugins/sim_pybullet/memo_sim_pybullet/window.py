@@ -9,6 +9,7 @@ import contextlib
 import ctypes
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 from memo_core.errors import BackendUnavailable
@@ -31,10 +32,9 @@ class Window:
         import pybullet
         from pybullet_utils.bullet_client import BulletClient
 
-        _need_display()
         self._client = client
         self._seen = -_PERIOD
-        with caught_output(1, 2):
+        with _display(), caught_output(1, 2):
             try:
                 self._window = BulletClient(pybullet.GUI)
             except pybullet.error as error:
@@ -79,9 +79,13 @@ class Window:
             self._window.disconnect()
 
 
-def _need_display() -> None:
-    """Bullet ends the whole process where no display answers, so it is asked before."""
+@contextlib.contextmanager
+def _display() -> Iterator[None]:
+    """A connection to the display, until the window has one of its own. Bullet ends the whole process where no
+    display answers, so it is asked before; and a server whose last client leaves starts anew and answers nobody for a
+    moment, so the connection is kept."""
     if not sys.platform.startswith("linux"):
+        yield
         return
     name = os.environ.get("DISPLAY", "")
     if not name:
@@ -95,4 +99,7 @@ def _need_display() -> None:
     display = x11.XOpenDisplay(None)
     if not display:
         raise BackendUnavailable("viewer", "pybullet", f"the display {name!r} does not answer", _REMEDY)
-    x11.XCloseDisplay(display)
+    try:
+        yield
+    finally:
+        x11.XCloseDisplay(display)
