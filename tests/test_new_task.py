@@ -34,6 +34,7 @@ def written(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("new") / "sort-the-buttons"
     made = memo("new", "task", "sort-the-buttons", "--folder", str(folder), "--json")
     assert made.returncode == 0, made.stderr
+    assert json.loads(made.stdout)["next"][0] == f"pip install --editable {folder}"
     assert sorted(Path(file).name for file in json.loads(made.stdout)["files"]) == [
         "memo_sort_the_buttons.py",
         "pyproject.toml",
@@ -86,6 +87,12 @@ def test_a_name_that_is_none_is_refused_with_what_would_be_right(tmp_path, name)
     done = memo("new", "task", name, "--folder", str(tmp_path / "x"))
     assert done.returncode == 2 and not (tmp_path / "x").exists()
     assert "NAME" in done.stderr and "lower case" in done.stderr
+
+
+def test_what_is_said_to_be_installed_is_a_path_and_no_name_that_a_stranger_could_register(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = memo("new", "task", "sort-the-buttons", "--json")
+    assert json.loads(made.stdout)["next"][0] == "pip install --editable ./sort-the-buttons"
 
 
 def test_what_is_there_is_never_written_over(tmp_path):

@@ -42,7 +42,9 @@ def task(
     if where.exists() and (not where.is_dir() or any(where.iterdir())):
         raise InvalidArgument("--folder", f"{where} exists and is not empty", "a new or empty folder")
     written = write_task(name, where)
-    commands = [f"pip install --editable {where}", f"memo tasks verify --suite {name} --seeds 0-4"]
+    # pip takes a bare word for the name of something to download.
+    project = where if where.is_absolute() else f"./{where}"
+    commands = [f"pip install --editable {project}", f"memo tasks verify --suite {name} --seeds 0-4"]
     if json:
         print_json({"task": name, "suite": name, "files": [str(path) for path in written], "next": commands})
         return

@@ -75,7 +75,8 @@ def find_backends(registry: Registry, name: str) -> tuple[Backend, ...]:
         for kind in KINDS:
             if (kind, name) in registry.ambiguous:
                 registry.get(kind, name)
-        raise UnknownName("backend", name, tuple(backend.name for kind in KINDS for backend in registry.backends(kind)))
+        known = dict.fromkeys(backend.name for kind in KINDS for backend in registry.backends(kind))
+        raise UnknownName("backend", name, tuple(known))
     return found
 
 
