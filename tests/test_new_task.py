@@ -44,27 +44,21 @@ def written(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(written, tmp_path_factory) -> str:
-    """Where the new plugin and the example are installed."""
-    target, copy = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("example")
-    for file in EXAMPLE.iterdir():  # a copy, so that a build leaves nothing in the checkout
-        if file.is_file():
-            (copy / file.name).write_bytes(file.read_bytes())
+    """Where the new plugin is installed. The example is the same but for its names, as a test below says."""
+    target = tmp_path_factory.mktemp("site")
     install(written, target)
-    install(copy, target)
     return str(target)
 
 
-@pytest.mark.parametrize("name", ["sort-the-buttons", EXAMPLE_NAME])
-def test_the_plugin_is_verified_as_it_is(installed, name):
-    done = memo("tasks", "verify", "--suite", name, "--seeds", "0", "--json", PYTHONPATH=installed)
+def test_the_plugin_is_verified_as_it_is(installed):
+    done = memo("tasks", "verify", "--suite", "sort-the-buttons", "--seeds", "0", "--json", PYTHONPATH=installed)
     assert done.returncode == 0, done.stderr + done.stdout
     [task] = json.loads(done.stdout)["tasks"]
-    assert (task["name"], task["reference"], task["null"]) == (name, 1, 0)
+    assert (task["name"], task["reference"], task["null"]) == ("sort-the-buttons", 1, 0)
 
 
-@pytest.mark.parametrize("name", ["sort-the-buttons", EXAMPLE_NAME])
-def test_the_plugin_keeps_the_rules_for_suites(installed, name):
-    done = memo("plugins", "check", name, "--json", PYTHONPATH=installed)
+def test_the_plugin_keeps_the_rules_for_suites(installed):
+    done = memo("plugins", "check", "sort-the-buttons", "--json", PYTHONPATH=installed)
     assert done.returncode == 0, done.stdout
 
 
