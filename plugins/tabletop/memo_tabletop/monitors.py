@@ -55,7 +55,28 @@ class Sampled(Monitor):
         self._next, self.seen = memory["next"], copy.deepcopy(memory["seen"])
 
 
-class HeldUp(Sampled):
+class Since(Sampled):
+    """Since when something has been so without a break: ``holds``."""
+
+    def start(self, world: WorldState) -> dict[str, Any]:
+        return {"since": None}
+
+    @abstractmethod
+    def holds(self, world: WorldState) -> bool: ...
+
+    def sample(self, world: WorldState) -> None:
+        if not self.holds(world):
+            self.seen["since"] = None
+        elif self.seen["since"] is None:
+            self.seen["since"] = world.time
+
+    def seconds(self, world: WorldState) -> float:
+        """For how long it has been so until now."""
+        since = self.seen["since"]
+        return 0.0 if since is None else world.time - since
+
+
+class HeldUp(Since):
     """Since when a thing has been held by the robot alone, ``height`` (m) above where it started."""
 
     def __init__(self, thing: str, height: float, name: str = "held up") -> None:
@@ -63,19 +84,10 @@ class HeldUp(Sampled):
         self.thing, self.height, self.name = thing, height, name
 
     def start(self, world: WorldState) -> dict[str, Any]:
-        return {"from": world.body_pose(self.thing).position[2], "since": None}
+        return super().start(world) | {"from": world.body_pose(self.thing).position[2]}
 
-    def sample(self, world: WorldState) -> None:
-        lifted = world.body_pose(self.thing).position[2] - self.seen["from"]
-        if lifted < self.height or not judging.held(world, self.thing):
-            self.seen["since"] = None
-        elif self.seen["since"] is None:
-            self.seen["since"] = world.time
-
-    def seconds(self, world: WorldState) -> float:
-        """For how long it has been held up without a break until now."""
-        since = self.seen["since"]
-        return 0.0 if since is None else world.time - since
+    def holds(self, world: WorldState) -> bool:
+        return self.lifted(world) >= self.height and judging.held(world, self.thing)
 
     def lifted(self, world: WorldState) -> float:
         """How far above its start it is now (m)."""
@@ -104,7 +116,7 @@ class Moved(Sampled):
         return self.seen["farthest"][thing]
 
 
-class Standing(Sampled):
+class Standing(Since):
     """Since when ``things`` have rested on one another in one tower, in any order, untouched by the robot: a chain of
     contacts in which each thing's frame is at least ``rise`` (m) above the one below it."""
 
@@ -112,16 +124,7 @@ class Standing(Sampled):
         super().__init__()
         self.things, self.rise, self.name = tuple(things), rise, name
 
-    def start(self, world: WorldState) -> dict[str, Any]:
-        return {"since": None}
-
-    def sample(self, world: WorldState) -> None:
-        if not self._tower(world):
-            self.seen["since"] = None
-        elif self.seen["since"] is None:
-            self.seen["since"] = world.time
-
-    def _tower(self, world: WorldState) -> bool:
+    def holds(self, world: WorldState) -> bool:
         height = {thing: world.body_pose(thing).position[2] for thing in self.things}
         order = sorted(self.things, key=lambda thing: height[thing])
         pairs = list(pairwise(order))
@@ -131,10 +134,6 @@ class Standing(Sampled):
         return all(judging.touches(world, upper, lower) for lower, upper in pairs) and all(
             judging.released(world, thing) for thing in order
         )
-
-    def seconds(self, world: WorldState) -> float:
-        since = self.seen["since"]
-        return 0.0 if since is None else world.time - since
 
 
 def explained(outcome: Outcome, monitors: dict[str, Any], world: WorldState) -> Outcome:
