@@ -45,6 +45,16 @@ def sim(
 
 
 @app.command()
+def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Plan motions with doors and drawers, and compare starts looked up in the table of poses with blind ones."""
+    from memo_core.experiment.bench_planning import bench_planning
+
+    _, experiment = load(config, overrides)
+    robot = experiment.create("robot")
+    _report(_measured("planning", lambda progress: bench_planning(robot, progress)), json)
+
+
+@app.command()
 def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """How well the robot feels and presses (N), against the simulator's own contact forces: see docs/force.md."""
     from memo_core.experiment.bench_force import bench_force
@@ -161,7 +171,7 @@ def skillbook(
         print_json(measured)
         return
     _report({name: value for name, value in measured.items() if name != "contenders"}, False)
-    columns = ("contender", "over", "entries", "open_s", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
+    columns = ("contender", "over", "entries", "open_s", "questions", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
     print_table(columns, [tuple(one[name] for name in columns) for one in measured["contenders"]])
 
 
