@@ -29,16 +29,6 @@ def released(world: WorldState, body: str) -> bool:
     return not any(c.first.startswith("robot/") or c.second.startswith("robot/") for c in world.contacts(body))
 
 
-def wholly_in(
-    world: WorldState, holder: Body, cavity: Cavity, thing: str, geom: Geom, tolerance: float = 0.004
-) -> bool:
-    """Whether every corner of a box-shaped thing lies in the cavity."""
-    frame = (world.body_pose(holder.name) * cavity.pose).inverse() * world.body_pose(thing)
-    signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-    corners = (frame * geom.pose).apply(signs * np.asarray(geom.size))
-    return bool(np.all(np.abs(corners) <= np.asarray(cavity.size) / 2 + tolerance))
-
-
 def passage(angle: float, clear: float, panel: float) -> float:
     """Width (m) of an opening that one can reach straight into, past a door that stands at ``angle`` (rad): the clear
     width without what the door's panel, of length ``panel`` from its hinge, still covers."""

@@ -79,7 +79,7 @@ class PutTheCubeAway(Task):
     def _inside(self, world: WorldState) -> bool:
         drawer = self._chest(np.random.default_rng(0)).bodies[0]
         cube = block("cube", "cube", (0, 0, 0), 0.0, (0.045, 0.045, 0.045), 0.08, RED)
-        return judging.wholly_in(world, drawer, drawer.cavities[0], "cube", cube.geoms[0])
+        return judging.inside(world, drawer.name, drawer.cavities[0], cube)
 
     @property
     def reference_solution(self) -> str:

@@ -52,7 +52,7 @@ class FoodInCabinet(Task):
         loaf = food((0.0, 0.0, 0.0), 0.0)
         if passage < self._needed_passage():
             return Outcome(False, f"the {self.cabinet_name} door lets only {max(passage, 0):.2f} m through", measures)
-        if not judging.wholly_in(world, described, cavity, "food", loaf.geoms[0]):
+        if not judging.inside(world, described.name, cavity, loaf):
             return Outcome(False, f"the food is not wholly inside the {self.cabinet_name}", measures)
         if not judging.released(world, "food"):
             return Outcome(False, "the robot still touches the food", measures)
