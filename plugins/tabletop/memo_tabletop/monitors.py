@@ -9,14 +9,12 @@ from __future__ import annotations
 import copy
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-import attrs
-
 from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome
+from memo_core.interfaces.task import Monitor
 from memo_tabletop import judging
 
 SAMPLE_S = 0.02
@@ -136,13 +134,6 @@ class Standing(Since):
         )
 
 
-def explained(outcome: Outcome, monitors: dict[str, Any], world: WorldState) -> Outcome:
-    """A failure with what befell the things, if ``Mishaps`` watched them."""
-    mishaps = monitors.get("mishaps")
-    story = mishaps.story(world) if isinstance(mishaps, Mishaps) and not outcome.success else ""
-    return attrs.evolve(outcome, reason=f"{outcome.reason}; {story}") if story else outcome
-
-
 class Mishaps(Sampled):
     """What befell each thing, for reports: ``dropped`` (it fell after the robot had held it), ``pushed over`` (it
     stood, and lies now), ``off the table``. ``upright`` names those for which lying is a mishap."""
@@ -202,3 +193,9 @@ class Mishaps(Sampled):
             elif robot:
                 told.append(f"the hand still holds the {thing}" if len(robot) > 1 else f"the hand touches the {thing}")
         return ", ".join(told)
+
+
+def story_of(monitors: Mapping[str, Any], world: WorldState) -> str:
+    """What befell the things, for ``judging.judge``; empty where no ``Mishaps`` watched them."""
+    mishaps = monitors.get("mishaps")
+    return mishaps.story(world) if isinstance(mishaps, Mishaps) else ""

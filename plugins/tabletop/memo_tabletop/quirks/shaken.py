@@ -20,7 +20,7 @@ from memo_core.scene.pose import Pose
 from memo_tabletop import judging
 from memo_tabletop.furniture import WOOD
 from memo_tabletop.grains import SALT, grains
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.task import QuirkTask
 from memo_tabletop.things import cameras
@@ -148,10 +148,8 @@ class ShakeOver(QuirkTask):
             (stands, f"the {self.thing} does not stand upright on the table"),
             *judging.let_go(world, self.thing),
         )
-        mishaps = monitors.get("mishaps")
-        story = mishaps.story(world) if isinstance(mishaps, Mishaps) else ""
         done = f"{given} grains are in the {self.target}, the {self.thing} stands on the table"
-        return judging.judge(done, conditions, {"grains": float(given)}, story)
+        return judging.judge(done, conditions, {"grains": float(given)}, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
         action, names = judging.read_subtask(subtask)

@@ -12,7 +12,7 @@ from memo_core.scene.description import Body, Colour, Free, Geom, SceneDescripti
 from memo_core.scene.mechanisms import Above, Lasting, Lock, Mechanism, Pressed
 from memo_core.scene.pose import Pose
 from memo_tabletop import judging
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.task import QuirkTask
 from memo_tabletop.things import RED, cameras
@@ -133,10 +133,8 @@ class CarryAThinThing(QuirkTask):
             (judging.upright(world, self.thing), f"the {self.thing} does not stand upright"),
             *judging.let_go(world, self.thing),
         )
-        mishaps = monitors.get("mishaps")
-        story = mishaps.story(world) if isinstance(mishaps, Mishaps) else ""
         done = f"the {self.thing} stands whole on the {self.target}"
-        return judging.judge(done, conditions, {"dent_m": dent}, story)
+        return judging.judge(done, conditions, {"dent_m": dent}, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
         action, names = judging.read_subtask(subtask)

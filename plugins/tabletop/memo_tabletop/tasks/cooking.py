@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.appliances import BURNER, BURNER_RADIUS, STOVE_SIZE, stove
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import PAN_APOTHEM, PAN_HEIGHT, cameras, food, pan
 
@@ -47,7 +47,7 @@ class CookTheFood(Task):
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         angle, off = world.joint_position("stove/knob"), self._off_burner(world)
         measures = {"knob_rad": angle, "pan_to_burner_m": off}
-        mishaps = monitors["mishaps"].story(world) if "mishaps" in monitors else ""
+        mishaps = story_of(monitors, world)
         conditions = (
             (self._on_burner(world), f"the pan does not stand on the burner but {off * 100:.0f} cm from its middle"),
             (self._in_pan(world), "the food is not in the pan"),

@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.furniture import Handle, chest
-from memo_tabletop.monitors import Mishaps, explained
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import RED, block, cameras
 
@@ -48,18 +48,14 @@ class PutTheCubeAway(Task):
         return (Mishaps(("cube",)),)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        return explained(self._verdict(world), monitors, world)
-
-    def _verdict(self, world: WorldState) -> Outcome:
         out = world.joint_position("chest/slide")
-        measures = {"drawer_m": out}
-        if not self._inside(world):
-            return Outcome(False, "the cube is not in the drawer", measures)
-        if out > SHUT_M:
-            return Outcome(False, f"the drawer stands {out * 1000:.0f} mm open", measures)
-        if not judging.at_rest(world, "cube") or not judging.released(world, "cube"):
-            return Outcome(False, "the cube is held or still moving", measures)
-        return Outcome(True, "the cube lies in the shut drawer", measures)
+        conditions = (
+            (self._inside(world), "the cube is not in the drawer"),
+            (out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open"),
+            *judging.let_go(world, "cube"),
+        )
+        story = story_of(monitors, world)
+        return judging.judge("the cube lies in the shut drawer", conditions, {"drawer_m": out}, story)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
         action, names = judging.read_subtask(subtask)

@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.furniture import WALL, DoorHinge
-from memo_tabletop.monitors import Mishaps, explained
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import cameras, food
 
@@ -42,23 +42,17 @@ class FoodInCabinet(Task):
         return (Mishaps(("food",)),)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        return explained(self._verdict(world), monitors, world)
-
-    def _verdict(self, world: WorldState) -> Outcome:
-        described = self._described()
-        cavity = described.cavities[0]
-        passage = self._passage(world.joint_position(f"{self.cabinet_name}/hinge"), described)
-        measures = {"door_rad": world.joint_position(f"{self.cabinet_name}/hinge"), "passage_m": passage}
-        loaf = food((0.0, 0.0, 0.0), 0.0)
-        if passage < self._needed_passage():
-            return Outcome(False, f"the {self.cabinet_name} door lets only {max(passage, 0):.2f} m through", measures)
-        if not judging.inside(world, described.name, cavity, loaf):
-            return Outcome(False, f"the food is not wholly inside the {self.cabinet_name}", measures)
-        if not judging.released(world, "food"):
-            return Outcome(False, "the robot still touches the food", measures)
-        if not judging.at_rest(world, "food"):
-            return Outcome(False, "the food is still moving", measures)
-        return Outcome(True, f"the food lies inside the open {self.cabinet_name}", measures)
+        name, described = self.cabinet_name, self._described()
+        angle = world.joint_position(f"{name}/hinge")
+        passage = self._passage(angle, described)
+        inside = judging.inside(world, name, described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
+        conditions = (
+            (passage >= self._needed_passage(), f"the {name} door lets only {max(passage, 0):.2f} m through"),
+            (inside, f"the food is not wholly inside the {name}"),
+            *judging.let_go(world, "food"),
+        )
+        measures = {"door_rad": angle, "passage_m": passage}
+        return judging.judge(f"the food lies inside the open {name}", conditions, measures, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
         action, names = judging.read_subtask(subtask)

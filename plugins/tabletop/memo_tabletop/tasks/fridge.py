@@ -14,7 +14,7 @@ from memo_core.scene.description import SceneDescription
 from memo_core.scene.hollow import shelf
 from memo_tabletop import judging
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
-from memo_tabletop.monitors import Mishaps, explained
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import BLUE, block, cameras
 
@@ -56,19 +56,15 @@ class OpenTheFridge(Task):
         return (Mishaps(("milk",), upright=("milk",)),)
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
-        return explained(self._verdict(world), monitors, world)
-
-    def _verdict(self, world: WorldState) -> Outcome:
         angle = world.joint_position("fridge/hinge")
         width = judging.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
-        measures = {"door_rad": angle, "passage_m": width}
-        if width < judging.HAND_PASSAGE_M:
-            return Outcome(False, f"the fridge door lets only {max(width, 0):.2f} m through", measures)
-        if not judging.released(world, "fridge/door"):
-            return Outcome(False, "the robot still touches the door", measures)
-        if abs(world.joint_velocity("fridge/hinge")) > judging.AT_REST_RAD_S:
-            return Outcome(False, "the door is still moving", measures)
-        return Outcome(True, f"the fridge stands open, {width:.2f} m wide", measures)
+        conditions = (
+            (width >= judging.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
+            (judging.released(world, "fridge/door"), "the robot still touches the door"),
+            (abs(world.joint_velocity("fridge/hinge")) < judging.AT_REST_RAD_S, "the door is still moving"),
+        )
+        done, measures = f"the fridge stands open, {width:.2f} m wide", {"door_rad": angle, "passage_m": width}
+        return judging.judge(done, conditions, measures, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
         return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None

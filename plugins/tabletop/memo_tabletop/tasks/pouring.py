@@ -11,7 +11,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.grains import CEREAL, contained, grains, vessel
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import PORCELAIN, RED, YELLOW, cameras
 
@@ -53,7 +53,7 @@ class PourTheCan(Task):
         measures = {"in_bowl": float(len(there)), "in_can": float(len(in_can))}
         missing = f"{len(there)} of {COUNT} balls are in the bowl, {len(in_can)} still in the can"
         spilt = COUNT - len(there) - len(in_can)
-        mishaps = monitors["mishaps"].story(world) if "mishaps" in monitors else ""
+        mishaps = story_of(monitors, world)
         conditions = (
             (
                 judging.upright(world, "bowl") and judging.on_table(world, "bowl"),

@@ -11,7 +11,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.grains import SALT, contained, grains, vessel
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import CRUST, block, cameras, plate
 
@@ -50,7 +50,7 @@ class SeasonTheFood(Task):
         still = [name for name in on if np.linalg.norm(world.body_velocity(name)[0]) < STILL_M_S]
         left = len(contained(world, "salt shaker", *SHAKER[:2], self._grains()))
         measures = {"on_food": float(len(on)), "in_shaker": float(left)}
-        mishaps = monitors["mishaps"].story(world) if "mishaps" in monitors else ""
+        mishaps = story_of(monitors, world)
         beside = COUNT - len(on) - left
         told = f"{len(on)} of {COUNT} grains are on the food, {left} in the shaker" + (
             f", {beside} beside" if beside else ""

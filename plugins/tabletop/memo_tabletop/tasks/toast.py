@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_tabletop import judging
 from memo_tabletop.appliances import DOWN, LATCHED_WITHIN, SLICE, TOASTER_SIZE, bread_rack, toaster
-from memo_tabletop.monitors import Mishaps
+from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.reference import solution
 from memo_tabletop.things import CRUST, block, cameras
 
@@ -43,7 +43,7 @@ class MakeToast(Task):
         down = world.joint_position("toaster/lever")
         sunk = self._sunk(world)
         measures = {"lever_m": down, "sunk_m": sunk}
-        mishaps = monitors["mishaps"].story(world) if "mishaps" in monitors else ""
+        mishaps = story_of(monitors, world)
         conditions = (
             (self._in_slot(world), "the bread is not in the toaster's slot"),
             (self._latched(world), f"the lever is not latched, {max(0.0, down) * 1000:.0f} mm down"),
