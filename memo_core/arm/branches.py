@@ -29,8 +29,8 @@ _TILTS = (0.0, 0.22, 0.44, 0.7, 1.0)  # rad tried on both sides
 _TILT_COST, _TILT_CHANGE_COST, _LIMIT_COST = 0.5, 8.0, 0.3
 _LIMIT_ZONE = 0.2  # rad
 # Near starts that are looked up, and solutions that are kept, for each tilt: with only one, and with many.
-_CLOUD, _TILTED_CLOUD = (128, 90), (80, 40)
-_CLOUD_ITERATIONS = 10
+_CLOUD, _TILTED_CLOUD = (220, 90), (80, 40)
+_CLOUD_ITERATIONS = 12
 _FAR, _TILTED_FAR = 200, 60  # spread starts for each tilt, where the near ones lead nowhere
 _TELLING = 40  # configurations of a layer that are asked what they touch
 

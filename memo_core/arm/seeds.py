@@ -117,13 +117,15 @@ class Seeds:
         across = np.array([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]])
         along = left[0, 0] + left[1, 1] + left[2, 2] - np.einsum("i,ijn,j->n", self._axis, left, self._axis)
         last = np.arctan2(self._axis @ across, along)
-        found = []
+        found, rank = [], []
         for turns in self._turns:
             joints = self._joints[:, pool]
             ends = _wrapped(np.array([first, last])) + 2 * np.pi * np.array(turns)[:, None]
             joints[[0, -1]] = np.clip(ends, self._lower[[0, -1], None], self._upper[[0, -1], None])
-            found.append(joints[:, np.abs(joints[[0, -1]] - ends).max(axis=0) < _BEYOND])
-        return np.concatenate(found, axis=1)
+            near = np.flatnonzero(np.abs(joints[[0, -1]] - ends).max(axis=0) < _BEYOND)
+            found.append(joints[:, near])
+            rank.append(near)
+        return np.concatenate(found, axis=1)[:, np.argsort(np.concatenate(rank), kind="stable")]
 
 
 def _spread(joints: Array, most: int) -> Array:
