@@ -125,6 +125,7 @@ class _Flat:
         self._roles = roles
         with database.read() as connection:
             found = rows.valid_entry_rows(connection)
+        self._known = {row.key_id: row.key for row in found}
         store.open()
         keyed = [row for row in found if row.key != GLOBAL_KEY]
         actions, objects = self._vectors([row.key for row in keyed])
@@ -145,7 +146,7 @@ class _Flat:
         query = np.concatenate([self._weights[0] * actions[0], self._weights[1] * objects[0]]) / sum(self._weights)
         ids, _ = self._store.search(query.astype(np.float32), self._count)
         searched = time.perf_counter()
-        _, found = rows.served_rows(self._database, [int(i) for i in ids])
+        _, found = rows.served_rows(self._database, [int(i) for i in ids], self._known)
         [found[int(i)] for i in ids]
         return searched - begun, time.perf_counter() - searched
 

@@ -314,7 +314,7 @@ class _Entries:
         )
         valid = tables.entries.c.superseded_by.is_(None)
         with self.database.read() as connection:
-            known = rows.keys_by_id(connection)
+            known = self._known = rows.keys_by_id(connection)
             found = connection.execute(sa.select(tables.entries.c.id, tables.entries.c.key).where(valid)).all()
         ids = sorted(key for key in known if known[key] != GLOBAL_KEY)
         place = {key: row for row, key in enumerate(ids)}
@@ -340,7 +340,7 @@ class _Entries:
         return scaled.astype(np.float32)
 
     def fetch(self, ids: Sequence[int]) -> int:
-        _, found = rows.served_rows(self.database, list(ids))
+        _, found = rows.served_rows(self.database, list(ids), self._known)
         return len(found)
 
 

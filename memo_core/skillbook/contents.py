@@ -36,6 +36,7 @@ class Contents:
     verb_of: np.ndarray  # int64, place in ``verbs``
     sizes: dict[str, np.ndarray]  # kind -> int64, number of valid entries
     everywhere: int | None  # id of the global key, where it has entries
+    by_id: dict[int, Key]  # also the global key
     aliases: dict[str, Key]
     row_of: dict[int, int]  # by id
     opposites: dict[str, np.ndarray] = attrs.field(factory=dict)  # action -> bool, keys that undo it; filled when asked
@@ -81,6 +82,7 @@ def read_contents(
         np.zeros(0, np.int64),
         {kind: np.zeros(0, np.int64) for kind in KINDS},
         None,
+        {},
         aliases,
         {},
     )
@@ -110,7 +112,11 @@ def _counted_on(
             sizes[kind][after.row_of[key]] = size
         elif kind == "general":
             everywhere = key
-    return _without_empty(attrs.evolve(after, sizes=sizes, everywhere=everywhere))
+    left = _without_empty(attrs.evolve(after, sizes=sizes))
+    by_id = dict(zip(left.ids, left.keys, strict=True))
+    if everywhere is not None:
+        by_id[everywhere] = GLOBAL_KEY
+    return attrs.evolve(left, everywhere=everywhere, by_id=by_id)
 
 
 def _with_keys(before: Contents, new: dict[int, Key], actions: Actions) -> Contents:

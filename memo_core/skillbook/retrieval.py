@@ -210,7 +210,7 @@ class Retriever:
         corrections = self._best("correction", hits, ranked, meant, state)
         templates = self._best("template", hits, ranked, meant, state)
         general = self._best_general(meant, state)
-        generation, rows = served_rows(self._database, [*corrections, *templates, *general])
+        generation, rows = served_rows(self._database, [*corrections, *templates, *general], state.by_id)
         if generation != state.generation:
             return None
         served = {

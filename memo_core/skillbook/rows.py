@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -23,10 +23,8 @@ _PLACES = 40
 _CHUNK = 500
 _PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
 _GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
-_SERVED = (
-    sa.select(_GENERATION.scalar_subquery(), *_COLUMNS, _K.action, _K.objects)
-    .join_from(tables.entries, tables.keys, _E.key == _K.id)
-    .where(_E.id.in_([sa.bindparam(name) for name in _PLACE_NAMES]))
+_SERVED = sa.select(_GENERATION.scalar_subquery(), *_COLUMNS).where(
+    _E.id.in_([sa.bindparam(name) for name in _PLACE_NAMES])
 )
 _VALID = (
     sa.select(_E.id, _E.kind, _E.key, _E.text, _K.action, _K.objects)
@@ -70,8 +68,9 @@ def generation_of(database: Database) -> int:
     return int(database.fetch(_GENERATION, {})[0][0])
 
 
-def served_rows(database: Database, ids: Sequence[int]) -> tuple[int, dict[int, Entry]]:
-    """The book's generation and entries by id, as one statement and so of one state of the book.
+def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key]) -> tuple[int, dict[int, Entry]]:
+    """The book's generation and entries by id, as one statement and so of one state of the book. ``keys`` are those
+    that the caller knows by their ids; entries under another are left out.
 
     The statement has a fixed number of places, filled up with the first id: it is prepared once.
     """
@@ -80,7 +79,9 @@ def served_rows(database: Database, ids: Sequence[int]) -> tuple[int, dict[int, 
             return int(connection.execute(_GENERATION).scalar_one()), entries_by_id(connection, ids)
     filled = [*ids, *[ids[0]] * (_PLACES - len(ids))]
     found = database.fetch(_SERVED, dict(zip(_PLACE_NAMES, filled, strict=True)))
-    return (int(found[0][0]) if found else -1), {row[1]: entry_of(row[1:]) for row in found}
+    return (int(found[0][0]) if found else -1), {
+        row[1]: Entry(row[1], row[2], keys[row[3]], *row[4:]) for row in found if row[3] in keys
+    }
 
 
 def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, Entry]:
