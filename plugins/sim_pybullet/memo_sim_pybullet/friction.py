@@ -5,6 +5,10 @@ f / sqrt(b) for what is rougher are right wherever one of the two is of the comm
 is smoother than b (*smooth*) and can meet its like has every shape twice: one copy collides with smooth things only and
 has sqrt(f), the other with everything else. What remains: two that are both rougher than b have f1 f2 / b, two smooth
 ones that differ the root of their product.
+
+Of torsion and rolling Bullet takes t1 f2 + t2 f1. Right again where one of the two is of the common kind. But torsion
+is a motor that holds still in Bullet, and balls of 7 mm that cannot spin stand as an arch in a can that is turned over:
+what rolls has none of its own, so half of it at most.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ class Frictions:
 
     common: float
     apart: bool
+    common_torsion: float = Material().torsional  # m
 
     def smooth(self, material: Material) -> bool:
         """Whether a surface of it has a second copy."""
@@ -34,6 +39,15 @@ class Frictions:
         if among_smooth:
             return math.sqrt(material.friction)
         return max(material.friction, self.common) / math.sqrt(self.common)
+
+    def torsion(self, material: Material) -> float:
+        """m, what Bullet multiplies and adds."""
+        own = material.torsional if material.contact_dimensions == 4 else 0.0
+        return max(own - self.common_torsion / 2, 0.0) / math.sqrt(self.common)
+
+    def rolling(self, material: Material) -> float:
+        """m; most things do not resist rolling."""
+        return material.rolling / math.sqrt(self.common) if material.contact_dimensions == 6 else 0.0
 
 
 def frictions_of(scene: SceneDescription) -> Frictions:
