@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import sys
 import tomllib
@@ -141,10 +142,16 @@ def test_every_distribution_declares_what_it_imports(project):
     # Robot code, run in the sandbox: what it imports is there or not by the sandbox's rules.
     files = [path for path in package.rglob("*.py") if "solutions" not in path.parts]
     used = {module.split(".")[0] for path in files for module in imports(path.read_text(encoding="utf-8"), "memo")}
-    distributions = metadata.packages_distributions() | WHEELS_WITHOUT_A_LIST
+    distributions = installed_modules() | WHEELS_WITHOUT_A_LIST
     for module in used - set(sys.stdlib_module_names) - {"memo", package.name, "__future__"}:
         providers = {plain_name(one) for one in distributions.get(module, [module])}
         assert providers & stated, f"{package.name} imports {module}, of {sorted(providers)}"
+
+
+@functools.cache
+def installed_modules() -> dict[str, list[str]]:
+    """Top-level module -> the distributions that provide it. Asking costs most of a second."""
+    return dict(metadata.packages_distributions())
 
 
 def plain_name(requirement: str) -> str:
