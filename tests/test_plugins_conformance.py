@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import threading
 from typing import Any
 
 import attrs
@@ -294,13 +295,16 @@ class Panics(Echo):
 class OneAtATime(Echo):
     busy = False
 
-    def answer(self, request, on_text=None, cancelled=None):
-        import time
+    def __init__(self) -> None:
+        super().__init__()
+        self.met = threading.Event()
 
+    def answer(self, request, on_text=None, cancelled=None):
         if self.busy:
+            self.met.set()
             raise RuntimeError("busy")
         self.busy = True
-        time.sleep(0.2)
+        self.met.wait(30)
         self.busy = False
         return super().answer(request)
 
