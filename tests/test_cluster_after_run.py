@@ -42,7 +42,8 @@ def condensed(line) -> tuple[list[str], list]:
         teach(book, "OPEN(oven)", "Swing it.", "Do swing it.")
         model = ScriptedModel({"cluster": [line] * 3})
         calls = ModelCalls(model, StopSwitch(), Kept(), heard.append, Budget(), Retrying(0))
-        AfterRun(ClusteringSettings(), Prompts()).condense(book, calls, heard.append)
+        AfterRun(ClusteringSettings(), Prompts()).condense(book, calls, heard.append, 7)
+        assert {request.seed for request in model.asked} == {7}, "not the run's seed"
         return texts(book), heard
 
 

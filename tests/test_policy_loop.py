@@ -526,12 +526,24 @@ def test_nothing_understood_is_set_aside_and_can_be_asked_about_again(sandbox, b
 def test_a_retry_ends_when_no_model_can_be_asked_and_changes_nothing(sandbox, book):
     for words in ("lower", "higher"):
         book.park(book.record_feedback(words, "ana", subtask="PICK_UP(red cube)"), "unreadable")
-    down = LanguageModelError("scripted", "down")
+    down = LanguageModelError("scripted", "down", retryable=True)
     bench = Bench(sandbox, book, {"feedback": [down, NOTES]}, None, retries=0)
     noting = Noting(Questions(bench.session).ask, book, METHODS["memo"], bench.events.append)
     [noted] = retry(noting, book)
     assert noted.outcome == "pending" and "down" in noted.reason
     assert [said.status for said in book.pending_feedback(parked=True)] == ["parked", "parked"]
+
+
+def test_a_retry_passes_over_what_a_model_cannot_be_asked_about_and_goes_on_with_the_rest(sandbox, book):
+    for words in ("lower", "higher"):
+        book.park(book.record_feedback(words, "ana", subtask="PICK_UP(red cube)"), "unreadable")
+    refused = LanguageModelError("scripted", "the prompt shows no scene")
+    bench = Bench(sandbox, book, {"feedback": [refused, NOTES]}, None, retries=0)
+    noting = Noting(Questions(bench.session).ask, book, METHODS["memo"], bench.events.append)
+    first, second = retry(noting, book)
+    assert (first.outcome, second.outcome) == ("pending", "learnt") and "no scene" in first.reason
+    [left] = book.pending_feedback(parked=True)
+    assert left.words == "lower"
 
 
 def test_a_resumed_run_without_checkpoints_has_the_world_put_back_by_hand_first(sandbox, book):

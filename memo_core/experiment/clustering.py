@@ -122,15 +122,15 @@ class AfterRun:
     settings: ClusteringSettings
     prompts: Prompts
 
-    def condense(self, book: Skillbook, calls: ModelCalls, emit: Callable[[Event], None]) -> None:
-        """Condense what changed, with the run's model and budget unless the settings name another model. What a model
-        cannot answer is reported, for the run itself has ended before. Raises ``Stopped``."""
+    def condense(self, book: Skillbook, calls: ModelCalls, emit: Callable[[Event], None], seed: int) -> None:
+        """Condense what changed, with the run's seed and budget, and with its model unless the settings name another.
+        What a model cannot answer is reported, for the run itself has ended before. Raises ``Stopped``."""
         own: LanguageModel | None = self.settings.llm.create() if self.settings.llm is not None else None
         try:
             if own is not None:
                 own.open()
                 calls = calls.to(own)
-            clustering = Clustering(book, calls, calls.model, self.settings, self.prompts, emit)
+            clustering = Clustering(book, calls, calls.model, self.settings, self.prompts, emit, seed)
             for outcome in clustering.condense_all():
                 if outcome.problem:
                     emit(Problem(f"cluster {outcome.cluster.label}", f"stays as it was: {outcome.problem}"))

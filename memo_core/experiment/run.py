@@ -366,7 +366,7 @@ def _work(
             calls = ModelCalls(
                 llm, stop, chronicle.folder, emit, budget, Retrying(cast.settings.retries, cast.settings.retry_wait_s)
             )
-            cast.clustering.condense(cast.book, calls, emit)
+            cast.clustering.condense(cast.book, calls, emit, seed)
     finally:
         cast.sandbox.close()
         if cast.book is not None:

@@ -36,12 +36,14 @@ class Ask(Protocol):
 
 @attrs.frozen
 class Noted:
-    """What became of one feedback: ``learnt`` with its entries; ``set aside`` (parked) or ``pending``, and why."""
+    """What became of one feedback: ``learnt`` with its entries; ``set aside`` (parked) or ``pending``, and why.
+    ``away``: the model cannot be asked about any other either."""
 
     feedback: int
     outcome: Literal["learnt", "set aside", "pending"]
     entries: tuple[Entry, ...] = ()
     reason: str = ""
+    away: bool = False
 
 
 class Noting:
@@ -70,7 +72,8 @@ class Noting:
             )
         except NOT_NOW as error:
             self._emit(Problem(f"feedback {feedback.id} stays {feedback.status}", str(error)))
-            return Noted(feedback.id, "pending", reason=str(error))
+            away = not isinstance(error, LanguageModelError) or error.retryable  # else it is this question's fault
+            return Noted(feedback.id, "pending", reason=str(error), away=away)
         except (Unreadable, NotAKey) as error:
             return self._set_aside(feedback, str(getattr(error, "problem", error)))
         if not notes.corrections and not notes.general:
@@ -113,7 +116,8 @@ def asking_without_a_run(
 
 def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None) -> list[Noted]:
     """Ask once more about all feedback that is set aside or pending, oldest first; ``done`` hears of each as it is
-    finished. Ends early when a model cannot be asked. Raises ``Stopped``."""
+    finished. What a model cannot be asked about stays as it is; ends early when it cannot be asked at all. Raises
+    ``Stopped``."""
     results: list[Noted] = []
     for feedback in book.pending_feedback(parked=True):
         if feedback.kind != "correction":
@@ -121,6 +125,6 @@ def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambd
         noted = noting.process(feedback)
         results.append(noted)
         done(noted)
-        if noted.outcome == "pending":
+        if noted.away:
             break
     return results

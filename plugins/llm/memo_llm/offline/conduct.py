@@ -52,9 +52,6 @@ class Conduct:
 
     positions: dict[str, frozenset[str | float]]
 
-    def speaks_of(self, matter: str) -> bool:
-        return matter in self.positions
-
     def said(self, matter: str) -> str:
         """For a reason: "path: arc"."""
         return f"has {matter}: {', '.join(sorted(map(str, self.positions[matter])))}"
