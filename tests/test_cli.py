@@ -130,7 +130,7 @@ def test_seeds_are_read(text, seeds):
     assert read_seeds(text) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1..3"])
+@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1..3", "0-99999999999", "0-9999,10000"])
 def test_what_are_no_seeds_is_an_error(text):
     with pytest.raises(InvalidArgument):
         read_seeds(text)

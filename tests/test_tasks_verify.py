@@ -59,6 +59,12 @@ def test_a_result_of_another_scene_or_setting_does_not_count(tmp_path):
     assert TrialLog(tmp_path / "out.jsonl", lambda name, seed: "changed").known(TRIAL) is None
 
 
+def test_a_file_that_cannot_be_written_is_said_before_anything_is_run(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidArgument, match="cannot be written"):
+        TrialLog(tmp_path / "file" / "out.jsonl", same)
+
+
 @pytest.mark.parametrize("text", ["hello\nworld\n", '{"task": "lift"}\n', "[1, 2]\n{}\n"])
 def test_another_kind_of_file_is_refused_and_left_as_it_is(tmp_path, text):
     file = tmp_path / "notes.txt"

@@ -13,6 +13,8 @@ from memo_core.errors import InvalidArgument
 
 app = typer.Typer(help="The tasks there are.")
 
+MOST_SEEDS = 10_000
+
 Suite = Annotated[str | None, typer.Option("--suite", metavar="NAME", help="Another suite than the experiment's.")]
 
 
@@ -152,12 +154,14 @@ def pictures(
 
 
 def read_seeds(text: str) -> tuple[int, ...]:
-    """``0-19``, ``7`` or ``1,4-6``. Raises ``InvalidArgument``."""
+    """``0-19``, ``7`` or ``1,4-6``; ten thousand at most. Raises ``InvalidArgument``."""
     seeds: list[int] = []
     for part in text.split(","):
         first, dash, last = part.strip().partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()) or (dash and int(last) < int(first)):
             raise InvalidArgument("--seeds", f"{text!r} cannot be read", "seeds such as 0-19 or 3,5")
+        if len(seeds) + int(last or first) - int(first) >= MOST_SEEDS:
+            raise InvalidArgument("--seeds", f"{text!r} are too many", f"at most {MOST_SEEDS}")
         seeds += range(int(first), int(last or first) + 1)
     return tuple(dict.fromkeys(seeds))
 

@@ -74,6 +74,7 @@ class TrialLog:
         self._done: dict[tuple[str, int, str], dict[str, Any]] = {}
         if file is not None and file.exists():
             self._read(file)
+        self._append(b"")  # what cannot be kept is said before anything is run
 
     def _read(self, file: Path) -> None:
         try:
@@ -100,9 +101,13 @@ class TrialLog:
         return None if found is None or (trial.plain and "plain" not in found) else found
 
     def add(self, result: dict[str, Any]) -> None:
+        if self._file is not None:
+            line = result | {"digest": self._digest(result["task"], result["seed"])}
+            self._append(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+
+    def _append(self, line: bytes) -> None:
         if self._file is None:
             return
-        line = json.dumps(result | {"digest": self._digest(result["task"], result["seed"])}, ensure_ascii=False)
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             with self._file.open("ab+") as file:
@@ -110,7 +115,7 @@ class TrialLog:
                     file.seek(-1, os.SEEK_END)
                     if file.read(1) != b"\n":  # the last line was cut off
                         file.write(b"\n")
-                file.write(line.encode() + b"\n")
+                file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
