@@ -300,6 +300,32 @@ def lesions(
     print_table(("lesion", "first subtask", "whole task"), rows)
 
 
+@app.command()
+def transfer(
+    simulator: Annotated[
+        list[str] | None, typer.Option("--simulator", help="One of those compared; repeatable. None: all installed.")
+    ] = None,
+    teach: Annotated[
+        list[str] | None,
+        typer.Option("--teach", help="A task to teach; repeatable. None: the one of the suite's demo."),
+    ] = None,
+    task: Annotated[
+        list[str] | None, typer.Option("--task", help="A task to try; repeatable. None: all that are held out.")
+    ] = None,
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0-4",
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="What ended is kept there and not done again.")
+    ] = Path("runs/transfer"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach in one simulator, use the book in another: what is learnt of it on tasks that nobody ever corrected."""
+    from memo_core.cli.transfer import transfer_table
+
+    transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
+
+
 def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:
     found = []
     for name in names:
