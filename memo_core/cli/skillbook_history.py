@@ -32,6 +32,7 @@ def history(
     key: Annotated[
         str | None, typer.Argument(metavar="[KEY]", help="Only this key, e.g. 'OPEN(oven)'; * for general statements.")
     ] = None,
+    last: Annotated[int | None, typer.Option("--last", min=1, help="Only the last so many revisions.")] = None,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -39,7 +40,7 @@ def history(
 ) -> None:
     """List what changed, revision by revision; of a key also its entries and the versions of its template."""
     with _opened(book, config, overrides, read_only=True) as opened:
-        revisions = opened.history(key)
+        revisions = opened.history(key, last)
         versions = opened.versions(key) if key is not None else []
     if json:
         print_json({"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]})

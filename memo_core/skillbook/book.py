@@ -265,16 +265,21 @@ class Skillbook:
     def near_keys(self) -> list[NearKeys]:
         """Spellings that mean a key which has more entries (``memo_core.skillbook.joining``); ``add_alias`` joins them.
         Needs the embedder."""
-        counted = Counter(entry.key for entry in self.entries() if entry.key != GLOBAL_KEY)
+        with self._database.read() as connection:
+            known, sizes = rows.keys_by_id(connection), rows.group_sizes(connection)
+        counted: Counter[Key] = Counter()
+        for number, _, size in sorted(sizes):
+            counted[known[number]] += size
+        del counted[GLOBAL_KEY]
         keys = sorted(counted, key=lambda key: -counted[key])
         return near_keys(keys, self._key_vectors(), self.settings.actions)
 
     # -- history -------------------------------------------------------------------------------------------------------
-    def history(self, key: Key | str | None = None) -> list[Revision]:
+    def history(self, key: Key | str | None = None, last: int | None = None) -> list[Revision]:
         """Every change to the set of valid entries, oldest first, or those that touched a key's entries (``"*"``: the
-        general statements)."""
+        general statements); of these the ``last`` so many. All of a large book are a large list."""
         with self._database.read() as connection:
-            return revisions(self._database, connection, None if key is None else _meant(connection, key))
+            return revisions(self._database, connection, None if key is None else _meant(connection, key), last)
 
     def versions(self, key: Key | str) -> list[Version]:
         """The templates of a key with their records, oldest first."""
@@ -291,7 +296,8 @@ class Skillbook:
         """Take back what a revision did, by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
         with self._database.write() as connection:
             new = roll_back(self._database, connection, revision)
-        return next(one for one in self.history() if one.id == new)
+        with self._database.read() as connection:
+            return revisions(self._database, connection, only=new)[0]
 
     def sources(self, entry_ids: Iterable[int]) -> list[int]:
         """The feedback that entries derive from, by id."""
@@ -461,11 +467,11 @@ class Skillbook:
         """In an order in which each is followed by the most similar of those left."""
         assert self._vectors is not None
         vectors = self._vectors.get([member.text for member in members])
-        left, order = list(range(1, len(members))), [0]
-        while left:
-            nearest = max(left, key=lambda i: float(vectors[i] @ vectors[order[-1]]))
-            left.remove(nearest)
-            order.append(nearest)
+        taken = np.zeros(len(members), dtype=bool)
+        order = [0]
+        while len(order) < len(members):
+            taken[order[-1]] = True
+            order.append(int(np.argmax(np.where(taken, -np.inf, vectors @ vectors[order[-1]]))))
         return [members[i] for i in order]
 
     def _known_template(self, connection: sa.Connection, approval: int, key: Key, code: str) -> Entry | None:

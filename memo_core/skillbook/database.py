@@ -332,7 +332,7 @@ class Database:
         with self.write() as connection:
             self._one_at_a_time(connection)
             tables.metadata.create_all(connection)
-            for index in (tables.valid_entries, tables.retired_entries):  # create_all leaves tables there as they are
+            for index in tables.entries.indexes:  # create_all leaves tables there as they are
                 index.create(connection, checkfirst=True)
             for name in tables.FORMER_INDEXES:
                 connection.exec_driver_sql(f"DROP INDEX IF EXISTS {name}")

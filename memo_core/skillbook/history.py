@@ -20,6 +20,7 @@ from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.superseding import restore, supersede
 from memo_core.skillbook.templates import records_of
+from memo_core.skillbook.vectors import batched
 
 _E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
 _CHUNK = 500
@@ -83,23 +84,57 @@ class CannotRollBack(MemoError):
         return f"revision {self.revision} cannot be rolled back: {self.problem}{first}"
 
 
-def revisions(database: Database, connection: sa.Connection, key: Key | None = None) -> list[Revision]:
-    """All revisions, oldest first, or those that touched a key's entries."""
-    changed = _changes(database, connection)
-    entries = {entry.id: entry for entry in rows.entries_where(connection)}
+def revisions(
+    database: Database,
+    connection: sa.Connection,
+    key: Key | None = None,
+    last: int | None = None,
+    only: int | None = None,
+) -> list[Revision]:
+    """All revisions, oldest first, or those that touched a key's entries; of these the ``last`` so many, or ``only``
+    the one with this id."""
+    ids = _ids(connection, key) if only is None else [only]
+    if last is not None:
+        ids = ids[max(0, len(ids) - last) :]
+    return [one for part in batched(ids, _CHUNK) for one in _read(database, connection, part)]
+
+
+def _ids(connection: sa.Connection, key: Key | None) -> list[int]:
+    if key is None:
+        return rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id)))
+    number = rows.known_key_id(connection, key)
+    if number is None:
+        return []
+    touched = sa.union(
+        sa.select(_R.id).where(_R.key == number),
+        sa.select(_E.revision).where(_E.key == number),
+        sa.select(_C.revision).join(tables.entries, _C.entry == _E.id).where(_E.key == number),
+    )
+    return sorted(rows.ids_of(connection.execute(touched)))
+
+
+def _read(database: Database, connection: sa.Connection, ids: list[int]) -> list[Revision]:
+    """Some revisions with their changes, by ascending id."""
     by_revision: dict[int, list[Change]] = {}
-    for entry in entries.values():
+    for entry in rows.entries_where(connection, _E.revision.in_(ids)):
         by_revision.setdefault(entry.revision, []).append(Change("added", entry))
+    changed = _changes(database, connection, _C.revision.in_(ids))
+    entries: dict[int, Entry] = {}
+    for part in batched(sorted({row.entry for row in changed}), _CHUNK):
+        entries.update(rows.entries_by_id(connection, part))
     for row in changed:
         by_revision.setdefault(row.revision, []).append(Change(row.change, entries[row.entry], row.why, row.because))
     query = sa.select(_R.id, _R.time, _R.reason, _K.action, _K.objects).join(tables.keys, _R.key == _K.id, isouter=True)
-    found = []
-    for row in connection.execute(query.order_by(_R.id)):
-        about = rows.key_of(row.action, row.objects) if row.objects is not None else None
-        one = Revision(row.id, row.time, row.reason, about, tuple(by_revision.get(row.id, ())))
-        if key is None or about == key or any(change.entry.key == key for change in one.changes):
-            found.append(one)
-    return found
+    return [
+        Revision(
+            row.id,
+            row.time,
+            row.reason,
+            rows.key_of(row.action, row.objects) if row.objects is not None else None,
+            tuple(by_revision.get(row.id, ())),
+        )
+        for row in connection.execute(query.where(_R.id.in_(ids)).order_by(_R.id))
+    ]
 
 
 def versions(database: Database, connection: sa.Connection, key: Key) -> list[Version]:
@@ -110,7 +145,8 @@ def versions(database: Database, connection: sa.Connection, key: Key) -> list[Ve
         if entry.key == key
     ]
     records = records_of(database, connection, [entry.id for entry in mine])
-    succeeded = {(row.revision, row.entry) for row in _changes(database, connection) if row.because is not None}
+    theirs = _changes(database, connection, _C.entry.in_([entry.id for entry in mine]))
+    succeeded = {(row.revision, row.entry) for row in theirs if row.because is not None}
     found = []
     for entry in mine:
         gone = "superseded" if (entry.superseded_by, entry.id) in succeeded else "rolled back"
@@ -126,13 +162,24 @@ def difference(database: Database, connection: sa.Connection, one: int, other: i
         if revision is not None:
             _check(connection, revision)
     before, after = (one - 1, one) if other is None else (one, other)
-    entries = rows.entries_where(connection)
-    changed = _changes(database, connection)
-    was, now = _valid_after(before, entries, changed), _valid_after(after, entries, changed)
-    return Difference(
-        tuple(entry for entry in entries if entry.id in was - now),
-        tuple(entry for entry in entries if entry.id in now - was),
+    between = (min(before, after), max(before, after))
+    touched = sa.union(
+        sa.select(_E.id).where(_E.revision > between[0], _E.revision <= between[1]),
+        *(
+            [sa.select(_C.entry).where(_C.revision > between[0], _C.revision <= between[1])]
+            if database.has(connection, tables.changes)
+            else []
+        ),
     )
+    removed: list[Entry] = []
+    added: list[Entry] = []
+    for part in batched(sorted(rows.ids_of(connection.execute(touched))), _CHUNK):
+        entries = list(rows.entries_by_id(connection, part).values())
+        changed = _changes(database, connection, _C.entry.in_(part))
+        was, now = _valid_after(before, entries, changed), _valid_after(after, entries, changed)
+        removed += [entry for entry in entries if entry.id in was - now]
+        added += [entry for entry in entries if entry.id in now - was]
+    return Difference(*(tuple(sorted(some, key=lambda entry: entry.id)) for some in (removed, added)))
 
 
 def roll_back(database: Database, connection: sa.Connection, revision: int) -> int:
@@ -162,9 +209,9 @@ def roll_back(database: Database, connection: sa.Connection, revision: int) -> i
 
 
 def _check(connection: sa.Connection, revision: int) -> None:
-    known = rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id)))
-    if revision not in known:
-        raise UnknownName("revision", str(revision), tuple(map(str, known[-20:])))
+    if connection.execute(sa.select(_R.id).where(_R.id == revision)).first() is None:
+        newest = rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id.desc()).limit(20)))
+        raise UnknownName("revision", str(revision), tuple(map(str, sorted(newest))))
 
 
 def _check_untouched(
@@ -233,10 +280,10 @@ def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
     connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))
 
 
-def _changes(database: Database, connection: sa.Connection) -> list[sa.Row]:
+def _changes(database: Database, connection: sa.Connection, condition: sa.ColumnElement[bool]) -> list[sa.Row]:
     if not database.has(connection, tables.changes):
         return []
-    return list(connection.execute(sa.select(tables.changes).order_by(_C.revision, _C.entry)))
+    return list(connection.execute(sa.select(tables.changes).where(condition).order_by(_C.revision, _C.entry)))
 
 
 def _valid_after(revision: int, entries: list[Entry], changed: list[sa.Row]) -> set[int]:

@@ -74,7 +74,7 @@ entries = sa.Table(
     sa.Column("feedback", sa.ForeignKey("feedback.id", ondelete="SET NULL"), nullable=True),
     sa.Column("phase", sa.String(20), nullable=False),
     sa.Column("ordinal", sa.Integer, nullable=False),
-    sa.Column("revision", sa.ForeignKey("revisions.id"), nullable=False),
+    sa.Column("revision", sa.ForeignKey("revisions.id"), nullable=False, index=True),
     sa.Column("superseded_by", sa.ForeignKey("revisions.id"), nullable=True),
     sa.Column("uses", sa.Integer, nullable=False, server_default="0"),
     sa.Column("confirmed_uses", sa.Integer, nullable=False, server_default="0"),
