@@ -223,8 +223,8 @@ WRONG |= {
             "keeps hold of it beside them",
             "def open_gripper(width=None):\n    pass\n\n\ndef put_down(place, above, yaw):\n"
             "    hand = top_orientation(yaw)\n    move_to([place[0], place[1], above + 0.08], hand)\n"
-            "    move_straight([place[0], place[1], above + 0.001], hand)\n\n\njoin_the_others()",
-            "the hand still holds",
+            "    move_straight([place[0], place[1], above - 0.001], hand)\n\n\njoin_the_others()",
+            "the robot still touches",
             using=LONELY,
         ),
     ),
