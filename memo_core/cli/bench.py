@@ -32,26 +32,37 @@ def startup(
 @app.command()
 def sim(
     rounds: Annotated[int, typer.Option("--rounds", min=1, help="Rounds; medians are compared.")] = 3,
+    simulator: Annotated[
+        list[str] | None,
+        typer.Option("--simulator", help="Several side by side; repeatable. None: the experiment's alone."),
+    ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """The whole motion stack against a bare loop that replays its recorded controls in the same scene."""
+    """The whole motion stack against a bare loop that replays its recorded controls in the same scene; and what the
+    simulator's checkpoints, pictures and memory cost."""
+    import attrs
+
     from memo_core.experiment.bench_sim import bench_sim
+    from memo_core.experiment.bench_sim_memory import sim_memory
 
-    _, experiment = load(config, overrides)
-    simulator, robot = experiment.create("simulator"), experiment.create("robot")
-    _report(_measured("sim", lambda progress: bench_sim(simulator, robot, rounds=rounds)), json)
-
-
-@app.command()
-def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Plan motions with doors and drawers, and compare starts looked up in the table of poses with blind ones."""
-    from memo_core.experiment.bench_planning import bench_planning
-
-    _, experiment = load(config, overrides)
-    robot = experiment.create("robot")
-    _report(_measured("planning", lambda progress: bench_planning(robot, progress)), json)
+    names = list(dict.fromkeys(simulator or ()))
+    chosen = [[*(overrides or ()), f"simulator.backend={name}"] for name in names] or [[*(overrides or ())]]
+    experiments = [load(config, one)[1] for one in chosen]  # what is wrong is said before anything is measured
+    found = []
+    for one, experiment in zip(chosen, experiments, strict=True):
+        made, robot = experiment.create("simulator"), experiment.create("robot")
+        measured = _measured("sim", lambda progress, made=made, robot=robot: bench_sim(made, robot, rounds=rounds))  # type: ignore[misc]
+        name = {"simulator": experiment.choice("simulator").backend.name}
+        found.append({"bench": "sim"} | name | measured | attrs.asdict(sim_memory(config, tuple(one))))
+    if not names:
+        _report(found[0], json)
+    elif json:
+        print_json({"bench": "sim", "simulators": found})
+    else:
+        rows = [(key.replace("_", " "), *(one[key] for one in found)) for key in found[0] if key != "bench"]
+        print_table(("sim", *([""] * len(found))), rows)
 
 
 @app.command()
