@@ -25,6 +25,13 @@ def no_keys(monkeypatch):
         monkeypatch.delenv(name, raising=False)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def imported() -> None:
+    """LiteLLM takes seconds to import, some of it with the first answer: no call's time is about that."""
+    with Wire() as wire:
+        model_at(wire, timeout_s=250.0).answer(user("hi"))
+
+
 @pytest.fixture
 def served() -> Iterator[Wire]:
     with Wire() as wire:
@@ -185,12 +192,12 @@ def test_it_says_why_an_answer_ended(reply, finish, text, stream):
 def test_an_error_says_what_the_server_said_and_whether_asking_again_may_help(model, reply, words, retryable, after):
     with Wire([reply]) as wire:
         started = time.monotonic()
-        problem = failed(model_at(wire, model=model))
+        problem = failed(model_at(wire, model=model, timeout_s=60.0))
         assert words in problem.problem, problem.problem
         assert (problem.retryable, problem.retry_after_s) == (retryable, after)
         assert len(wire.asked) == 1, "it asked again by itself"
         assert (problem.usage is not None) == (reply.status == 200), "an answer that was lost was paid for"
-        assert time.monotonic() - started < 4.0, "it waited for the time-out instead"
+        assert time.monotonic() - started < 30.0, "it waited for the time-out instead"
 
 
 def test_a_stream_that_is_cut_is_no_answer():

@@ -86,13 +86,13 @@ def test_what_may_pass_is_tried_again_and_nothing_else(first, tries, monkeypatch
         assert len(wire.asked) == tries
 
 
-@pytest.mark.parametrize("reply", [Reply(silent_s=30.0), Reply(drip_s=0.05)], ids=["silent", "dripping"])
+@pytest.mark.parametrize("reply", [Reply(silent_s=200.0), Reply(drip_s=0.05)], ids=["silent", "dripping"])
 def test_a_request_is_given_up_after_its_time(reply):
     with Wire([reply]) as wire:
         started = time.monotonic()
         with pytest.raises(BackendUnavailable, match="timeout_s"):
             embedder_at(wire, timeout_s=0.4).open()
-        assert time.monotonic() - started < 20.0
+        assert time.monotonic() - started < 100.0
 
 
 @pytest.mark.parametrize("body", [b"{}", b'{"data": []}', b"<html>", b'{"data": [{"index": 0, "embedding": [0, 0]}]}'])
