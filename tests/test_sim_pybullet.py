@@ -18,6 +18,7 @@ from memo_sim_pybullet.simulator import PybulletSimulator
 
 from memo_core.errors import InvalidArgument
 from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
+from memo_core.scene.hollow import cup
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.simulator import check_robot, check_scene
 
@@ -209,16 +210,19 @@ with PybulletSimulator() as simulator:
     except BackendUnavailable as error:
         why = str(error)
     simulator.command_gripper(0.0, 30.0)
-    print()
-    print("SAID", json.dumps([why, repr(_history(simulator, 12))]), flush=True)
+    history = repr(_history(simulator, 12))
+    print("still looking")
+print(json.dumps([why, history]))
 """
 
 
 def looked(display: str) -> tuple[str, str]:
     environment = {**os.environ, "DISPLAY": display}
     done = subprocess.run([sys.executable, "-c", LOOK], capture_output=True, text=True, env=environment, timeout=120)
-    [line] = [line for line in done.stdout.splitlines() if line.startswith("SAID")]
-    why, history = json.loads(line[4:])
+    assert done.returncode == 0, done.stderr
+    first, answer = done.stdout.splitlines()  # and nothing of Bullet's
+    assert first == "still looking"
+    why, history = json.loads(answer)
     return why, history
 
 
@@ -238,6 +242,31 @@ def test_a_window_needs_a_display_and_changes_nothing():
         server.terminate()
         server.wait()
     assert not why and seen == unseen
+
+
+def test_a_small_light_thing_does_not_tip_in_the_grip():
+    cap = Body("cap", cup(0.0145, 0.02, 0.003), Pose((0.4, 0.0, 0.0)), Free(), mass=0.03)
+    with built(SceneDescription((cap,))) as simulator:
+        simulator.command_gripper(0.0, 30.0)
+        run(simulator, 2.0)
+        assert simulator.gripper_effort() == pytest.approx(30.0, rel=0.1)
+        tilt = math.degrees(math.acos(min(1.0, simulator.body_pose("cap").rotation[2, 2])))
+        assert tilt < 0.5, f"it tips by {tilt:.1f} degrees"
+
+
+def test_smooth_things_meet_rough_ones_and_each_other():
+    """Smooth shapes are there twice, for smooth partners and for all others: each pair has one contact patch."""
+    smooth = Material(friction=0.2)
+    plate = Body("plate", (Geom("box", (0.3, 0.3, 0.02), material=smooth),), Pose((0.6, 0.5, 0.01)), Free(), mass=1.0)
+    brick = Body("brick", (Geom("box", (0.05,) * 3, material=smooth),), Pose((0.6, 0.5, 0.0451)), Free(), mass=0.3)
+    with built(SceneDescription((plate, brick))) as simulator:
+        run(simulator, 0.5)
+        weights = {}
+        for contact in simulator.contacts():
+            pair = frozenset((contact.first, contact.second))
+            weights[pair] = weights.get(pair, 0.0) + contact.force
+        assert weights[frozenset(("plate", "brick"))] == pytest.approx(0.3 * 9.81, rel=0.05)
+        assert weights[frozenset(("plate", "table"))] == pytest.approx(1.3 * 9.81, rel=0.05)
 
 
 def test_what_bullet_cannot_build_is_named():

@@ -9,6 +9,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 _one_at_a_time = threading.Lock()
 
@@ -36,6 +37,38 @@ def caught_output(*streams: int) -> Iterator[Callable[[], str]]:
             for stream, kept in real.items():
                 os.dup2(kept, stream)
                 os.close(kept)
+
+
+class Diversion:
+    """As long as it lasts, what native code prints on the standard output, from whichever thread, goes to the standard
+    error; what Python prints goes where it should."""
+
+    def __init__(self) -> None:
+        _flush()
+        self._real: int | None = os.dup(1)
+        self._python = sys.stdout
+        self._instead: TextIO | None = None
+        try:
+            if sys.stdout.fileno() == 1:
+                encoding = sys.stdout.encoding
+                self._instead = open(os.dup(1), "w", encoding=encoding, errors="replace", buffering=1)  # noqa: SIM115
+                sys.stdout = self._instead
+        except (OSError, ValueError):  # a standard output that is no file: nothing native writes to it
+            pass
+        os.dup2(2, 1)
+
+    def end(self) -> None:
+        """Idempotent."""
+        if self._real is None:
+            return
+        _flush()
+        os.dup2(self._real, 1)
+        os.close(self._real)
+        self._real = None
+        if self._instead is not None:
+            if sys.stdout is self._instead:
+                sys.stdout = self._python
+            self._instead.close()
 
 
 def _flush() -> None:

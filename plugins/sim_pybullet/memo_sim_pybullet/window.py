@@ -15,7 +15,7 @@ from typing import Any
 from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.robot import RobotDescription
 from memo_core.scene.description import SceneDescription
-from memo_sim_pybullet.chatter import caught_output
+from memo_sim_pybullet.chatter import Diversion, caught_output
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.world import build_world
 
@@ -34,10 +34,13 @@ class Window:
 
         self._client = client
         self._seen = -_PERIOD
-        with _display(), caught_output(1, 2):
+        with _display():
+            self._diversion = Diversion()  # the window's own thread prints as long as it lives
             try:
-                self._window = BulletClient(pybullet.GUI)
+                with caught_output(1, 2):
+                    self._window = BulletClient(pybullet.GUI)
             except pybullet.error as error:
+                self._diversion.end()
                 raise BackendUnavailable("viewer", "pybullet", str(error), _REMEDY) from error
         self._gone = pybullet.error
         show = self._window.configureDebugVisualizer
@@ -77,6 +80,7 @@ class Window:
     def close(self) -> None:
         with caught_output(1, 2), contextlib.suppress(self._gone):  # gone: its user closed it
             self._window.disconnect()
+        self._diversion.end()
 
 
 @contextlib.contextmanager
