@@ -66,6 +66,16 @@ def sim(
 
 
 @app.command()
+def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Plan motions with doors and drawers, and compare starts looked up in the table of poses with blind ones."""
+    from memo_core.experiment.bench_planning import bench_planning
+
+    _, experiment = load(config, overrides)
+    robot = experiment.create("robot")
+    _report(_measured("planning", lambda progress: bench_planning(robot, progress)), json)
+
+
+@app.command()
 def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """How well the robot feels and presses (N), against the simulator's own contact forces: see docs/force.md."""
     from memo_core.experiment.bench_force import bench_force
