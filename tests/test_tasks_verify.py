@@ -61,7 +61,7 @@ def test_a_result_of_another_scene_or_setting_does_not_count(tmp_path):
 
 def test_a_file_that_cannot_be_written_is_said_before_anything_is_run(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidArgument, match="cannot be written"):
+    with pytest.raises(InvalidArgument, match="cannot be used"):
         TrialLog(tmp_path / "file" / "out.jsonl", same)
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import multiprocessing
-import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -18,8 +16,8 @@ import attrs
 from memo_core.cli.options import load
 from memo_core.cli.output import note, progress_bar
 from memo_core.errors import InvalidArgument
+from memo_core.experiment.json_lines import append_line, make_writable, read_lines
 
-_BEGINNING = '{"task": "'  # of every line of a TrialLog
 SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
 
 
@@ -72,24 +70,20 @@ class TrialLog:
     def __init__(self, file: Path | None, digest: Callable[[str, int], str]) -> None:
         self._file, self._digest = file, digest
         self._done: dict[tuple[str, int, str], dict[str, Any]] = {}
-        if file is not None and file.exists():
-            self._read(file)
-        self._append(b"")  # what cannot be kept is said before anything is run
+        if file is None:
+            return
+        try:
+            if file.exists():
+                self._read(file)
+            make_writable(file)  # what cannot be kept is said before anything is run
+        except OSError as error:
+            raise _unusable(file, error) from None
 
     def _read(self, file: Path) -> None:
-        try:
-            lines = file.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InvalidArgument(
-                "--out", f"{file} cannot be read ({error})", "a file that verify wrote, or none"
-            ) from None
-        for number, line in enumerate(lines, 1):
+        for number, result in read_lines(file):
             try:
-                result = json.loads(line)
                 key = result["task"], result["seed"], result["digest"]
-            except (ValueError, KeyError, TypeError):
-                if _BEGINNING.startswith(line[: len(_BEGINNING)]) and not line.endswith("}"):
-                    continue  # cut off when the process was killed
+            except (KeyError, TypeError):
                 expected = "a file that verify wrote, or a new one"
                 raise InvalidArgument("--out", f"line {number} of {file} is no result", expected) from None
             self._done[key] = result
@@ -101,27 +95,16 @@ class TrialLog:
         return None if found is None or (trial.plain and "plain" not in found) else found
 
     def add(self, result: dict[str, Any]) -> None:
-        if self._file is not None:
-            line = result | {"digest": self._digest(result["task"], result["seed"])}
-            self._append(json.dumps(line, ensure_ascii=False).encode() + b"\n")
-
-    def _append(self, line: bytes) -> None:
         if self._file is None:
             return
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            with self._file.open("ab+") as file:
-                if file.tell():
-                    file.seek(-1, os.SEEK_END)
-                    if file.read(1) != b"\n":  # the last line was cut off
-                        file.write(b"\n")
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
+            append_line(self._file, result | {"digest": self._digest(result["task"], result["seed"])})
         except OSError as error:
-            raise InvalidArgument(
-                "--out", f"{self._file} cannot be written ({error.strerror})", "a writable file"
-            ) from None
+            raise _unusable(self._file, error) from None
+
+
+def _unusable(file: Path, error: OSError) -> InvalidArgument:
+    return InvalidArgument("--out", f"{file} cannot be used ({error.strerror})", "a file to write to, or one by verify")
 
 
 def digest_of(experiment: Any) -> Callable[[str, int], str]:

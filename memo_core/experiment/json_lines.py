@@ -1,0 +1,47 @@
+"""A file of results, one JSON object a line, added as they come: what a killed process had added is there, and the next
+one goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+
+def read_lines(file: Path) -> Iterator[tuple[int, Any]]:
+    """(line number, value) of each line; None for one that is no JSON. A line that was cut off when its process was
+    killed is left out, wherever it stands by now. Raises ``OSError``."""
+    for number, line in enumerate(file.read_bytes().split(b"\n"), 1):
+        if not line:
+            continue
+        text = line.decode(errors="replace")
+        try:
+            yield number, json.loads(text)
+        except ValueError:
+            if not text.startswith("{") or text.endswith("}"):
+                yield number, None
+
+
+def append_line(file: Path, value: Any) -> None:
+    """Add a line; it is on the disk when this returns. Makes the folder. Raises ``OSError``."""
+    _append(file, json.dumps(value, ensure_ascii=False).encode() + b"\n")
+
+
+def make_writable(file: Path) -> None:
+    """Make an empty file where there is none. Raises ``OSError`` where none can be written."""
+    _append(file, b"")
+
+
+def _append(file: Path, data: bytes) -> None:
+    """Add bytes in a line of their own. Raises ``OSError``."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("ab+") as lines:
+        if lines.tell():
+            lines.seek(-1, os.SEEK_END)
+            if lines.read(1) != b"\n":  # the last line was cut off
+                lines.write(b"\n")
+        lines.write(data)
+        lines.flush()
+        os.fsync(lines.fileno())
