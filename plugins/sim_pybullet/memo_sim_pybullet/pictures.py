@@ -14,7 +14,7 @@ _SKY = (235, 240, 247)
 
 
 class Pictures:
-    """Colour, depth and segmentation from a camera in one go; the last shot is kept while nothing moves."""
+    """Colour, depth and segmentation from a camera in one go."""
 
     def __init__(self, client: Any, shadows: bool) -> None:
         self._client = client

@@ -311,10 +311,12 @@ class PybulletSimulator(Simulator):
     ) -> tuple[np.ndarray, Sequence[str]]:
         _, _, bodies, links = self._shoot(camera, width, height)
         names = list(dict.fromkeys(self._world.names.values()))
-        indices = np.full(bodies.shape, -1, dtype=np.int32)
+        # Background and bases are link -1, background is body -1.
+        table = np.full((bodies.max() + 2, links.max() + 2), -1, dtype=np.int32)
         for (body, link), name in self._world.names.items():
-            indices[(bodies == body) & (links == link)] = names.index(name)
-        return indices, names
+            if body < len(table) - 1 and link < table.shape[1] - 1:
+                table[body, link] = names.index(name)
+        return table[bodies, links], names
 
     def _shoot(self, name: str, width: int | None, height: int | None) -> tuple[np.ndarray, ...]:
         if name not in self._cameras:

@@ -110,7 +110,7 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
         arm=tuple(indices[ROBOT + name][1] for name in robot.joint_names),
         fingers=tuple(indices[ROBOT + name][1] for name in robot.gripper.finger_joints),
         pads=_pads(robot, urdf, places, indices),
-        tool=attrs.evolve(places[ROBOT + robot.tool_link]),
+        tool=places[ROBOT + robot.tool_link],
     )
     _weigh(client, trees, world)
     _keep_apart(client, world, scene, settings, may_touch(urdf, robot))
