@@ -9,7 +9,6 @@ only the rest is done.
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, tasks_of, world_of
 from memo_core.experiment.demo import EMPTY
 from memo_core.experiment.folder import RunFolder, new_run_folder
+from memo_core.experiment.json_lines import append_line, read_lines
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.run import Cast, RunReport, perform
 from memo_core.interfaces.teacher import Teacher
@@ -219,51 +219,31 @@ class _Log:
         self._file = file
         self.done: dict[tuple[int, str, str, str, bool], Trial] = {}
         try:
-            lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+            lines = list(read_lines(file)) if file.exists() else []
             if lines:
                 self._read(lines, mark)
             else:
-                file.parent.mkdir(parents=True, exist_ok=True)
-                self._write(mark)
-        except (OSError, UnicodeDecodeError) as error:
+                append_line(file, mark)
+        except OSError as error:
             raise InvalidArgument("--out", f"{file} cannot be used ({error})", "a folder to write to") from None
 
-    def _read(self, lines: list[str], mark: dict[str, Any]) -> None:
-        found = _parsed(lines[0])
+    def _read(self, lines: list[tuple[int, Any]], mark: dict[str, Any]) -> None:
+        (_, found), *rest = lines
         if found != mark:
             differs = [key for key in mark if not isinstance(found, dict) or found.get(key) != mark[key]]
             problem = f"{self._file} is of another experiment (it differs in {', '.join(differs)})"
             raise InvalidArgument("--out", problem, "the same settings, or a new folder")
-        for number, line in enumerate(lines[1:], 2):
+        for number, line in rest:
             try:
-                trial = Trial(**_parsed(line))
+                trial = Trial(**line)
             except TypeError:
-                if number == len(lines):
-                    continue  # cut off when the process was killed
                 expected = "a file that this command wrote, or a new folder"
                 raise InvalidArgument("--out", f"line {number} of {self._file} is no trial", expected) from None
             self.done[trial.key] = trial
 
     def add(self, trial: Trial) -> None:
-        self._write(attrs.asdict(trial))
+        append_line(self._file, attrs.asdict(trial))
         self.done[trial.key] = trial
-
-    def _write(self, value: dict[str, Any]) -> None:
-        with self._file.open("ab+") as file:
-            if file.tell():
-                file.seek(-1, os.SEEK_END)
-                if file.read(1) != b"\n":
-                    file.write(b"\n")
-            file.write(json.dumps(value, ensure_ascii=False).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-
-
-def _parsed(line: str) -> Any:
-    try:
-        return json.loads(line)
-    except ValueError:
-        return None
 
 
 def _mark(experiments: Mapping[str, Experiment], taught: Sequence[str]) -> dict[str, Any]:
