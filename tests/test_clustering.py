@@ -196,7 +196,7 @@ def test_a_dry_run_writes_nothing(book, offline) -> None:
     approve(book, "OPEN(oven)")
     before, generation = book.entries(), book.generation()
     work = clustering(book, offline)
-    outcome = work.condense(work.clusters()[0], commit=False)
+    outcome = work.condense(next(iter(work.clusters())), commit=False)
     assert (outcome.status, outcome.committed, outcome.entries_after) == ("condensed", None, 1)
     assert (book.entries(), book.generation()) == (before, generation)
 

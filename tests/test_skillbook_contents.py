@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from memo_core.skillbook import rows
 from memo_core.skillbook.actions import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.bulk import Lesson
@@ -162,3 +163,32 @@ def test_no_store_is_opened_before_it_is_needed() -> None:
         change(book, "many", 1)
         with pytest.raises(AssertionError):
             book.retrieve("WIPE(thing 1)")
+
+
+def test_clusters_are_read_one_after_the_other_and_what_is_clustered_is_not_read_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as book:
+        book.add_many([Lesson("no", "ana", Key.parse(key), ("gently", "slowly")) for key in KEYS])
+        read: list[str] = []
+        original = rows.entries_where
+
+        def spying(connection: object, *conditions: object) -> list[object]:
+            found = original(connection, *conditions)  # type: ignore[arg-type]
+            read.extend(str(one.key) for one in found if one.kind != "template")
+            return found  # type: ignore[return-value]
+
+        monkeypatch.setattr(rows, "entries_where", spying)
+        clusters = book.each_cluster()
+        assert len(clusters) == len(KEYS) and read == []
+        first = next(iter(clusters))
+        assert set(read) == {str(first.key)}
+        for cluster in clusters:
+            book.condense(
+                cluster, Condensed(tuple(Merged(m.text, (n,)) for n, m in enumerate(cluster.members, 1))), "x"
+            )
+        read.clear()
+        assert len(book.each_cluster()) == 0 and list(book.each_cluster()) == [] and read == []
+        change(book, "teach", 1)
+        [again] = book.each_cluster()
+        assert set(read) == {str(again.key)} and len(again.members) == 3

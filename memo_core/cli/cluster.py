@@ -109,6 +109,7 @@ class _Once:
                 self.outcomes.append(self.clustering.condense(cluster, commit=not self.dry_run))
                 self.waiting -= 1
                 advance(cluster, 1)
+        self.waiting = 0
 
     def _report(self) -> None:
         from memo_core.experiment.clustering import outcome_record

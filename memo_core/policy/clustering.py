@@ -20,7 +20,7 @@ from memo_core.policy.readers.condensed import read_condensed
 from memo_core.policy.readers.unreadable import Unreadable
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed, Merged
-from memo_core.skillbook.condensing import ClusterChanged, ClusterLimits
+from memo_core.skillbook.condensing import ClusterChanged, ClusterLimits, Clusters
 from memo_core.skillbook.entries import key_label
 from memo_core.skillbook.joining import NearKeys
 
@@ -120,9 +120,9 @@ class Clustering:
         """Keep one key's entries under the other, now and from now on."""
         self._book.add_alias(near.spelling, near.key)
 
-    def clusters(self, unchanged: bool = False) -> list[Cluster]:
+    def clusters(self, unchanged: bool = False) -> Clusters:
         """What there is to condense; with ``unchanged`` also what was condensed and has not changed since."""
-        return self._book.clusters(unchanged, self._limits)
+        return self._book.each_cluster(unchanged, self._limits)
 
     def condense_all(self, unchanged: bool = False) -> Iterator[Outcome]:
         """Join near keys, then condense every cluster there is to condense. Raises as ``condense``."""

@@ -17,7 +17,7 @@ from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import bulk, rows, tables, templates
 from memo_core.skillbook.bulk import Lesson
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
-from memo_core.skillbook.condensing import ClusterLimits, condense, find_clusters, without_duplicates
+from memo_core.skillbook.condensing import ClusterLimits, Clusters, condense, find_clusters, without_duplicates
 from memo_core.skillbook.database import Database, SkillbookError
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
 from memo_core.skillbook.export import records
@@ -245,8 +245,13 @@ class Skillbook:
 
     # -- clusters ------------------------------------------------------------------------------------------------------
     def clusters(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> list[Cluster]:
-        """What can be condensed together (``memo_core.skillbook.clusters``): keys in order, general statements last.
-        Those that are as they were clustered last are left out but with ``unchanged``. Needs the embedder."""
+        """All of ``each_cluster`` at once."""
+        return list(self.each_cluster(unchanged, limits))
+
+    def each_cluster(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> Clusters:
+        """What can be condensed together (``memo_core.skillbook.clusters``): keys in order, general statements last,
+        each read when it is its turn. Those that are as they were clustered last are left out but with ``unchanged``.
+        Needs the embedder."""
         key_vectors = self._key_vectors()
         return find_clusters(
             self._database, key_vectors, self.settings, limits or ClusterLimits(), self._alike_together, unchanged

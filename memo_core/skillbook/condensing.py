@@ -6,7 +6,7 @@ What is superseded stays in the book with the reason; ``history`` shows and rest
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import attrs
 import numpy as np
@@ -30,7 +30,7 @@ from memo_core.skillbook.entries import GLOBAL_KEY, Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.skillbook.superseding import supersede
-from memo_core.skillbook.templates import records_of
+from memo_core.skillbook.templates import Records, records_of
 from memo_core.skillbook.wording import KeyVectors
 
 _E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
@@ -56,6 +56,48 @@ class ClusterLimits:
     template_characters: int = 24_000
 
 
+@attrs.frozen(eq=False)
+class Clusters:
+    """A book's clusters, keys in order, general statements last, read one key after the other as they are iterated: the
+    entries of a large book are not in memory at once. ``len`` is how many there are, or a few more.
+    """
+
+    database: Database
+    limits: ClusterLimits
+    order: Callable[[Sequence[Entry]], list[Entry]]
+    unchanged: bool
+    records: Records
+    keys: tuple[tuple[Key, int, int], ...]  # with its id and the number of its members
+    related: dict[Key, list[RelatedTemplate]]
+    clustered: dict[Key, str]
+
+    def __len__(self) -> int:
+        return sum(max(1, -(-members // self.limits.members)) for _, _, members in self.keys)
+
+    def __iter__(self) -> Iterator[Cluster]:
+        for key, number, _ in self.keys:
+            cluster = self._read(key, number)
+            if not cluster.members or (len(cluster.members) < 2 and not cluster.related):
+                continue  # somebody was quicker
+            if self.unchanged or self.clustered.get(key) != cluster.state:
+                yield from _parts(cluster, self.limits, self.order)
+
+    def _read(self, key: Key, number: int) -> Cluster:
+        with self.database.read() as connection:
+            valid = (_E.superseded_by.is_(None), _E.kind != "template", _E.key == number)
+            mine = rows.entries_where(connection, *valid)
+        near = self.related[key]
+        faulted = _faulted(key, near, self.records)
+        return Cluster(
+            key,
+            tuple(mine),
+            _within(near, self.limits.template_characters),
+            said_after=frozenset(m.id for m in mine for t in faulted if m.created > t.created),
+            whole=frozenset(m.id for m in mine),
+            related=frozenset(t.entry.id for t in near),
+        )
+
+
 def find_clusters(
     database: Database,
     key_vectors: KeyVectors,
@@ -63,39 +105,36 @@ def find_clusters(
     limits: ClusterLimits,
     order: Callable[[Sequence[Entry]], list[Entry]],
     unchanged: bool = False,
-) -> list[Cluster]:
+) -> Clusters:
     """The book's clusters, those that are as they were clustered last only with ``unchanged``. What cannot become
     fewer or other (one member that no template is related to) is left out.
 
     ``order`` brings a cluster's members that are alike next to each other, for one that is taken in parts.
     """
+    valid = _E.superseded_by.is_(None)
+    ids: dict[int, list[int]] = {}
     with database.read() as connection:
-        valid = rows.entries_where(connection, _E.superseded_by.is_(None))
+        known = rows.keys_by_id(connection)
+        for number, entry in connection.execute(sa.select(_E.key, _E.id).where(valid, _E.kind != "template")):
+            ids.setdefault(number, []).append(entry)
+        templates = rows.entries_where(connection, valid, _E.kind == "template")
         clustered = _clustered(database, connection)
         records = records_of(database, connection)
-    members: dict[Key, list[Entry]] = {}
-    for entry in valid:
-        if entry.kind != "template":
-            members.setdefault(entry.key, []).append(entry)
-    templates = [entry for entry in valid if entry.kind == "template"]
-    related = _related(list(members), templates, key_vectors, settings)
-    found: list[Cluster] = []
-    for key in sorted(members, key=lambda key: (key == GLOBAL_KEY, key)):
-        mine, near = members[key], related[key]
-        faulted = [t.entry for t in near if t.entry.key == key and records.failed(t.entry.id, key)]
-        said_after = frozenset(m.id for m in mine for t in faulted if m.created > t.created)
-        cluster = Cluster(
-            key,
-            tuple(mine),
-            _within(near, limits.template_characters),
-            said_after,
-            whole=frozenset(m.id for m in mine),
-            related=frozenset(t.entry.id for t in near),
-        )
-        if (len(mine) < 2 and not near) or (clustered.get(key) == cluster.state and not unchanged):
+    related = _related([known[number] for number in ids], templates, key_vectors, settings)
+    keys = []
+    for number in sorted(ids, key=lambda number: (known[number] == GLOBAL_KEY, known[number])):
+        key, near = known[number], related[known[number]]
+        if len(ids[number]) < 2 and not near:
             continue
-        found += _parts(cluster, limits, order)
-    return found
+        state = state_digest(ids[number], [t.entry.id for t in near])
+        if unchanged or clustered.get(key) != state or _faulted(key, near, records):
+            keys.append((key, number, len(ids[number])))  # of the others, mostly all, nothing more need be read
+    return Clusters(database, limits, order, unchanged, records, tuple(keys), related, clustered)
+
+
+def _faulted(key: Key, near: Iterable[RelatedTemplate], records: Records) -> list[Entry]:
+    """The key's own templates that were found fault with."""
+    return [t.entry for t in near if t.entry.key == key and records.failed(t.entry.id, key)]
 
 
 def condense(database: Database, cluster: Cluster, proposal: Condensed, model: str, reason: str) -> Clustered:
