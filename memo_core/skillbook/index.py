@@ -113,7 +113,10 @@ class KeyIndex:
         while True:
             rows = self._search_store(query, count)
             actions, things = parts.vectors(rows)
-            by_action, by_objects = (actions @ action).astype(np.float64), (things @ objects).astype(np.float64)
+            by_action, by_objects = (
+                np.vecdot(actions, action).astype(np.float64),
+                np.vecdot(things, objects).astype(np.float64),
+            )
             scores = (weights[0] * by_action + weights[1] * by_objects) / total
             hits = _in_order(rows, scores, by_action, by_objects)
             if count >= len(self.ids) or enough(hits):

@@ -4,6 +4,9 @@ Of a key with many entries each has a *sketch* in the book: its vector rounded t
 key are one value, its *sheet*, so that one short read brings them all, and they are compared as they lie there. By
 Cauchy–Schwarz a cosine with a rounded vector is off by at most ‖v - v'‖, which is below 1e-4 (2e-6 is usual); equal
 texts have equal sketches and tie all the same.
+
+A matrix product is no faster here and waits for a second thread wherever other processes are busy: of 5 000 vectors
+its slowest hundredth took 9 ms and more, one dot product after the other 0.4 ms.
 """
 
 from __future__ import annotations
@@ -49,14 +52,14 @@ class Group:
     def similar(self, meant: np.ndarray) -> np.ndarray:
         """Cosines with a unit vector of shape (d,), float32 (n,)."""
         if self.vectors.dtype != np.uint8:
-            return np.asarray(self.vectors @ meant)
+            return np.asarray(np.vecdot(self.vectors, meant))
         scales, numbers = _taken_apart(self.vectors)
         found = np.empty(len(self.ids), dtype=np.float32)
         block = np.empty((min(_BLOCK, len(self.ids)), len(meant)), dtype=np.float32)
         for start in range(0, len(found), _BLOCK):
             some = block[: len(found) - start]
             np.copyto(some, numbers[start : start + _BLOCK])
-            np.dot(some, meant, out=found[start : start + _BLOCK])
+            np.vecdot(some, meant, out=found[start : start + _BLOCK])  # one thread, whatever else is running
         found *= scales
         return found
 

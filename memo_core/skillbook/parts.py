@@ -36,9 +36,9 @@ class KeyParts:
         """Cosines of all keys' actions with ``action``, shape (d,), and of their objects with ``objects``, shape
         (2 d,), both unit vectors; float64, shape (keys,)."""
         half = len(objects) // 2
-        by_action = (self.actions @ action).astype(np.float64)[self.action_of]
-        by_moved = (self.moved @ objects[:half]).astype(np.float64)[self.moved_of]
-        by_place = (self.places @ objects[half:]).astype(np.float64)[self.place_of]
+        by_action = np.vecdot(self.actions, action).astype(np.float64)[self.action_of]
+        by_moved = np.vecdot(self.moved, objects[:half]).astype(np.float64)[self.moved_of]
+        by_place = np.vecdot(self.places, objects[half:]).astype(np.float64)[self.place_of]
         return by_action, (by_moved + by_place) * self.share
 
     def vectors(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
