@@ -7,15 +7,19 @@ of them on whole tasks and many seeds: ``memo bench lesions``.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from memo_core.cli.main import main
+from memo_core.cli.stopping import INTERRUPTED
 from memo_core.config import load_experiment
 from memo_core.errors import UnknownName
 from memo_core.experiment.assembly import book_of
 from memo_core.experiment.sections import SECTIONS
-from memo_core.experiment.sweep import Lesson, demos
+from memo_core.experiment.sweep import Lesioned, Lesson, demos
 from memo_core.plugins import Registry
 
 SEED = 0
@@ -88,3 +92,23 @@ def test_a_story_that_is_not_the_expected_one_says_why(tmp_path):
     summary = report.summary()
     assert not summary["told"] and not summary["after_feedback"]
     assert all(summary["reasons"][name] for name in ("empty_book", "after_feedback", "transfer_empty_book", "transfer"))
+
+
+def test_ending_a_run_ends_the_lesions_and_what_had_ended_is_reported(tmp_path, monkeypatch, capsys):
+    done = Lesioned(SEED, "a task", "empty-book", False, False, "", "", 1.0)
+    run = SimpleNamespace(success=True, ended_by_person=False)
+
+    def under(lesson: Lesson, name: str, task: str | None = None) -> Lesioned:
+        if name == "empty-book":
+            return done
+        run.ended_by_person = True
+        lesson.teach()
+        raise AssertionError("it went on")
+
+    monkeypatch.setattr("memo_core.experiment.sweep.perform", lambda *_: run)
+    monkeypatch.setattr(Lesson, "under", under)
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", "lesions", "--seeds", "0-1", "--out", str(tmp_path), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["interrupted"] and len(found["taught"]) == len(found["trials"]) == 1
+    assert ended.value.code == INTERRUPTED

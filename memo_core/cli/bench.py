@@ -10,6 +10,8 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
+from memo_core.cli.stopping import INTERRUPTED
+from memo_core.errors import Stopped
 
 app = typer.Typer(help="Measure this machine.")
 
@@ -288,7 +290,10 @@ def lesions(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Teach the demo's lesson, damage the book or change the scene, and see where the benefit goes."""
+    """Teach the demo's lesson, damage the book or change the scene, and see where the benefit goes.
+
+    Ctrl-C, twice, ends it with a table of what had ended.
+    """
     import attrs
 
     from memo_core.cli.tasks import read_seeds
@@ -303,22 +308,30 @@ def lesions(
 
     def measure(progress: Callable[[float], None]) -> dict[str, Any]:
         trials: list[dict[str, Any]] = []
-        taught = []
-        for seed in wanted:
-            lesson = Lesson(experiment, registry, out, seed)
-            report = lesson.teach()
-            taught.append({"seed": seed, "success": report.success, "folder": str(lesson.folder)})
-            for name in chosen:
-                trials.append(attrs.asdict(lesson.under(name, task)))
-                progress(len(trials) / (len(wanted) * len(chosen)))
-        return {"taught": taught, "lesions": _by_lesion(trials, chosen), "trials": trials}
+        taught: list[dict[str, Any]] = []
+        interrupted = False
+        try:
+            for seed in wanted:
+                lesson = Lesson(experiment, registry, out, seed)
+                report = lesson.teach()
+                taught.append({"seed": seed, "success": report.success, "folder": str(lesson.folder)})
+                for name in chosen:
+                    trials.append(attrs.asdict(lesson.under(name, task)))
+                    progress(len(trials) / (len(wanted) * len(chosen)))
+        except Stopped:
+            interrupted = True  # what ended before is reported all the same
+        found = {"taught": taught, "lesions": _by_lesion(trials, chosen), "trials": trials}
+        return found | {"interrupted": interrupted}
 
     measured = _measured("lesions", measure)
     if json:
         print_json(measured)
-        return
-    rows = [(r["lesion"], f"{r['first']}/{r['trials']}", f"{r['success']}/{r['trials']}") for r in measured["lesions"]]
-    print_table(("lesion", "first subtask", "whole task"), rows)
+    else:
+        counted = measured["lesions"]
+        rows = [(r["lesion"], f"{r['first']}/{r['trials']}", f"{r['success']}/{r['trials']}") for r in counted]
+        print_table(("lesion", "first subtask", "whole task"), rows)
+    if measured["interrupted"]:
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command()

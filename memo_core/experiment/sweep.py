@@ -9,7 +9,7 @@ from pathlib import Path
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.errors import InvalidArgument, Stopped, UnknownName
 from memo_core.events import Event, SubtaskEnded
 from memo_core.experiment.assembly import book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.experiment.demo import EMPTY, DemoReport, run_demo
@@ -66,7 +66,7 @@ class Lesioned:
 class Lesson:
     """One seed's lesson, taught once through the whole loop, and then applied under lesions.
 
-    Use ``teach`` first. Every book and run folder is made under ``out``.
+    Use ``teach`` first. Every book and run folder is made under ``out``. Raises ``Stopped`` when a person ends a run.
     """
 
     def __init__(self, experiment: Experiment, registry: Registry, out: Path, seed: int) -> None:
@@ -128,7 +128,8 @@ class Lesson:
     def _perform(
         self, task: Task, book: Skillbook, teacher: Teacher | None, folder: str
     ) -> tuple[RunReport, Outcome | None]:
-        """The run, and the task's own verdict on the first subtask when that had ended."""
+        """The run, and the task's own verdict on the first subtask when that had ended. Raises ``Stopped`` when somebody
+        ended the run."""
         experiment = self.experiment
         watch = _Watch()
         cast = Cast(
@@ -152,6 +153,8 @@ class Lesson:
             config,
             watch.heard,
         )
+        if report.ended_by_person:
+            raise Stopped(f"the run of {task.name}")
         return report, watch.first
 
 
