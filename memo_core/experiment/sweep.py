@@ -128,8 +128,8 @@ class Lesson:
     def _perform(
         self, task: Task, book: Skillbook, teacher: Teacher | None, folder: str
     ) -> tuple[RunReport, Outcome | None]:
-        """The run, and the task's own verdict on the first subtask when that had ended. Raises ``Stopped`` when somebody
-        ended the run."""
+        """The run, and the task's own verdict on the first subtask when that had ended. Raises ``Stopped`` where a
+        person ended the run."""
         experiment = self.experiment
         watch = _Watch()
         cast = Cast(
