@@ -226,13 +226,16 @@ def test_no_signal_ever_shows_a_traceback(number):
         [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None and process.stderr is not None
-    assert process.stdout.readline() == "working\n"
-    process.send_signal(number)
-    assert process.stdout.readline() == "heard\n"  # two that are pending at once are one
-    if number == signal.SIGINT:
+    try:
+        assert process.stdout.readline() == "working\n"
         process.send_signal(number)
-    out, errors = process.stdout.read(), process.stderr.read()
-    assert out == "saved\n" and "Traceback" not in errors and process.wait(30) == 0
+        assert process.stdout.readline() == "heard\n"  # two that are pending at once are one
+        if number == signal.SIGINT:
+            process.send_signal(number)
+        out, errors = process.stdout.read(), process.stderr.read()
+        assert out == "saved\n" and "Traceback" not in errors and process.wait(30) == 0
+    finally:
+        process.kill()
 
 
 KILLED = textwrap.dedent(
