@@ -133,7 +133,7 @@ def book(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LabelledBook]:
 @WEIGHTS
 @pytest.mark.parametrize("half", HALVES)
 def test_ours_finds_more_than_the_authors_and_serves_no_opposite(book: LabelledBook, half: labelled_book.Half) -> None:
-    asked = queries(half)[: len(queries(half)) // 2]  # in one way of saying it
+    asked = queries(half)
     rows = {
         name: summary(book.measure(one, asked).rows(one.cut, one.corrections))
         for name, one in {
@@ -145,4 +145,4 @@ def test_ours_finds_more_than_the_authors_and_serves_no_opposite(book: LabelledB
     assert rows["ours"]["opposites"] == 0 < rows["authors"]["opposites"] < rows["no tables"]["opposites"]
     assert rows["ours"]["recall"] > rows["authors"]["recall"] + 0.25
     assert rows["ours"]["ndcg"] > rows["authors"]["ndcg"] + 0.25
-    assert rows["ours"]["precision"] > rows["authors"]["precision"] - 0.05  # about as precise
+    assert rows["ours"]["precision"] > rows["authors"]["precision"]
