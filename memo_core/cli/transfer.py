@@ -66,7 +66,7 @@ def _report(transfer: Any, rows: list[Any], done: int) -> dict[str, Any]:
         "seeds": transfer.seeds,
         "runs": done,
         "runs_wanted": transfer.size,
-        "lessons": [attrs.asdict(one) for one in transfer.lessons()],
+        "trials": [attrs.asdict(one) for one in transfer.done()],
         "tasks": [attrs.asdict(row) for row in rows],
         "folder": str(transfer.folder),
     }

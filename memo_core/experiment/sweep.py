@@ -131,7 +131,7 @@ class Lesson:
         """The run, and the task's own verdict on the first subtask when that had ended. Raises ``Stopped`` where a
         person ended the run."""
         experiment = self.experiment
-        watch = _Watch()
+        watch = FirstVerdict()
         cast = Cast(
             method=experiment.create("method"),
             llm=self._llm,
@@ -159,7 +159,7 @@ class Lesson:
 
 
 @attrs.define
-class _Watch:
+class FirstVerdict:
     """Asks the task about the first subtask at the moment it ends: what comes later may undo it."""
 
     world: World | None = None

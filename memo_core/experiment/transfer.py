@@ -26,6 +26,8 @@ from memo_core.experiment.folder import RunFolder, new_run_folder
 from memo_core.experiment.json_lines import append_line, read_lines
 from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
 from memo_core.experiment.run import Cast, RunReport, perform
+from memo_core.experiment.sweep import FirstVerdict
+from memo_core.interfaces.task import Outcome
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.skillbook.book import Skillbook
@@ -36,7 +38,8 @@ NOBODY = ""  # taught the empty book
 @attrs.frozen
 class Trial:
     """One run that ended. ``taught_in``: the simulator whose book it had, ``NOBODY`` for an empty one; of a lesson (a
-    run in which the participant taught) the simulator itself."""
+    run in which the participant taught) the simulator itself. ``first``: the verdict on the first subtask as that
+    ended, None where it cannot tell."""
 
     seed: int
     task: str
@@ -48,6 +51,7 @@ class Trial:
     corrections: int
     wall_s: float
     folder: str  # within that of the whole
+    first: bool | None = None
 
     @property
     def key(self) -> tuple[int, str, str, str, bool]:
@@ -109,7 +113,7 @@ class Transfer:
     def trials(self) -> Iterator[Trial]:
         """Every lesson and trial, those in the folder first; ends early when a person ends a run. A run that something
         else broke off (a language model that did not answer) is left out, and done when it is asked for again."""
-        yield from (found for key in self._wanted() if (found := self._log.done.get(key)) is not None)
+        yield from self.done()
         for key in self._wanted():
             if key in self._log.done:
                 continue
@@ -120,7 +124,7 @@ class Transfer:
             if taught_in != NOBODY and None in before:
                 continue  # its lesson was broken off
             started = time.monotonic()
-            report = self._perform(seed, task, simulator, taught_in, lesson)
+            report, first = self._perform(seed, task, simulator, taught_in, lesson)
             if report.ended_by_person:
                 return
             if report.outcome is None and report.resumable:
@@ -136,6 +140,7 @@ class Transfer:
                 sum(subtask.attempts - 1 for subtask in report.result.subtasks) if lesson else 0,
                 round(time.monotonic() - started, 2),
                 str(report.folder.relative_to(self.folder)),
+                None if first is None else first.success,
             )
             self._log.add(trial)
             yield trial
@@ -159,9 +164,13 @@ class Transfer:
                 rows.append(Row(task, simulator, len(counted), done[NOBODY], done[simulator], elsewhere))
         return rows
 
+    def done(self) -> list[Trial]:
+        """All lessons and trials so far."""
+        return [trial for key in self._wanted() if (trial := self._log.done.get(key)) is not None]
+
     def lessons(self) -> list[Trial]:
         """The lessons so far."""
-        return [trial for key in self._wanted() if key[4] and (trial := self._log.done.get(key)) is not None]
+        return [trial for trial in self.done() if trial.lesson]
 
     def _wanted(self) -> Iterator[tuple[int, str, str, str, bool]]:
         for seed in self.seeds:
@@ -171,7 +180,9 @@ class Transfer:
                 for name in self.experiments:
                     yield from ((seed, task, name, book, False) for book in (NOBODY, *self.experiments))
 
-    def _perform(self, seed: int, name: str, simulator: str, taught_in: str, lesson: bool) -> RunReport:
+    def _perform(
+        self, seed: int, name: str, simulator: str, taught_in: str, lesson: bool
+    ) -> tuple[RunReport, Outcome | None]:
         experiment = attrs.evolve(self.experiments[simulator], seed=seed)
         task = task_of(experiment, name)
         teacher: Teacher | None = None
@@ -179,11 +190,12 @@ class Transfer:
             # As in the demo: it never misjudges, and knows what is to be known of the task's things.
             teacher = SimulatedParticipant(ParticipantSettings(seed=seed, misjudges=0.0, knows=task.lesson))
         what = "lesson" if lesson else f"with-{taught_in or 'empty'}-book"
+        verdict = FirstVerdict()
         folder = new_run_folder(self.folder, f"{name}-in-{simulator}-{what}", seed)
         cast = Cast(
             method=experiment.create("method"),
             llm=experiment.create("llm"),
-            make_world=lambda: world_of(experiment, task, seed),
+            make_world=lambda: verdict.world_made(world_of(experiment, task, seed)),
             sandbox=sandbox_of(experiment),
             skills=library_of(experiment),
             settings=experiment.section("run"),
@@ -192,7 +204,7 @@ class Transfer:
             prompts=prompts_of(experiment),
         )
         config = experiment.public() | {"task": name, "bench": "transfer"}
-        return perform(cast, task, seed, RunFolder(folder), self._registry, config)
+        return perform(cast, task, seed, RunFolder(folder), self._registry, config, verdict.heard), verdict.first
 
     def _book(self, experiment: Experiment, task: str, taught_in: str, lesson: bool) -> Skillbook:
         if taught_in == NOBODY:
