@@ -138,6 +138,8 @@ def test_a_task_is_drawn_at_its_start_and_at_its_end(tmp_path):
 def test_the_list_says_the_suite_and_a_misspelt_one_is_an_error():
     listed = json.loads(memo("tasks", "list", "--json").stdout)
     assert listed["suite"] == "tabletop"
-    assert {"name", "instruction", "kind", "split", "suite"} <= set(listed["tasks"][0])
+    assert all(set(task) == {"name", "instruction", "type", "split", "suite"} for task in listed["tasks"])
+    assert [task["split"] for task in listed["tasks"]] == ["training"] * 20 + ["held-out"] * 5
+    assert {task["type"] for task in listed["tasks"]} == {"LH", "CR", "SR", "TR"}
     wrong = memo("tasks", "list", "--suite", "tabeltop")
     assert wrong.returncode == 2 and "did you mean 'tabletop'" in wrong.stderr

@@ -28,7 +28,7 @@ def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overri
     if json:
         print_json({"suite": suite, "tasks": [_summary(task) | {"suite": suite} for task in tasks]})
     else:
-        print_table(("task", "kind", "split", "instruction"), [(t.name, t.kind, t.split, t.instruction) for t in tasks])
+        print_table(("task", "type", "split", "instruction"), [(t.name, t.kind, t.split, t.instruction) for t in tasks])
 
 
 @app.command()
@@ -57,7 +57,7 @@ def show(
         print_json(shown | ({"reference": task.reference_solution} if reference else {}))
         return
     print(f"{task.name}: {task.instruction}")
-    print(f"kind {task.kind or '-'}, split {task.split}, time limit {task.time_limit:g} s of the robot's time")
+    print(f"type {task.kind or '-'}, split {task.split}, time limit {task.time_limit:g} s of the robot's time")
     print_table(("body", "label", "joint"), [(b["name"], b["label"], b["joint"]) for b in bodies])
     print(f"monitors: {', '.join(monitors) or 'none'}")
     if reference:
@@ -171,4 +171,4 @@ def _with_suite(overrides: list[str] | None, suite: str | None) -> list[str]:
 
 
 def _summary(task: Any) -> dict[str, Any]:
-    return {"name": task.name, "instruction": task.instruction, "kind": task.kind, "split": task.split}
+    return {"name": task.name, "instruction": task.instruction, "type": task.kind, "split": task.split}
