@@ -18,6 +18,7 @@ from memo_vectorstore.settings import FaissSettings
 
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.database import SkillbookError
+from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 NOBODY = 65534
@@ -25,7 +26,7 @@ NOBODY = 65534
 
 def open_book(path: Path, read_only: bool = False, index: Path | None = None) -> Skillbook:
     store = FaissStore(FaissSettings(str(index or path.with_suffix(".faiss"))))
-    return Skillbook(str(path), FakeEmbedder(), store, read_only=read_only)
+    return Skillbook(str(path), FakeEmbedder(), store, RetrievalSettings(exact_keys=0), read_only)
 
 
 @pytest.fixture

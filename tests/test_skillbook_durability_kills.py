@@ -24,6 +24,7 @@ from memo_vectorstore.settings import FaissSettings
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Condensed, Merged
 from memo_core.skillbook.condensing import ClusterChanged
+from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 KILLS = 200
@@ -33,7 +34,8 @@ fork = multiprocessing.get_context("fork")
 
 
 def open_book(path: str) -> Skillbook:
-    return Skillbook(path, FakeEmbedder(), FaissStore(FaissSettings(path + ".faiss")))
+    store = FaissStore(FaissSettings(path + ".faiss"))
+    return Skillbook(path, FakeEmbedder(), store, RetrievalSettings(exact_keys=0))
 
 
 def letters(number: int) -> str:
