@@ -68,7 +68,7 @@ class Clusters:
     unchanged: bool
     records: Records
     keys: tuple[tuple[Key, int, int], ...]  # with its id and the number of its members
-    related: dict[Key, list[RelatedTemplate]]
+    related: Related
     clustered: dict[Key, str]
 
     def __len__(self) -> int:
@@ -86,7 +86,7 @@ class Clusters:
         with self.database.read() as connection:
             valid = (_E.superseded_by.is_(None), _E.kind != "template", _E.key == number)
             mine = rows.entries_where(connection, *valid)
-        near = self.related[key]
+        near = self.related.of(key)
         faulted = _faulted(key, near, self.records)
         return Cluster(
             key,
@@ -94,7 +94,7 @@ class Clusters:
             _within(near, self.limits.template_characters),
             said_after=frozenset(m.id for m in mine for t in faulted if m.created > t.created),
             whole=frozenset(m.id for m in mine),
-            related=frozenset(t.entry.id for t in near),
+            related=frozenset(self.related.ids(key)),
         )
 
 
@@ -121,13 +121,14 @@ def find_clusters(
         clustered = _clustered(database, connection)
         records = records_of(database, connection)
     related = _related([known[number] for number in ids], templates, key_vectors, settings)
+    failed = {template.key for template in templates if records.failed(template.id, template.key)}
     keys = []
     for number in sorted(ids, key=lambda number: (known[number] == GLOBAL_KEY, known[number])):
-        key, near = known[number], related[known[number]]
-        if len(ids[number]) < 2 and not near:
+        key = known[number]
+        theirs = related.ids(key)
+        if len(ids[number]) < 2 and not theirs:
             continue
-        state = state_digest(ids[number], [t.entry.id for t in near])
-        if unchanged or clustered.get(key) != state or _faulted(key, near, records):
+        if unchanged or key in failed or clustered.get(key) != state_digest(ids[number], theirs):
             keys.append((key, number, len(ids[number])))  # of the others, mostly all, nothing more need be read
     return Clusters(database, limits, order, unchanged, records, tuple(keys), related, clustered)
 
@@ -291,30 +292,64 @@ def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
 # -- relations and parts -----------------------------------------------------------------------------------------------
 
 
-def _related(
-    keys: list[Key], templates: list[Entry], key_vectors: KeyVectors, settings: RetrievalSettings
-) -> dict[Key, list[RelatedTemplate]]:
-    """By key, nearest first. General statements are related to all templates, the best proven first."""
-    found: dict[Key, list[RelatedTemplate]] = {key: [] for key in keys}
+@attrs.frozen(eq=False)
+class Related:
+    """Which templates are related to which keys; to general statements all are, the best proven first. In a large book
+    a key has hundreds, so they are listed when a key is asked for."""
+
+    proven: list[Entry]  # the templates, the best proven first
+    of_key: list[list[int]]  # of each key that has templates, their places in ``proven``
+    row_of: dict[Key, int]
+    scores: (
+        np.ndarray
+    )  # r of keys and keys that have templates; -inf for opposites. Float32 (keys, keys with templates)
+    least: float
+
+    def places(self, key: Key) -> list[tuple[int, float]]:
+        """Places in ``proven`` with r, nearest first."""
+        if key == GLOBAL_KEY:
+            return [(place, 1.0) for place in range(len(self.proven))]
+        scores = self.scores[self.row_of[key]]
+        near = np.flatnonzero(scores >= self.least)
+        near = near[np.argsort(-scores[near], kind="stable")]
+        return [
+            (place, score)
+            for j, score in zip(near.tolist(), scores[near].tolist(), strict=True)
+            for place in self.of_key[j]
+        ]
+
+    def ids(self, key: Key) -> list[int]:
+        return [self.proven[place].id for place, _ in self.places(key)]
+
+    def of(self, key: Key) -> list[RelatedTemplate]:
+        """Nearest first."""
+        return [RelatedTemplate(self.proven[place], score) for place, score in self.places(key)]
+
+
+def _related(keys: list[Key], templates: list[Entry], key_vectors: KeyVectors, settings: RetrievalSettings) -> Related:
     proven = sorted(templates, key=lambda t: (-t.confirmed_uses, -t.created, -t.id))
-    if GLOBAL_KEY in found:
-        found[GLOBAL_KEY] = [RelatedTemplate(template, 1.0) for template in proven]
     own = [key for key in keys if key != GLOBAL_KEY]
-    if not own or not templates:
-        return found
     theirs = list(dict.fromkeys(template.key for template in templates))
-    (a, b), (c, d) = key_vectors.get(own), key_vectors.get(theirs)
-    first, second = settings.weights
-    scores = (first * (a @ c.T) + second * (b @ d.T)) / (first + second)
-    actions = settings.actions
-    of_key = {key: [t for t in proven if t.key == key] for key in theirs}
-    for i, key in enumerate(own):
-        for j in np.argsort(-scores[i], kind="stable"):
-            if scores[i, j] < settings.cut - _TIE:
-                break
-            if not actions.opposite(key.action, theirs[j].action):
-                found[key] += [RelatedTemplate(template, float(scores[i, j])) for template in of_key[theirs[j]]]
-    return found
+    place_of = {key: place for place, key in enumerate(theirs)}
+    of_key: list[list[int]] = [[] for _ in theirs]
+    for place, template in enumerate(proven):
+        of_key[place_of[template.key]].append(place)
+    scores = np.zeros((len(own), len(theirs)), dtype=np.float32)
+    if own and theirs:
+        (a, b), (c, d) = key_vectors.get(own), key_vectors.get(theirs)
+        first, second = settings.weights
+        scores = (first * (a @ c.T) + second * (b @ d.T)) / (first + second)
+        mine, mine_of = _distinct([key.action for key in own])
+        others, others_of = _distinct([key.action for key in theirs])
+        undone = np.array([[settings.actions.opposite(one, other) for other in others] for one in mine])
+        scores[undone[mine_of][:, others_of]] = -np.inf
+    return Related(proven, of_key, {key: row for row, key in enumerate(own)}, scores, settings.cut - _TIE)
+
+
+def _distinct(words: list[str]) -> tuple[list[str], list[int]]:
+    """The different words, and the place of each among them."""
+    place_of = {word: place for place, word in enumerate(dict.fromkeys(words))}
+    return list(place_of), [place_of[word] for word in words]
 
 
 def _within(templates: Sequence[RelatedTemplate], characters: int) -> tuple[RelatedTemplate, ...]:
