@@ -113,6 +113,8 @@ def _counted_on(
         elif kind == "general":
             everywhere = key
     left = _without_empty(attrs.evolve(after, sizes=sizes))
+    if left.ids is before.ids and everywhere == before.everywhere:
+        return left
     by_id = dict(zip(left.ids, left.keys, strict=True))
     if everywhere is not None:
         by_id[everywhere] = GLOBAL_KEY

@@ -199,8 +199,8 @@ class Retriever:
 
     def _retrieve(self, subtask: Key, words: str, state: Contents) -> Retrieval | None:
         """None when ``state`` is not the database's state any more."""
-        if not self._index.exact and generation_of(self._database) != state.generation:
-            return None  # before a store that others bring up to date is asked for what is there no more
+        if generation_of(self._database) != state.generation:
+            return None  # before anything is done in vain, and a store that others bring up to date is asked
         query = state.aliases.get(str(subtask), subtask)
         meant = self._vectors.get([words])[0]
         hits = self._search(query, state)
@@ -229,7 +229,8 @@ class Retriever:
     def _load(self) -> Contents:
         contents, changed = read_contents(self._database, self._actions, self._last)
         self._likeness.forget(changed)
-        self._index.load(dict(zip(contents.ids, contents.keys, strict=True)), contents.book)
+        if self._last is None or contents.ids is not self._last.ids or contents.book != self._last.book:
+            self._index.load(dict(zip(contents.ids, contents.keys, strict=True)), contents.book)
         self._state = self._last = contents
         return contents
 
