@@ -184,6 +184,40 @@ with PybulletSimulator() as simulator:
     assert json.loads(said[0]) == json.loads(said[1])  # and nothing but JSON on the standard output
 
 
+def test_a_world_is_built_in_one_order_in_every_process():
+    """What depends on the order of a set of names differs from process to process: a can was crushed in every fourth."""
+    program = """
+import json
+from memo_core.testing.simulator import check_robot, check_scene
+from memo_sim_pybullet.simulator import PybulletSimulator
+from memo_sim_pybullet.world import build_world
+class Told:
+    def __init__(self, client):
+        self.client, self.calls = client, []
+    def __getattr__(self, name):
+        def call(*arguments, **named):
+            self.calls.append([name, *(one for one in arguments if not isinstance(one, str))])
+            return getattr(self.client, name)(*arguments, **named)
+        return call
+with PybulletSimulator() as simulator:
+    told = Told(simulator.client)
+    build_world(told, check_scene(), check_robot(), simulator.settings)
+print(json.dumps(told.calls, default=str))
+"""
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert len(json.loads(told[0])) > 100
+    assert told[0] == told[1]
+
+
 def test_the_grip_is_felt_whatever_the_fingers_inertia_looks_like():
     robot = check_robot()
     skew = re.sub(r'ixy="0[.0]*"', 'ixy="2e-5"', robot.urdf)

@@ -227,7 +227,7 @@ def _keep_apart(client: Any, world: World, scene: SceneDescription, settings: Py
     for name, place in world.places.items():
         links.setdefault(body_of(name), []).append(place)
     pairs |= {(name, name) for name, parts in links.items() if len(parts) > 1}
-    for first, second in pairs:
+    for first, second in sorted(pairs):  # in one order: Bullet keeps pairs in the order in which they were told
         for one, other in itertools.product(links[first], links[second]):
             if one != other:
                 client.setCollisionFilterPair(one.body, other.body, one.link, other.link, 0)
