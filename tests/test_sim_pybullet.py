@@ -185,7 +185,7 @@ with PybulletSimulator() as simulator:
 
 
 def test_a_world_is_built_in_one_order_in_every_process():
-    """What depends on the order of a set of names differs from process to process: a can was crushed in every fourth."""
+    """The order of a set of names differs from process to process, and with it a can was crushed or not."""
     program = """
 import json
 from memo_core.testing.simulator import check_robot, check_scene
