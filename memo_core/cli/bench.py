@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,10 @@ from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
 from memo_core.cli.stopping import INTERRUPTED
 from memo_core.errors import Stopped
+
+if TYPE_CHECKING:
+    from memo_core.interfaces.robot import RobotDescription
+    from memo_core.interfaces.simulator import Simulator
 
 app = typer.Typer(help="Measure this machine.")
 
@@ -49,13 +53,15 @@ def sim(
     from memo_core.experiment.bench_sim import bench_sim
     from memo_core.experiment.bench_sim_memory import sim_memory
 
+    def measuring(made: Simulator, robot: RobotDescription) -> Callable[[Callable[[float], None]], dict[str, Any]]:
+        return lambda progress: bench_sim(made, robot, rounds=rounds)
+
     names = list(dict.fromkeys(simulator or ()))
     chosen = [[*(overrides or ()), f"simulator.backend={name}"] for name in names] or [[*(overrides or ())]]
     experiments = [load(config, one)[1] for one in chosen]  # what is wrong is said before anything is measured
     found = []
     for one, experiment in zip(chosen, experiments, strict=True):
-        made, robot = experiment.create("simulator"), experiment.create("robot")
-        measured = _measured("sim", lambda progress, made=made, robot=robot: bench_sim(made, robot, rounds=rounds))  # type: ignore[misc]
+        measured = _measured("sim", measuring(experiment.create("simulator"), experiment.create("robot")))
         name = {"simulator": experiment.choice("simulator").backend.name}
         found.append({"bench": "sim"} | name | measured | attrs.asdict(sim_memory(config, tuple(one))))
     if not names:

@@ -92,9 +92,12 @@ class Transfer:
         self.experiments, self._registry, self.folder, self.seeds = dict(experiments), registry, folder, tuple(seeds)
         first = next(iter(self.experiments.values()))
         demo = first.choice("suite").backend.demo
-        if not taught and demo is None:
+        if taught:
+            self.taught = tuple(dict.fromkeys(taught))
+        elif demo is not None:
+            self.taught = (demo.taught,)
+        else:
             raise InvalidArgument("--teach", "the suite offers no demo whose lesson could be taught", "a task's name")
-        self.taught = tuple(dict.fromkeys(taught)) or (demo.taught,)  # type: ignore[union-attr]
         held_out = tuple(task.name for task in tasks_of(first) if task.split == "held-out")
         self.tried = tuple(dict.fromkeys(tried)) or held_out
         for name in (*self.taught, *self.tried):
