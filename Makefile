@@ -7,18 +7,18 @@ PLUGINS := $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 EXTRAS_vectorstore := [chroma]
 STAMP := $(VENV)/.set-up
 
-.PHONY: setup demo test lint clean
+.PHONY: setup demo test lint docs release-check clean
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt $(addsuffix /pyproject.toml,$(PLUGINS))
+$(STAMP): pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /pyproject.toml,$(PLUGINS))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 		{ echo "MEMO needs Python 3.11 or newer; $(PYTHON) is not. Try: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "$(PYTHON) cannot make virtual environments; install its venv package (Debian, Ubuntu: python3-venv)" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-		--editable '.[arm,video,postgres,dev]' $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
+		--editable '.[arm,video,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
 	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
 
@@ -32,6 +32,12 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
+release-check: setup
+	$(BIN)/python tools/release_check.py
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

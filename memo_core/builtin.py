@@ -10,7 +10,7 @@ from memo_core.interfaces.backend import Backend
 
 @hookimpl
 def memo_methods() -> list[Backend]:
-    from memo_core.policy.memories import METHODS
+    from memo_core.policy.methods import METHODS
 
     return [
         Backend("method", name, memory.summary, _language_method(name), default=name == "memo")
@@ -20,8 +20,8 @@ def memo_methods() -> list[Backend]:
 
 def _language_method(name: str) -> Any:
     def make(settings: Any) -> Any:
-        from memo_core.policy.memories import METHODS
-        from memo_core.policy.method import LanguageMethod
+        from memo_core.policy.language_method import LanguageMethod
+        from memo_core.policy.methods import METHODS
 
         return LanguageMethod(name, METHODS[name])
 
@@ -29,21 +29,48 @@ def _language_method(name: str) -> Any:
 
 
 @hookimpl
+def memo_robot_drivers() -> list[Backend]:
+    def make(settings: Any) -> Any:
+        from memo_core.arm.simulated_link import SimulatedDriver
+
+        return SimulatedDriver()
+
+    return [Backend("robot_driver", "simulated", "the simulator moves the robot", make, default=True)]
+
+
+@hookimpl
+def memo_gripper_drivers() -> list[Backend]:
+    def make(settings: Any) -> Any:
+        from memo_core.arm.simulated_link import IncludedGripper
+
+        return IncludedGripper()
+
+    return [Backend("gripper_driver", "included", "the robot's driver moves the gripper too", make, default=True)]
+
+
+@hookimpl
 def memo_teachers() -> list[Backend]:
-    from memo_core.experiment.nobody import Nobody
-    from memo_core.experiment.participant import ParticipantSettings, SimulatedParticipant
-    from memo_core.experiment.script import ScriptedTeacher, ScriptSettings
-    from memo_core.experiment.terminal import TerminalSettings, TerminalTeacher
+    from memo_core.teachers.scripted import ScriptedTeacher, ScriptSettings
+    from memo_core.teachers.silent import SilentTeacher
+    from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
+    from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 
     return [
         Backend("teacher", "terminal", "a person at this terminal", TerminalTeacher, TerminalSettings, default=True),
-        Backend("teacher", "script", "says what stands in the config", ScriptedTeacher, ScriptSettings),
+        Backend(
+            "teacher",
+            "scripted",
+            "says what stands in the config",
+            ScriptedTeacher,
+            ScriptSettings,
+            aliases=("script",),
+        ),
         Backend(
             "teacher",
             "simulated",
-            "an eyewitness in the simulator, who speaks everyday language",
-            SimulatedParticipant,
-            ParticipantSettings,
+            "a simulated person in the room, who judges what can be seen and speaks everyday language",
+            SimulatedTeacher,
+            SimulatedTeacherSettings,
         ),
-        Backend("teacher", "nobody", "nobody watches: for evaluations", Nobody),
+        Backend("teacher", "silent", "nobody watches: for evaluations", SilentTeacher, aliases=("nobody",)),
     ]

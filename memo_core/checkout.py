@@ -35,7 +35,7 @@ class Uninstalled:
 
 def uninstalled(installed: Collection[str], root: Path | None = None) -> tuple[Uninstalled, ...]:
     """The plugins under ``plugins/`` of the checkout at ``root`` (default: where memo-core was installed from) whose
-    distribution is not among those installed. Empty without a checkout; a folder that cannot be read is passed over."""
+    distribution is not among those installed. Empty without a checkout; a folder that cannot be read is skipped."""
     root = root or _checkout()
     found = []
     for file in sorted(root.glob("plugins/*/pyproject.toml")) if root else ():

@@ -85,6 +85,9 @@ class CodeWritten(Event):
     attempt: int
     code: str
     prompt_file: str = ""
+    number: int = 0  # of the subtask in the run; 1 is the first
+    take: int = 1  # of the attempt
+    repair: int = 0  # times it was written anew in this take
 
 
 @attrs.frozen

@@ -33,6 +33,8 @@ HOOK_OF_KIND = {
     "vectorstore": "memo_vector_stores",
     "simulator": "memo_simulators",
     "robot": "memo_robots",
+    "robot_driver": "memo_robot_drivers",
+    "gripper_driver": "memo_gripper_drivers",
     "perception": "memo_perceptions",
     "suite": "memo_task_suites",
     "teacher": "memo_teachers",
@@ -81,6 +83,20 @@ class UnknownBackend(UnknownName):
         for plugin in self.broken:
             said += f"; plugin {plugin.name!r} of {plugin.distribution} is broken: {plugin.error}"
         return said
+
+
+@attrs.define(auto_exc=True, eq=False)
+class BrokenCommand(MemoError):
+    """A plugin's command that cannot be loaded."""
+
+    name: str
+    module: str
+    why: str
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        return f"the command {self.name!r} of {self.module} is broken: {' '.join(self.why.split())}"
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -144,11 +160,21 @@ class Registry:
         return tuple(backend.name for backend in self.backends(kind))
 
     def get(self, kind: str, name: str) -> Backend:
-        """The one backend of that kind and name. Raises ``UnknownBackend`` or ``AmbiguousBackend``."""
+        """The one backend of that kind and name, or former name. Raises ``UnknownBackend`` or ``AmbiguousBackend``."""
         available = self.names(kind)
         owners = self._declared.get((kind, name), [])
         if len(owners) > 1:
             raise AmbiguousBackend(kind, name, _distributions(owners))
+        if not owners:
+            owners = [
+                owner
+                for (k, _), own in self._declared.items()
+                if k == kind
+                for owner in own
+                if name in owner[1].aliases
+            ]
+            if len(owners) > 1:
+                raise AmbiguousBackend(kind, name, _distributions(owners))
         if not owners:
             absent = tuple(one for one in self.uninstalled() if (kind, name) in one.offers)
             raise UnknownBackend(kind, name, available, self.broken, absent)
@@ -351,6 +377,8 @@ def _check_descriptor(backend: Any, kind: str, hook: str) -> None:
         raise TypeError(f"{said} is of kind {backend.kind!r}, this hook is for {kind!r}")
     if not isinstance(backend.name, str) or not backend.name or backend.name != backend.name.strip():
         raise TypeError(f"{said}: the name must be a word")
+    if not isinstance(backend.aliases, tuple) or not all(isinstance(alias, str) and alias for alias in backend.aliases):
+        raise TypeError(f"{said}: aliases must be a tuple of names")
     if not isinstance(backend.summary, str) or not backend.summary or "\n" in backend.summary:
         raise TypeError(f"{said}: the summary must be one line")
     if not callable(backend.factory):

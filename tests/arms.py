@@ -6,7 +6,7 @@ import numpy as np
 
 from memo_core.arm.control import ArmControl
 from memo_core.interfaces.perception import Perception, PerceptionContext
-from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.testing.ideal_link import IdealLink
@@ -22,12 +22,14 @@ _CHAIN = (
 )
 
 
-def six_joint_arm() -> RobotDescription:
-    """Reaches about 0.9 m; its limits are those of a slow industrial arm."""
+def six_joint_arm(continuous: tuple[int, ...] = ()) -> RobotDescription:
+    """Reaches about 0.9 m; its limits are those of a slow industrial arm. The URDF declares the joints with these
+    numbers as continuous, as a UR5e's does; the description's limits stay."""
     parts = ['<robot name="six">', '<link name="base"/>']
     before = "base"
     for number, ((x, y, z), axis) in enumerate(_CHAIN, start=1):
         length = 0.30 if number in (2, 3) else 0.06
+        kind = "continuous" if number in continuous else "revolute"
         parts.append(
             f'<link name="link{number}"><inertial><mass value="1"/><origin xyz="0 0 0"/>'
             '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -35,7 +37,7 @@ def six_joint_arm() -> RobotDescription:
             f'<cylinder radius="0.04" length="{length}"/></geometry></collision></link>'
         )
         parts.append(
-            f'<joint name="joint{number}" type="revolute"><parent link="{before}"/><child link="link{number}"/>'
+            f'<joint name="joint{number}" type="{kind}"><parent link="{before}"/><child link="link{number}"/>'
             f'<origin xyz="{x} {y} {z}" rpy="0 0 0"/><axis xyz="{axis}"/>'
             '<limit lower="-3" upper="3" velocity="1.5" effort="100"/></joint>'
         )

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from memo_core.events import Event
-from memo_core.interfaces.llm import LanguageModel, Request
-from memo_core.policy.budget import Budget
-from memo_core.policy.calling import ModelCalls, Retrying
+from memo_core.interfaces.llm import Answer, LanguageModel, Request
+from memo_core.llm.budget import Budget
+from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.policy.clustering import Clustering, ClusteringSettings
-from memo_core.policy.stopping import StopSwitch
+from memo_core.runlog.log import RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster
+from memo_core.stopping import StopSwitch
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore
@@ -22,15 +23,21 @@ ARC = """def open_door(name, angle=80):
 """
 
 
-class Kept:
-    """A journal that keeps the requests."""
+class Kept(LanguageModel):
+    """Passes requests on to a model, and keeps them."""
 
-    def __init__(self) -> None:
+    def __init__(self, inner: LanguageModel) -> None:
+        self.name = inner.name
         self.requests: list[Request] = []
+        self._inner = inner
 
-    def model_call(self, request, answer, problem, abandoned, usage=None) -> str:
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def answer(self, request, on_text=None, cancelled=None) -> Answer:
         self.requests.append(request)
-        return ""
+        return self._inner.answer(request, on_text, cancelled)
 
 
 def new_book(url: str = "sqlite://", read_only: bool = False) -> Skillbook:
@@ -55,11 +62,10 @@ def clustering(
     model: LanguageModel | Sequence[str | Callable[[Request], str] | BaseException],
     settings: ClusteringSettings | None = None,
     emit: Callable[[Event], None] = lambda event: None,
-    journal: Kept | None = None,
     stop: StopSwitch | None = None,
 ) -> Clustering:
     llm = model if isinstance(model, LanguageModel) else ScriptedModel({"cluster": model})
-    calls = ModelCalls(llm, stop or StopSwitch(), journal or Kept(), emit, Budget(), Retrying(0))
+    calls = ModelCalls(llm, stop or StopSwitch(), RunLog(), emit, Budget(), Retrying(0))
     return Clustering(book, calls, llm.name, settings, emit=emit)
 
 

@@ -10,8 +10,8 @@ from memo_llm.offline.model import OfflineModel
 from memo_llm.offline.templates import Event, ImaginedHand
 
 from memo_core.interfaces.llm import Answer, Request
-from memo_core.interfaces.robot import GripperDescription, RobotDescription
 from memo_core.policy.prompting import messages
+from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose

@@ -28,9 +28,9 @@ import pytest
 from memo_tabletop.reference import solution
 
 from memo_core.cli.options import load
-from memo_core.experiment.assembly import sandbox_of, world_of
-from memo_core.experiment.world import World, run_code
+from memo_core.environment.simulated import SimulatedEnvironment, run_code
 from memo_core.interfaces.task import Outcome, Task
+from memo_core.runs.factories import environment_of, sandbox_of
 
 SEED = 0
 
@@ -83,7 +83,7 @@ class Rehearsal:
         return world.check(), execution.error
 
     @property
-    def world(self) -> World:
+    def world(self) -> SimulatedEnvironment:
         """As the last behaviour left it."""
         return self._world
 
@@ -108,10 +108,10 @@ class Rehearsal:
         outcome, error = self.outcome(make, world.task.reference_solution, seed=seed)
         assert outcome.success, error or outcome.reason
 
-    def _at(self, make: Callable[[], Task], seed: int, before: str) -> World:
+    def _at(self, make: Callable[[], Task], seed: int, before: str) -> SimulatedEnvironment:
         if self._key != (make, seed):
             self._leave()
-            self._world = world_of(self._experiment, make(), seed)
+            self._world = environment_of(self._experiment, make(), seed)
             self._world.open()
             self._key = (make, seed)
             self._checkpoints = {"": self._world.checkpoint()}

@@ -1,4 +1,4 @@
-"""The house as DESIGN 2 draws it: arrows run downward, plugins do not know each other, the core knows none of them."""
+"""Imports run downward only and never in circles; plugins do not import each other; the core imports no plugin."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import memo_core
 from memo_core.interfaces.backend import KINDS
 from memo_core.plugins import Registry
 
@@ -22,17 +23,25 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events", "redaction"),
+    ("errors", "events", "redaction", "scratch"),
+    ("stopping",),
+    ("terminal",),
     ("scene",),
+    ("robot",),
     ("skills",),
     ("interfaces",),
     ("hooks",),
     ("checkout",),
     ("plugins",),
     ("config",),
-    ("skillbook", "sandbox", "arm"),
+    ("skillbook", "sandbox", "arm", "runlog"),
+    ("llm",),
     ("policy",),
-    ("experiment",),
+    ("environment",),
+    ("teachers",),
+    ("runs",),
+    ("evaluation",),
+    ("api",),
     ("testing", "builtin"),
     ("cli",),
 )
@@ -95,12 +104,56 @@ def test_arrows_inside_the_core_run_downward(path):
     [
         ("scene", "from memo_core.policy import loop"),
         ("arm", "import memo_core.skillbook.book"),
-        ("policy", "def later():\n    from memo_core import experiment"),
+        ("policy", "def later():\n    from memo_core import runs"),
         ("skills", "from ..cli import app"),
     ],
 )
 def test_an_arrow_that_runs_upward_or_across_is_seen(room, source):
     assert wrong_arrows(room, source, f"memo_core.{room}")
+
+
+def circles(files: dict[str, str]) -> set[frozenset[str]]:
+    """Groups of modules (name -> source) that import each other, imports inside functions and for types included."""
+    graph = {
+        name: set(imports(source, name.rpartition(".")[0])) & set(files) - {name} for name, source in files.items()
+    }
+
+    def reached(start: str) -> set[str]:
+        seen: set[str] = set()
+        waiting = [start]
+        while waiting:
+            for target in graph[waiting.pop()] - seen:
+                seen.add(target)
+                waiting.append(target)
+        return seen
+
+    reach = {name: reached(name) for name in graph}
+    return {frozenset(o for o in reach[name] if name in reach[o]) for name in graph if name in reach[name]}
+
+
+def test_no_files_import_each_other_in_a_circle():
+    bases = [ROOT / "memo_core", ROOT / "benchmarks" / "memo_benchmarks", *PLUGINS.values()]
+    paths = [path for base in bases for path in base.rglob("*.py") if path.name != "__init__.py"]
+    roots = {path: next(base.parent for base in bases if path.is_relative_to(base)) for path in paths}
+    files = {
+        ".".join(path.relative_to(roots[path]).with_suffix("").parts): path.read_text(encoding="utf-8")
+        for path in paths
+    }
+    assert len(files) > 200
+    assert not circles(files)
+
+
+def test_a_circle_is_seen_wherever_in_a_file_the_import_is():
+    one = (
+        "from __future__ import annotations\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from p import b\n"
+    )
+    files = {
+        "p.a": one,
+        "p.b": "def later():\n    from p.c import x\n",
+        "p.c": "from .a import y\n",
+        "p.d": "import p.a",
+    }
+    assert circles(files) == {frozenset({"p.a", "p.b", "p.c"})}
 
 
 def test_the_core_imports_no_plugin_and_no_vendor():
@@ -146,6 +199,16 @@ def test_every_distribution_declares_what_it_imports(project):
     for module in used - set(sys.stdlib_module_names) - {"memo", package.name, "__future__"}:
         providers = {plain_name(one) for one in distributions.get(module, [module])}
         assert providers & stated, f"{package.name} imports {module}, of {sorted(providers)}"
+
+
+def test_all_distributions_have_one_version_types_and_ask_for_a_bounded_core():
+    projects = [ROOT, *(path.parent for path in [ROOT / "benchmarks" / "memo_benchmarks", *PLUGINS.values()])]
+    about = [tomllib.loads((one / "pyproject.toml").read_text(encoding="utf-8"))["project"] for one in projects]
+    assert {one["version"] for one in about} == {memo_core.__version__}
+    for project, one in zip(projects, about, strict=True):
+        assert (next(project.glob("memo_*")) / "py.typed").is_file(), project
+        asked = [each for each in one["dependencies"] if plain_name(each) == "memo-core"]
+        assert one["name"] == "memo-core" or re.search(r">=\d+\.\d+,<\d+\.\d+$", *asked), project
 
 
 @functools.cache

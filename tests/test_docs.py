@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from memo_core import hooks
 from memo_core.interfaces.backend import Backend
 
 PAGES = sorted((Path(__file__).parents[1] / "docs" / "plugins").glob("*.md"))
-WITH_CODE = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
+WITH_CODE = [page for page in PAGES if "@hookimpl" in page.read_text(encoding="utf-8")]
 
 
 def plugin_of(page: Path) -> dict:
@@ -38,6 +39,14 @@ def test_the_plugin_on_a_page_declares_a_backend_of_that_kind(page):
     assert backend.summary
 
 
+def test_the_command_on_its_page_works():
+    from typer.testing import CliRunner
+
+    page = next(page for page in PAGES if page.stem == "command")
+    ran = CliRunner().invoke(plugin_of(page)["app"], [])
+    assert ran.exit_code == 0 and "robots" in ran.output
+
+
 def test_every_kind_has_its_page():
     from memo_core.interfaces.backend import KINDS
 
@@ -59,6 +68,10 @@ def test_the_pages_backends_do_what_they_say():
     store = build("vectorstore")
     store.add([7, 9, 11], vectors)
     assert store.search(vectors[0], 2)[0].tolist() == [7, 9]
+    for kind in ("robot_driver", "gripper_driver"):
+        rules = importlib.import_module(f"memo_core.testing.{kind}").RULES
+        for check in rules.values():
+            check(lambda kind=kind: build(kind))
     robot = build("robot")
     pinocchio = pytest.importorskip("pinocchio")
     assert pinocchio.buildModelFromXML(robot.urdf).nq == len(robot.joints)

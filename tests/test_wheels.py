@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PROJECTS = [ROOT, *sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))]
+PROJECTS = [ROOT, ROOT / "benchmarks", *sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))]
 pytestmark = pytest.mark.slow
 
 
@@ -23,7 +23,7 @@ def wheels(tmp_path_factory) -> dict[str, Path]:
     import shutil
 
     copy, out = tmp_path_factory.mktemp("source") / "memo", tmp_path_factory.mktemp("wheels")
-    ignored = shutil.ignore_patterns(".venv", ".git", "runs", "__pycache__", ".*_cache", ".hypothesis")
+    ignored = shutil.ignore_patterns(".venv", ".git", "__pycache__", ".*_cache", ".hypothesis")
     shutil.copytree(ROOT, copy, ignore=ignored)
     projects = [str(copy / project.relative_to(ROOT)) for project in PROJECTS]
     # Without isolation: the build backend is one of the development requirements, so no index is asked.

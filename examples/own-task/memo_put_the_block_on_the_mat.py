@@ -3,7 +3,7 @@
 import numpy as np
 
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import Backend, NoSettings
+from memo_core.interfaces.backend import Backend
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import Body, Camera, Free, Geom, SceneDescription
 from memo_core.scene.pose import Pose, look_at
@@ -27,6 +27,7 @@ class PutTheBlockOnTheMat(Task):
 
     name = "put-the-block-on-the-mat"
     instruction = "put the block on the mat"
+    goal = ("the block is on the mat", "the hand has let go of the block")  # what a person wants to see at the end
     reference_solution = SOLUTION  # robot code that proves that it can be done; only `memo tasks verify` runs it
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -50,10 +51,7 @@ class PutTheBlockOnTheMat(Task):
         return Outcome(True, "the block lies on the mat", {"away_m": away})
 
 
-def tasks(settings: NoSettings) -> tuple[Task, ...]:
-    return (PutTheBlockOnTheMat(),)
-
-
 @hookimpl
 def memo_task_suites():
-    return [Backend("suite", "put-the-block-on-the-mat", "put the block on the mat", tasks, NoSettings)]
+    task = PutTheBlockOnTheMat()
+    return [Backend("suite", task.name, task.instruction, lambda settings: (task,))]

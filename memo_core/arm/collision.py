@@ -8,13 +8,13 @@ to touch may overlap by stated allowances, and a start that already touches some
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import attrs
 import numpy as np
 
 from memo_core.arm.kinematics import Kinematics
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 
@@ -151,10 +151,10 @@ class RobotShape:
         folders = [description.mesh_folder] if description.mesh_folder else []
         if folders:
             geometry = pin.buildGeomFromUrdfString(
-                model, description.urdf, pin.GeometryType.COLLISION, package_dirs=folders
+                model, kinematics.urdf, pin.GeometryType.COLLISION, package_dirs=folders
             )
         else:
-            geometry = pin.buildGeomFromUrdfString(model, description.urdf, pin.GeometryType.COLLISION)
+            geometry = pin.buildGeomFromUrdfString(model, kinematics.urdf, pin.GeometryType.COLLISION)
         self.geometry = geometry
         self.data = model.createData()
         self.links = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
@@ -304,7 +304,7 @@ class Checker:
         self._results = {mode: self._geometry_data(mode) for mode in _MARGINS}
         self._compute = pin.computeCollisions
 
-    def _geometry_data(self, mode: Mode):
+    def _geometry_data(self, mode: Mode) -> Any:
         import pinocchio as pin
 
         data = pin.GeometryData(self._geometry)

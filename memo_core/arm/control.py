@@ -1,23 +1,24 @@
-"""The robot as skills see it: plans each motion, runs it tick by tick with the stop polled, remembers what is held."""
+"""The robot as skills see it: plans each motion, runs it tick by tick, polls the stop, tracks held objects."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import cattrs
 import numpy as np
 
-from memo_core.arm.attachment import Attachment, bars, grasped, movable
+from memo_core.arm.attached_objects import Attachment, bars, grasped, movable
 from memo_core.arm.collision import obstacles_of
 from memo_core.arm.force import SEARCH_SPEED, STRAY, ForceMotion, Pressed, spiral
-from memo_core.arm.motion import MotionPlanner, Plan, World
+from memo_core.arm.motion import MotionPlanner, Plan, PlanningScene
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Array, Pose
 from memo_core.skills.control import Control, Waypoints
@@ -274,12 +275,12 @@ class ArmControl(Control):
             raise InvalidArgument("control state", f"is not one of an arm ({error})", "bytes of state()") from None
 
     # -- running -----------------------------------------------------------------------------------------------------
-    def _world(self) -> World:
+    def _world(self) -> PlanningScene:
         if not self._attachment.empty and not self._link.holding():
             self._attachment = self._attachment.lost()
         attached = self._attachment
         obstacles = obstacles_of(self.scene(), attached.moved, attached.absent)
-        return World(
+        return PlanningScene(
             obstacles,
             self._link.gripper_width(),
             attached.held,
@@ -357,7 +358,7 @@ def _poses(waypoints: Sequence[tuple[list[float], list[float] | None]], before: 
     return found
 
 
-def _node(fields: dict) -> Node:
+def _node(fields: dict[str, Any]) -> Node:
     pose = cattrs.structure(fields["pose"], Pose)
     opening = fields["opening"]
     return Node(

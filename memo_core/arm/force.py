@@ -1,4 +1,4 @@
-"""Motions that feel: until something is touched, and along a path while pressing.
+"""Guarded and force-controlled motions: until contact, and along a path while pressing.
 
 Both follow a joint path that was planned before anything moved. A guarded motion brakes where it feels its force.
 Pressing is admittance control in one direction (Seraji, "Adaptive admittance control", ICRA 1994): the path is shifted

@@ -8,12 +8,13 @@ every operation runs over contiguous memory. Rotations are (3, 3, N), positions 
 from __future__ import annotations
 
 from collections.abc import Callable
+from xml.etree import ElementTree
 
 import attrs
 import numpy as np
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 POSITION_TOLERANCE = 2e-4  # m; a solution is one within both
@@ -65,7 +66,8 @@ class Kinematics:
         """Fill the chain: constant transforms between joints whose axes are turned onto z."""
         import pinocchio as pin
 
-        model = pin.buildModelFromXML(description.urdf)
+        self.urdf = _with_angles(description.urdf)
+        model = pin.buildModelFromXML(self.urdf)
         self.model = model
         ids = []
         for joint in description.joints:
@@ -93,9 +95,7 @@ class Kinematics:
                     "the joints of one serial chain from the base to the tool, in order",
                 )
             data = model.joints[number].createData()
-            model.joints[number].calc(
-                data, np.zeros(model.joints[number].nq) if model.joints[number].nq == 1 else np.array([1.0, 0.0])
-            )
+            model.joints[number].calc(data, np.zeros(1))
             motion = np.asarray(data.S).reshape(6, -1)[:, 0]
             revolute = bool(np.linalg.norm(motion[3:]) > 0.5)
             axis = motion[3:] if revolute else motion[:3]
@@ -148,7 +148,7 @@ class Kinematics:
         position = np.zeros((3, size))
         cosine, sine = np.cos(joints), np.sin(joints)
         for i, onwards in enumerate(self._onwards):
-            # One product for the three new columns and the way to the next joint: small arrays cost by the call.
+            # One product for columns and translation: small arrays cost by the call.
             moved = (onwards @ columns.reshape(3, -1)).reshape(4, 3, size)
             columns, position = moved[:3], position + moved[3]
             axes[i] = columns[2]
@@ -185,7 +185,8 @@ class Kinematics:
         """Damped least squares from every seed (n, N) to its own goal (3, 3, N), (3, N), inside the joint limits.
 
         Steps are Levenberg-Marquardt's with the damping of Sugihara (2011), which vanishes with the error, clipped to
-        the joint limits drawn in by ``margin`` (rad); the minimal-norm step keeps the redundancy where the seed had it.
+        the joint limits drawn in by ``margin`` (rad); the minimal-norm step leaves the
+        redundant degree of freedom where the seed had it.
         """
         lower, upper = self.lower + margin, self.upper - margin
         seeds = np.asarray(seeds, dtype=float)
@@ -260,6 +261,21 @@ def first_of_cells(cells: np.ndarray) -> np.ndarray:
     return first
 
 
+def _with_angles(urdf: str) -> str:
+    """The URDF with continuous joints as revolute ones. Pinocchio stores a continuous joint as cosine and sine, which
+    would make configurations longer than the arm has joints; the limits that count are the description's."""
+    robot = ElementTree.fromstring(urdf)
+    for joint in robot.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
+            limit.set("lower", str(-2 * np.pi))
+            limit.set("upper", str(2 * np.pi))
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
 def _z_onto(axis: Array) -> Array:
     """A rotation whose z column is ``axis``."""
     z = axis / np.linalg.norm(axis)
@@ -282,7 +298,7 @@ def _halton(count: int, base: int) -> Array:
 
 
 def _onwards(rotation: Array, translation: Array) -> Array:
-    """(4, 3): times a frame's columns, the columns of the next frame and, last, the way there."""
+    """Matrix (4, 3) that maps a frame's columns to the next frame's columns and, last, the translation to it."""
     return np.vstack([rotation.T, translation])
 
 
@@ -296,7 +312,7 @@ def _rotation_vectors(current: Array, goal: Array) -> Array:
     sine = np.sqrt((axis**2).sum(axis=0))
     angle = np.arctan2(sine, (trace - 1.0) / 2.0)
     scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
-    # Half a turn has no axis in this formula; any axis gets the iteration off that spot.
+    # At half a turn the formula gives no axis; any axis lets the iteration continue.
     stuck = (sine <= 1e-9) & (trace < 0)
     axis[0, stuck] = 1.0
     return axis * scale

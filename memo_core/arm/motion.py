@@ -10,30 +10,32 @@ from itertools import islice, product
 import attrs
 import numpy as np
 
-from memo_core.arm.branches import Blocked, BranchSearch, Motion, tilt_choices
 from memo_core.arm.collision import Checker, Held, Hit, Mode, Obstacle, RobotShape
 from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.motion_errors import Reasons
 from memo_core.arm.path import CartesianPath, lagging, turned_about_x, turns_between
 from memo_core.arm.planner import densified, plan_free
-from memo_core.arm.reasons import Reasons
+from memo_core.arm.redundancy_resolution import Blocked, BranchSearch, Motion, tilt_choices
 from memo_core.arm.trajectory import Speed, Trajectory, time_path
 from memo_core.errors import MotionError
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Array, Pose
 
 _STARTS = 4  # configurations of a goal that are tried before a motion is given up
-_CLEAR_TRIES = 5  # ways that are looked for before a motion is allowed to pass as close as perception may err
-_RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to get free of what the fingers are around
-_ROUTE_SECONDS = 4.0  # of this thread: a last resort, node counts bound the search first, so that it is reproducible
+_CLEAR_TRIES = 5  # routes searched with full clearance before it may shrink to the error of perception
+_RETREATS = (0.09, 0.15, 0.04)  # m back along the approach, to clear what the fingers enclose
+_ROUTE_SECONDS = (
+    4.0  # CPU time of this thread: a last resort; node counts end the search first, which keeps it reproducible
+)
 _LAGS = (0.35, 0.7)  # share of a door's turning by which the hand may stay behind it
 _GENTLE = 0.25  # s over which a motion under force changes its speed: a jerk is felt as a force
 _MEETS = 0.025  # m from a thing's box at which the fingertips meet it
 
 
 @attrs.frozen(eq=False)
-class World:
-    """What a motion must mind: solid boxes, the fingers' opening (m), what is held, ids of what moves with the hand."""
+class PlanningScene:
+    """What collision checks need: solid boxes, the fingers' opening (m), the held object, ids of what moves with it."""
 
     obstacles: Sequence[Obstacle]
     width: float
@@ -57,7 +59,7 @@ class MotionPlanner:
 
     def __init__(self, description: RobotDescription, period: float, poll: Callable[[], None] = lambda: None) -> None:
         for library in ("coal", "ruckig", "scipy.interpolate"):
-            importlib.import_module(library)  # now: in the middle of a motion, or of a stop, it would be too late
+            importlib.import_module(library)  # now: importing during a motion or a stop would delay it
         self.description = description
         self.period = period
         self.kinematics = Kinematics(description, poll)
@@ -73,7 +75,7 @@ class MotionPlanner:
         then: Sequence[Pose],
         slack: float,
         speed: float,
-        world: World,
+        world: PlanningScene,
         table: float,
     ) -> Plan:
         """Free motion from joints (n,) to a pose from which ``then`` can be followed. Raises ``MotionError``."""
@@ -86,7 +88,7 @@ class MotionPlanner:
                 found = self._start_of(path, tilts, ahead, checker, start, speed, world)
                 if isinstance(found, Plan):
                     return found
-                # Met only by what is to follow: it will give way there, as it does in ``follow``.
+                # Only the later path touches it: it will be pushed aside then, as in ``follow``.
                 more = self._pushed(found, path, world) - pushed if found.s > 0 else frozenset()
                 if not more:
                     break
@@ -106,10 +108,10 @@ class MotionPlanner:
         checker: Checker,
         start: Array,
         speed: float,
-        world: World,
+        world: PlanningScene,
     ) -> Plan | Blocked:
-        """A way to the path's first pose in a configuration from which the rest can be followed. ``ahead`` knows what
-        is in the way of that rest, ``checker`` what is in the way until it begins."""
+        """Plan to the path's first pose in a configuration from which the rest can be followed. ``ahead`` checks
+        collisions along the rest, ``checker`` on the way to its beginning."""
         search = BranchSearch(self.kinematics, path, ahead, None, 0.0, "free", start)
         goals: list[Array] = []
         blocked = search.prepare(tilts)
@@ -134,7 +136,7 @@ class MotionPlanner:
     def _options(
         self, poses: Sequence[Pose], grasp: int | None, slack: float, tilt: float | None
     ) -> Iterable[tuple[CartesianPath, Array]]:
-        """Paths and tilts to try in turn, from exactly what was asked to ever freer."""
+        """Paths and tilts to try in turn, from exactly the requested ones to less and less constrained ones."""
         path = CartesianPath(poses)
         choices = tilt_choices(slack, tilt)
         yield from ((path, tilts) for tilts in choices)
@@ -145,7 +147,7 @@ class MotionPlanner:
             if max(a.distance(b)[1] for a, b in zip(behind, poses, strict=True)) > 0.1:
                 yield CartesianPath(behind), choices[-1]
 
-    def home(self, skill: str, start: Array, speed: float, world: World) -> Plan:
+    def home(self, skill: str, start: Array, speed: float, world: PlanningScene) -> Plan:
         """Free motion to the home posture. Raises ``MotionError``."""
         checker = self._checker(world, start)
         home = self.kinematics.home
@@ -167,7 +169,7 @@ class MotionPlanner:
         start: Array,
         goals: Sequence[Array],
         speed: float,
-        world: World,
+        world: PlanningScene,
     ) -> Plan | None:
         """A plan that keeps clear of everything where there is one, else one whose every sample is free; where the
         start is enclosed, a short straight retreat comes first."""
@@ -199,7 +201,7 @@ class MotionPlanner:
         return None
 
     def _clear_route(
-        self, checker: Checker, start: Array, goals: Sequence[Array], speed: float, world: World, nodes: int
+        self, checker: Checker, start: Array, goals: Sequence[Array], speed: float, world: PlanningScene, nodes: int
     ) -> Plan | None:
         """A plan that keeps its distance from everything but what the start and the goals are near to."""
         for goal in goals:
@@ -246,7 +248,7 @@ class MotionPlanner:
         checker: Checker,
         joints: Array,
         speed: float,
-        world: World,
+        world: PlanningScene,
         out: Array | None = None,
         into: Array | None = None,
         mode: Mode = "free",
@@ -286,7 +288,7 @@ class MotionPlanner:
         then: Sequence[Pose],
         slack: float,
         speed: float,
-        world: World,
+        world: PlanningScene,
         table: float,
         oriented: bool,
     ) -> Plan:
@@ -316,7 +318,7 @@ class MotionPlanner:
                 more = self._pushed(found, path, world) - pushed
                 if not more:
                     break
-                # What the fingers meet first gives way: it moves ahead of the hand and is no obstacle to it.
+                # What the fingers touch first is pushed ahead of the hand and is no obstacle to it.
                 pushed |= more
                 obstacles = [one for one in world.obstacles if one.node not in pushed]
                 checker = self._checker(attrs.evolve(world, obstacles=obstacles), start)
@@ -344,7 +346,7 @@ class MotionPlanner:
         carried = path.pose(end).matrix @ np.linalg.inv(path.pose(0.0).matrix)
         return Plan(trajectory, self.kinematics.pose(motion.joints[:, kept][:, -1]), carried)
 
-    def _pushed(self, blocked: Blocked, path: CartesianPath, world: World) -> frozenset[str]:
+    def _pushed(self, blocked: Blocked, path: CartesianPath, world: PlanningScene) -> frozenset[str]:
         """What moves ahead of the hand if the collision is one with a movable thing that the fingertips meet first."""
         if blocked.hit is None or blocked.hit.own or blocked.hit.node not in world.movable:
             return frozenset()
@@ -359,7 +361,7 @@ class MotionPlanner:
 
     # -- under force -------------------------------------------------------------------------------------------------
     def guarded(
-        self, skill: str, start: Array, poses: Sequence[Pose], linear: float, world: World, table: float | None
+        self, skill: str, start: Array, poses: Sequence[Pose], linear: float, world: PlanningScene, table: float | None
     ) -> Plan:
         """Straight pieces through ``poses`` at ``linear`` m/s, from joints (n,), for a motion that ends or gives way
         where it feels something: only the arm itself is in its way. ``table`` (m) as in ``follow``, None where the
@@ -397,13 +399,13 @@ class MotionPlanner:
             self.kinematics, densified(np.column_stack([start, goal]))[0], Speed(0.3, 0.3, 1.0), self.period
         )
 
-    def _checker(self, world: World, start: Array) -> Checker:
+    def _checker(self, world: PlanningScene, start: Array) -> Checker:
         checker = self._shape.checker(world.obstacles, world.width, world.held, world.carried)
         checker.leave(start)
         return checker
 
 
-def _grasp(poses: Sequence[Pose], world: World) -> int | None:
+def _grasp(poses: Sequence[Pose], world: PlanningScene) -> int | None:
     """The first of the poses at which the fingers would close on a bar across it."""
     for number, pose in enumerate(poses):
         for bar in world.bars:

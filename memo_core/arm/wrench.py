@@ -1,4 +1,4 @@
-"""What the hand feels, estimated from joint torques.
+"""The contact wrench at the tool, estimated from joint torques.
 
 The generalised force of contact is what the rigid-body equation leaves over, tau_ext = M(q) ddq + C(q, dq) dq + g(q) -
 tau with tau the actuators' torques, and the wrench F at the tool its least-squares solution of J^T F = tau_ext (survey:
@@ -28,7 +28,7 @@ class ToolDynamics:
         self._pin = pin
         self._model = model = pin.Model(kinematics.model)
         joints = [model.joints[number] for number in kinematics.joint_ids]
-        self._places = [(joint.idx_q, joint.nq) for joint in joints]
+        self._places = np.array([joint.idx_q for joint in joints], dtype=np.intp)
         self._speeds = np.array([joint.idx_v for joint in joints], dtype=np.intp)
         for joint, described in zip(joints, description.joints, strict=True):
             model.armature[joint.idx_v] = described.armature
@@ -63,11 +63,7 @@ class ToolDynamics:
 
     def _full(self, joints: Array) -> Array:
         q = self._neutral.copy()
-        for (place, size), angle in zip(self._places, joints, strict=True):
-            if size == 1:
-                q[place] = angle
-            else:
-                q[place : place + 2] = np.cos(angle), np.sin(angle)
+        q[self._places] = joints
         return q
 
 

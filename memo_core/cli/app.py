@@ -1,8 +1,12 @@
-"""The tree of commands. Only the module of the command that was typed is imported; the help needs a line of each."""
+"""The tree of commands. Only the module of the command that was typed is imported; the help needs a line of each.
+
+A plugin adds a command with an entry point in the group ``memo.commands``.
+"""
 
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import EntryPoint, entry_points
 from typing import Annotated
 
 import typer
@@ -22,7 +26,6 @@ COMMANDS = {
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",
     "budget": "What the runs that share a ledger have spent on language models.",
-    "bench": "Measure this machine: simulation, retrieval, start-up, stopping.",
     "doctor": "What works on this machine, and what would make the rest work.",
 }
 MODULES = {name: f"memo_core.cli.{name}" for name in COMMANDS} | {"exec": "memo_core.cli.execute"}
@@ -49,6 +52,7 @@ def _tree(typed: str) -> typer.Typer:
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # Rich would take as long to import as everything else together
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     tree.callback()(_options)
@@ -61,7 +65,38 @@ def _tree(typed: str) -> typer.Typer:
             tree.add_typer(module.app, name=name, help=line, no_args_is_help=True)
         else:
             tree.command(name, short_help=line)(module.command)
+    for point in _plugin_commands():
+        if point.name in COMMANDS:
+            continue  # a plugin cannot take the place of a command of the core
+        if point.name == typed:
+            tree.add_typer(_load(point), name=point.name, help=_summary(point), no_args_is_help=True)
+        else:
+            tree.command(point.name, help=_summary(point))(_untyped)
     return tree
+
+
+def _plugin_commands() -> list[EntryPoint]:
+    """Commands of plugins: the entry points of the group ``memo.commands``, by name. Only metadata is read, so that
+    ``memo --help`` stays quick; of two with one name the first distribution's counts."""
+    found = sorted(entry_points(group="memo.commands"), key=lambda point: (point.name, point.value))
+    return list({point.name: point for point in reversed(found)}.values())[::-1]
+
+
+def _summary(point: EntryPoint) -> str:
+    about = point.dist.metadata["Summary"] if point.dist is not None else ""
+    return str(about or f"of {point.value}").partition(": ")[2] or str(about)
+
+
+def _load(point: EntryPoint) -> typer.Typer:
+    from memo_core.plugins import BrokenCommand
+
+    try:
+        app = point.load()
+    except (Exception, SystemExit) as error:
+        raise BrokenCommand(point.name, point.value, f"{type(error).__name__}: {error}") from error
+    if not isinstance(app, typer.Typer):
+        raise BrokenCommand(point.name, point.value, f"it is a {type(app).__name__}, expected a typer.Typer")
+    return app
 
 
 def _untyped() -> None:

@@ -21,7 +21,7 @@ def command(
     Calls that began and of which nothing was heard since are "unfinished": of runs that are at it, or were killed.
     Their questions' tokens are estimates.
     """
-    from memo_core.policy.ledger import read_ledger
+    from memo_core.llm.ledger import read_ledger
 
     if not ledger.is_file():
         problem = "is a folder" if ledger.is_dir() else "does not exist"

@@ -16,15 +16,16 @@ from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, progress_bar
 from memo_core.cli.stopping import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.terminal import console
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
-    from memo_core.experiment.clustering import Spending
     from memo_core.policy.clustering import Clustering, Outcome
-    from memo_core.policy.stopping import StopSwitch
+    from memo_core.runs.clustering import Spending
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.clusters import Cluster
-    from memo_core.skillbook.joining import NearKeys
+    from memo_core.skillbook.key_aliases import NearKeys
+    from memo_core.stopping import StopSwitch
 
 
 def command(
@@ -52,8 +53,8 @@ def command(
     if interval is not None and not watch:
         raise InvalidArgument("--interval", "without --watch", "both of them")
     _, experiment = load(config, overrides)
-    from memo_core.experiment.assembly import book_of
-    from memo_core.experiment.clustering import Spending, check_method, clustering_of
+    from memo_core.runs.clustering import Spending, check_method, clustering_of
+    from memo_core.runs.factories import book_of
 
     check_method(experiment)
     with book_of(experiment, book, read_only=True):
@@ -64,6 +65,8 @@ def command(
         book_of(experiment, book, read_only=dry_run) as opened,
         clustering_of(experiment, opened, spending.note, stop, keep) as clustering,
     ):
+        if keep is not None and not dry_run:
+            opened.note_place("run", keep)  # for memo skillbook forget
         if watch:
             _watch(experiment, opened, clustering, stop, interval, spending, json)
         else:
@@ -112,7 +115,7 @@ class _Once:
         self.waiting = 0
 
     def _report(self) -> None:
-        from memo_core.experiment.clustering import outcome_record
+        from memo_core.runs.clustering import outcome_record
 
         done = self.outcomes
         totals = {
@@ -125,7 +128,7 @@ class _Once:
             "characters_before": sum(one.characters_before for one in done),
             "characters_after": sum(one.characters_after for one in done),
         }
-        spent = attrs.asdict(self.spending, filter=lambda field, _: field.name != "not_understood")
+        spent = self.spending.record()
         if self.json:
             joined = [{"key": str(n.spelling), "into": str(n.key), "cosine": n.cosine} for n in self.joined]
             records = [outcome_record(one) for one in done]
@@ -158,10 +161,9 @@ class _Once:
 
 def print_outcome(outcome: Outcome) -> None:
     """A cluster's changes as a diff: what goes, why, and what is there instead. What stays is counted."""
-    from rich.console import Console
     from rich.text import Text
 
-    console = Console(width=None if sys.stdout.isatty() else 400, highlight=False)
+    shown = console(width=None if sys.stdout.isatty() else 400, highlight=False)
     cluster, proposal = outcome.cluster, outcome.proposal
     before, after = outcome.entries_before, outcome.entries_after
     characters = f"{outcome.characters_before} -> {outcome.characters_after}"
@@ -170,10 +172,10 @@ def print_outcome(outcome: Outcome) -> None:
         head = f"{cluster.label}: {before} entries stay as they were: {outcome.problem}"
     elif outcome.status == "unchanged":
         head = f"{cluster.label}: {before} entries, nothing to condense"
-    console.print(Text(head, style="bold"))
+    shown.print(Text(head, style="bold"))
     if outcome.duplicates:
         said = "are there once" if outcome.duplicates == 1 else "are there once each"
-        console.print(Text(f"  the same words, said {outcome.duplicates + 1} times, {said}", style="dim"))
+        shown.print(Text(f"  the same words, said {outcome.duplicates + 1} times, {said}", style="dim"))
     if proposal is None or outcome.status != "condensed":
         return
     from memo_core.skillbook.clusters import is_kept
@@ -182,19 +184,19 @@ def print_outcome(outcome: Outcome) -> None:
     for gone in proposal.dropped:
         member, template = cluster.members[gone.number - 1], cluster.templates[gone.template - 1].entry.id
         why = f"contradicts template {template}" + (f": {gone.why}" if gone.why else "")
-        console.print(Text(f"  - {member.id}: {member.text}", style="red") + Text(f"   [{why}]", style="dim"))
+        shown.print(Text(f"  - {member.id}: {member.text}", style="red") + Text(f"   [{why}]", style="dim"))
     changed = [one for one in proposal.entries if not is_kept(cluster, one)]
     for one in changed:
         for number in one.of:
             if number in dropped:
                 continue
             member = cluster.members[number - 1]
-            console.print(Text(f"  - {member.id}: {member.text}", style="red"))
+            shown.print(Text(f"  - {member.id}: {member.text}", style="red"))
         made_of = ", ".join(str(cluster.members[number - 1].id) for number in one.of)
-        console.print(Text(f"  + {one.text}", style="green") + Text(f"   [from {made_of}]", style="dim"))
+        shown.print(Text(f"  + {one.text}", style="green") + Text(f"   [from {made_of}]", style="dim"))
     same = len(proposal.entries) - len(changed)
     if same:
-        console.print(Text(f"  {same} as they were", style="dim"))
+        shown.print(Text(f"  {same} as they were", style="dim"))
 
 
 def _watch(
@@ -206,9 +208,9 @@ def _watch(
     spending: Spending,
     json: bool,
 ) -> None:
-    from memo_core.experiment.clustering import outcome_record, watch
     from memo_core.policy.clustering import Outcome
-    from memo_core.skillbook.joining import NearKeys
+    from memo_core.runs.clustering import outcome_record, watch
+    from memo_core.skillbook.key_aliases import NearKeys
 
     def report(news: Any) -> None:
         if isinstance(news, Outcome):
@@ -228,8 +230,9 @@ def _watch(
 
 
 def _said_of(spending: Spending) -> str:
-    cost = "" if spending.cost is None else f", {spending.cost:.4f} USD"
-    return f"{spending.calls} calls, {spending.prompt_tokens} + {spending.completion_tokens} tokens{cost}"
+    spent = spending.spent
+    cost = "" if spent.known_cost is None else f", {spent.known_cost:.4f} USD"
+    return f"{spent.calls} calls, {spent.prompt_tokens} + {spent.completion_tokens} tokens{cost}"
 
 
 @contextmanager

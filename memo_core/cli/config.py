@@ -55,7 +55,7 @@ def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overri
 def schema() -> None:
     """Print the JSON Schema of experiment files with the installed plugins, for editors."""
     from memo_core.config.schema import experiment_schema
-    from memo_core.experiment.sections import SECTIONS
+    from memo_core.runs.sections import SECTIONS
 
     print_json(experiment_schema(load_registry(), SECTIONS))
 
@@ -65,7 +65,7 @@ def _check_task(experiment: Experiment) -> None:
     from memo_core.config import ConfigErrors
     from memo_core.config.errors import Issue
     from memo_core.errors import UnknownName
-    from memo_core.experiment.assembly import task_of
+    from memo_core.runs.factories import task_of
 
     if experiment.task is None:
         return

@@ -14,7 +14,7 @@ from memo_core.cli.stopping import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from memo_core.experiment.demo import DemoReport
+    from memo_core.runs.demo_result import DemoReport
 
 
 def command(
@@ -35,9 +35,9 @@ def command(
     Four runs: without memory; taught; another task with an empty book; the same with the book of the lesson. Says what
     happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs took place.
     """
-    from memo_core.experiment.console import Narrator
-    from memo_core.experiment.demo import run_demo
-    from memo_core.experiment.recording import recorded, replayed, shipped
+    from memo_core.runs.console import Narrator
+    from memo_core.runs.demo import run_demo
+    from memo_core.runs.recording import recorded, replayed, shipped
 
     if record is not None and replay:
         raise InvalidArgument("--replay", "beside --record", "one of them")
@@ -70,7 +70,7 @@ def command(
 
 
 def _tell(report: DemoReport) -> None:
-    from memo_core.experiment.demo import CHAPTERS
+    from memo_core.runs.demo_result import CHAPTERS
 
     why = report.why()
     rows = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json
+from memo_core.cli.stopping import INTERRUPTED, handling
 from memo_core.errors import InvalidArgument, MemoError
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ def command(
     _, experiment = load(config, overrides, task, seed)
     if experiment.task is None:
         raise InvalidArgument("--task", "which scene?", "the name of a task (memo tasks list)")
-    from memo_core.experiment.assembly import sandbox_of, task_of, world_of
-    from memo_core.experiment.world import run_code
+    from memo_core.environment.simulated import run_code
+    from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.sandbox.execution import refused
 
     chosen = task_of(experiment, experiment.task)
@@ -58,7 +58,7 @@ def command(
         if findings and not json:
             # Refused code costs nobody the building of a scene.
             raise CodeEnded(str(file), refused(findings).error)
-        with world_of(experiment, chosen, experiment.seed) as world, _stopping(world.link):
+        with environment_of(experiment, chosen, experiment.seed) as world, _stopping(world.link):
             execution = run_code(world, code, sandbox, on_print=None if json else _print_now)
             outcome = world.check()
     if json:
@@ -78,7 +78,7 @@ def command(
         )
     if not execution.succeeded:
         stopped = execution.ended == "stopped"
-        raise CodeEnded(str(file), execution.error or execution.ended, 130 if stopped else 1)
+        raise CodeEnded(str(file), execution.error or execution.ended, INTERRUPTED if stopped else 1)
 
 
 def _read(file: Path) -> str:
@@ -97,15 +97,12 @@ def _print_now(text: str) -> None:
 
 @contextmanager
 def _stopping(link: Link) -> Iterator[None]:
-    """Ctrl-C stops the robot first; a second one ends the process."""
+    """A first signal stops the robot; a second one ends the process."""
 
     def stop(*_: Any) -> None:
         if link.stopped:
             raise KeyboardInterrupt
         link.stop()
 
-    before = signal.signal(signal.SIGINT, stop)
-    try:
+    with handling(stop):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -5,24 +5,49 @@ Even importing the command line happens inside the guard: Ctrl-C a tenth of a se
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import os
 import sys
+import threading
 from collections.abc import Sequence
 
-INTERRUPTED = 130
+from memo_core.cli.stopping import INTERRUPTED, Interrupt, handling, ignore
+from memo_core.terminal import guarded
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``memo`` with these arguments (those of the process by default) and exit with its code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given or bool(os.environ.get("MEMO_DEBUG"))
+    signals = contextlib.ExitStack()
+    signals.enter_context(handling(Interrupt()))
     try:
-        sys.exit(_run(given, debug))
+        with guarded():
+            code = _run(given, debug)
     except KeyboardInterrupt:
         if debug:
             raise
-        _say("interrupted")
-        sys.exit(INTERRUPTED)
+        print("memo: interrupted", file=sys.stderr)
+        code = INTERRUPTED
+    finally:
+        if arguments is not None:
+            signals.close()
+        else:  # the process ends, and a signal that comes now changes nothing about how it did
+            ignore()
+    if arguments is None and any(thread.daemon for thread in threading.enumerate()):
+        _leave(code)
+    sys.exit(code)
+
+
+def _leave(code: int) -> None:
+    """Leave although threads are still at work, such as planning after a stop or an abandoned call. Python would end
+    them when it shuts down, in the middle of C++ code that cannot be unwound: the process would abort."""
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):
+            stream.flush()
+    os._exit(code)
 
 
 def _run(given: list[str], debug: bool) -> int:
@@ -49,8 +74,9 @@ def _run(given: list[str], debug: bool) -> int:
 
 
 def _say(line: str) -> None:
-    for part in line.splitlines():
-        print(f"memo: {part}", file=sys.stderr)
+    for part in line.split("\n"):  # only a line feed ends a line: other characters that might are shown
+        if part.strip():
+            print(f"memo: {part}", file=sys.stderr)
 
 
 if __name__ == "__main__":

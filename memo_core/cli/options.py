@@ -36,7 +36,7 @@ def one_file(file: Path | None, config: Path | None) -> Path | None:
 
 
 def load_registry() -> Registry:
-    """The installed plugins; what is wrong with any is said on stderr."""
+    """The installed plugins; problems with any are reported on stderr."""
     from memo_core.cli.output import note
     from memo_core.plugins import Registry
 
@@ -49,9 +49,13 @@ def load_registry() -> Registry:
 def load(
     config: Path | None, overrides: list[str] | None, task: str | None = None, seed: int | None = None
 ) -> tuple[Registry, Experiment]:
-    """Plugins and the checked experiment. Raises ``ConfigErrors``."""
+    """Plugins and the checked experiment; notices for its author go to stderr. Raises ``ConfigErrors``."""
+    from memo_core.cli.output import note
     from memo_core.config import load_experiment
-    from memo_core.experiment.sections import SECTIONS
+    from memo_core.runs.sections import SECTIONS
 
     registry = load_registry()
-    return registry, load_experiment(registry, config, overrides or (), SECTIONS, task, seed)
+    experiment = load_experiment(registry, config, overrides or (), SECTIONS, task, seed)
+    for notice in experiment.notices:
+        note(f"memo: {notice}")
+    return registry, experiment

@@ -19,8 +19,8 @@ def draw(
 ) -> Iterator[dict[str, Any]]:
     """Draw one task after the other; yields what was written and how the reference solution fared. Raises
     ``BackendUnavailable`` where nothing can draw, ``InvalidArgument`` where nothing can be written."""
-    from memo_core.experiment.assembly import sandbox_of, world_of
-    from memo_core.experiment.world import run_code
+    from memo_core.environment.simulated import run_code
+    from memo_core.runs.factories import environment_of, sandbox_of
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -31,7 +31,7 @@ def draw(
         for task in tasks:
             progress.update(bar, description=task.name)
             start, end = (folder / f"{task.name}-{when}.jpg" for when in ("start", "end"))
-            with world_of(experiment, task, seed) as world:
+            with environment_of(experiment, task, seed) as world:
                 cameras = [one.name for one in world.description.cameras]
                 if not cameras:
                     raise InvalidArgument(task.name, "its scene has no camera", "a scene with one")

@@ -17,7 +17,7 @@ app = typer.Typer(help="Prompts.")
 @app.command("list")
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the prompts in use: version, digest, and the file where one stands in for the built-in text."""
-    from memo_core.policy.prompt_files import PLACEHOLDERS
+    from memo_core.llm.prompt_files import PLACEHOLDERS
 
     texts = _texts(config, overrides)
     if json:
@@ -37,8 +37,8 @@ def show(
     json: Json = False,
 ) -> None:
     """Print a phase's prompt with its placeholders; `skills` is the documentation of the skills that goes into one."""
-    from memo_core.experiment.assembly import library_of
-    from memo_core.policy.prompt_files import PLACEHOLDERS
+    from memo_core.llm.prompt_files import PLACEHOLDERS
+    from memo_core.runs.factories import library_of
     from memo_core.skills.contract import documentation
 
     known = (*PLACEHOLDERS, "skills")
@@ -67,7 +67,7 @@ def export(
 ) -> None:
     """Copy the prompts to a folder, to be changed there and named in a config as `prompts: {folder: …}`."""
     from memo_core.errors import InvalidArgument
-    from memo_core.policy.prompt_files import SUFFIX
+    from memo_core.llm.prompt_files import SUFFIX
 
     texts = _texts(config, overrides)
     there = [name + SUFFIX for name in texts if (folder / (name + SUFFIX)).exists()]
@@ -84,8 +84,8 @@ def export(
 
 
 def _texts(config: Path | None, overrides: list[str] | None) -> dict[str, Any]:
-    from memo_core.experiment.assembly import prompts_of
-    from memo_core.policy.prompt_files import PLACEHOLDERS
+    from memo_core.llm.prompt_files import PLACEHOLDERS
+    from memo_core.runs.factories import prompts_of
 
     prompts = prompts_of(load(config, overrides)[1])
     return {name: prompts.text(name) for name in PLACEHOLDERS}

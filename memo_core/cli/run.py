@@ -5,14 +5,17 @@ from __future__ import annotations
 from json import dumps
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from memo_core.cli.options import Json, Overrides, Seed, load, one_file
-from memo_core.cli.output import note, print_json
+from memo_core.cli.output import note, print_json, while_read
 from memo_core.cli.stopping import INTERRUPTED
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, MemoError
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
 
 
 def command(
@@ -34,6 +37,7 @@ def command(
         Path | None, typer.Option("--resume", metavar="DIR", help="Go on with a run that was cut off, in its folder.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
     json: Json = False,
 ) -> None:
     """Run a task: plan, write code, move, listen, remember.
@@ -41,10 +45,10 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
-    from memo_core.experiment.console import Narrator
-    from memo_core.experiment.recording import recorded, replayed
-    from memo_core.experiment.resuming import run_config
-    from memo_core.experiment.run import resume_experiment, run_experiment
+    from memo_core.runs.console import Narrator
+    from memo_core.runs.recording import recorded, replayed
+    from memo_core.runs.resuming import run_config
+    from memo_core.runs.run import resume_experiment, run_experiment
 
     if sum(option is not None for option in (record, replay, resume)) > 1:
         raise InvalidArgument(
@@ -58,22 +62,50 @@ def command(
         experiment = recorded(experiment, registry, record)
     if replay is not None:
         experiment = replayed(experiment, registry, replay)
-    narrator = Narrator()
+    narrator = Narrator(code=verbose)
+    _warn_of_reach(experiment)
     if resume is not None:
         report = resume_experiment(experiment, registry, resume, narrator, view, narrator.on_text)
     else:
         report = run_experiment(experiment, registry, out, narrator, view, narrator.on_text)
-    if json:
-        print_json(report.summary())
-    else:
-        verdict = "done" if report.success else "not done"
-        print(
-            f"{report.task}, seed {report.seed}: {verdict}" + (f" ({report.outcome.reason})" if report.outcome else "")
-        )
-        if report.problem:
-            note(f"memo: {report.problem}")
-        print(f"kept in {report.folder}")
+    if record is not None:
+        _note_recording(experiment, record)
+    with while_read():
+        if json:
+            print_json(report.summary())
+        else:
+            verdict = "done" if report.success else "not done"
+            print(
+                f"{report.task}, seed {report.seed}: {verdict}"
+                + (f" ({report.outcome.reason})" if report.outcome else "")
+            )
+            if report.problem:
+                note(f"memo: {report.problem}")
+            print(f"kept in {report.folder}")
     if report.resumable:
         note(f"memo: it was cut off; to go on: memo run --resume {quote(str(report.folder))}")
     if not report.success:
         raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)
+
+
+def _warn_of_reach(experiment: Experiment) -> None:
+    """One line where the task is known to be beyond the language backend."""
+    from memo_core.llm.measured import measured_of
+
+    backend = experiment.choice("llm").backend
+    measured = measured_of(backend)
+    warning = measured.warning(backend.name, experiment.task) if measured is not None and experiment.task else ""
+    if warning:
+        note(f"memo: {warning} (memo tasks list)")
+
+
+def _note_recording(experiment: Experiment, file: Path) -> None:
+    """So that ``memo skillbook forget`` goes through the recording."""
+    from memo_core.skillbook.book import Skillbook
+
+    settings = experiment.section("skillbook")
+    try:
+        with Skillbook(settings.url, read_only=settings.read_only) as book:
+            book.note_place("recording", file)
+    except MemoError as error:
+        note(f"memo: warning: forget will not know of {file}: {error}")

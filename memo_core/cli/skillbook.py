@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
-from memo_core.cli import skillbook_history, skillbook_transfer
+from memo_core.cli import skillbook_editing, skillbook_history, skillbook_rebuild, skillbook_transfer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
-from memo_core.errors import InvalidArgument, close_match
+from memo_core.errors import InvalidArgument, MemoError, close_match
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Skillbooks.")
 skillbook_history.register(app)
 skillbook_transfer.register(app)
+skillbook_editing.register(app)
+skillbook_rebuild.register(app)
 
 KINDS = ("correction", "general", "template")
 WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries
@@ -91,7 +93,7 @@ def search(
     json: Json = False,
 ) -> None:
     """Find entries: by what a subtask would be served and why, or by the similarity of their texts."""
-    from memo_core.experiment.assembly import book_of
+    from memo_core.runs.factories import book_of
 
     with book_of(load(config, overrides)[1], book, read_only=True) as opened:
         if "(" in words:
@@ -151,18 +153,35 @@ def export(
     except OSError as error:
         raise InvalidArgument("--out", f"{out}: {error.strerror}", "a file that can be written") from None
     note(f"{len(records)} records -> {out}")
+    _note_export(out, book, config, overrides)
+
+
+def _note_export(out: Path, book: str | None, config: Path | None, overrides: list[str] | None) -> None:
+    """So that ``forget`` goes through it. A book that cannot be written cannot forget, either."""
+    try:
+        with _opened(book, config, overrides, read_only=False) as opened:
+            opened.note_place("export", out)
+    except MemoError as error:
+        note(f"memo: warning: forget will not know of {out}: {error}")
 
 
 @app.command()
 def forget(
     person: Annotated[str, typer.Argument(help="Whose words to remove.")],
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    also: Annotated[
+        list[Path] | None, typer.Option("--in", metavar="PATH", help="A further folder or file to go through.")
+    ] = None,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Remove a person's words and what derives only from them. Cannot be undone."""
+    """Remove a person's words and what derives only from them, also from run folders, recordings, exports and backups
+    that the book knows of. Cannot be undone."""
+    for path in also or ():
+        if not path.exists():
+            raise InvalidArgument("--in", f"{path} is not there", "a folder or file")
     with _writing(book, config, overrides) as opened:
         if person in opened.people() and not yes:
             if not sys.stdin.isatty():
@@ -170,11 +189,17 @@ def forget(
                     "--yes", "nobody can be asked here whether this is meant", "memo skillbook forget … --yes"
                 )
             typer.confirm(f"Remove everything {person!r} said from {opened.url}?", abort=True, err=True)
-        forgotten = opened.forget(person)
+        forgotten = opened.forget(person, also or ())
     if json:
         print_json(attrs.asdict(forgotten))
     else:
         print(f"removed {forgotten.feedback} pieces of feedback, {forgotten.entries} entries, {forgotten.keys} keys")
+        for verb, files in (("rewritten", forgotten.rewritten), ("deleted", forgotten.deleted)):
+            for file in files:
+                print(f"{verb}: {file}")
+        print("not reached, see to it yourself:")
+        for where in forgotten.unreached:
+            print(f"- {where}")
 
 
 @app.command()

@@ -116,7 +116,7 @@ def why(
     json: Json = False,
 ) -> None:
     """Explain what a subtask is served: each term of each score, the order, and what was cut by which rule."""
-    from memo_core.experiment.assembly import book_of
+    from memo_core.runs.factories import book_of
 
     with book_of(load(config, overrides)[1], book, read_only=True) as opened:
         found = opened.retrieve(subtask)
@@ -163,16 +163,14 @@ def retry(
 
     Exit code 1 when the model could not be asked.
     """
-    from memo_core.experiment.assembly import book_of, prompts_of
-    from memo_core.experiment.clustering import calls_without_a_run
-    from memo_core.policy.memories import Memory
-    from memo_core.policy.noting import Noted, Noting, asking_without_a_run
-    from memo_core.policy.noting import retry as ask_again
+    from memo_core.policy.feedback_processing import Noted, Noting, asking_without_a_run
+    from memo_core.policy.feedback_processing import retry as ask_again
+    from memo_core.runs.clustering import calls_without_a_run
+    from memo_core.runs.factories import book_of, prompts_of
 
     _, experiment = load(config, overrides)
     with book_of(experiment, book, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
-    memory = getattr(experiment.create("method"), "memory", None) or Memory()
     results: list[Noted] = []
     stopped = False
 
@@ -194,7 +192,7 @@ def retry(
         robot, reasks = experiment.create("robot"), experiment.section("run").reasks
         ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)
         try:
-            ask_again(Noting(ask, opened, memory, ignore), opened, done)
+            ask_again(Noting(ask, opened, ignore), opened, done)
         except Stopped:
             stopped = True
     if json:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.importing import Imported
     from memo_core.skillbook.lorebook import Lorebook
+    from memo_core.skillbook.rescue import Rescued
 
 FORMATS = ("memo", "lorebook")
 
@@ -31,8 +32,11 @@ def register(app: typer.Typer) -> None:
 
 
 def import_book(
-    file: Annotated[Path, typer.Argument(help="What `memo skillbook export` wrote, or a lorebook's pickle.")],
-    source: Annotated[str, typer.Option("--from", metavar="FORMAT", help="memo (JSONL) or lorebook.")] = "memo",
+    file: Annotated[Path, typer.Argument(help="What `memo skillbook export` wrote, or a lorebook.")],
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="FORMAT", help="memo (JSONL) or lorebook; default: recognised."),
+    ] = None,
     whose: Annotated[str | None, typer.Option("--whose", help="Whose book it is; without it, the file's name.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what it would bring, change nothing.")] = False,
     book: Book = None,
@@ -41,16 +45,19 @@ def import_book(
     json: Json = False,
 ) -> None:
     """Merge another book into this one. Importing twice changes nothing; a book that is not there is made."""
-    if source not in FORMATS:
+    if source is not None and source not in FORMATS:
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
+    from memo_core.skillbook.lorebook import looks_like_lorebook, read_lorebook
+
     name = whose or file.stem
     try:
         data = file.read_bytes()
         changed = file.stat().st_mtime
     except OSError as error:
         raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file that can be read") from None
-    lorebook = _lorebook(data, name, changed) if source == "lorebook" else None
+    is_lorebook = source == "lorebook" if source is not None else looks_like_lorebook(data)
+    lorebook = read_lorebook(data, name, changed) if is_lorebook else None
     records = list(lorebook.records) if lorebook is not None else list(_lines(file, data))
     with _opened(book, config, overrides) as opened:
         imported = opened.merge(records, name, dry_run)
@@ -74,16 +81,47 @@ def books(book: Book = None, config: ConfigFile = None, overrides: Overrides = N
     print_table(("whose", "book", "first", "last"), [(o.name, o.book, _day(o.first), _day(o.last)) for o in merged])
 
 
-def check(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+def check(
+    rescue: Annotated[
+        Path | None, typer.Option("--rescue", metavar="FILE", help="Write what can be read to a new book in this file.")
+    ] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
     """Look for damage: the database's own check, and whether everything that is referred to is there."""
-    with _opened(book, config, overrides, read_only=True) as opened:
-        problems, url = opened.problems(), opened.url
+    from memo_core.skillbook.database import DamagedBook, Database
+
+    url = book or load(config, overrides)[1].section("skillbook").url
+    try:
+        with _opened(url, None, None, read_only=True) as opened:
+            problems = opened.problems()
+    except DamagedBook as error:
+        problems = [error.problem]
+    rescued = None
+    if rescue is not None:
+        path = Database(url).path
+        if path is None:
+            raise InvalidArgument("--rescue", f"{url} is no file", "a book in a SQLite file")
+        rescued = _rescue(path, rescue)
     if json:
-        print_json({"url": url, "problems": problems})
+        print_json({"url": url, "problems": problems, "rescued": None if rescued is None else attrs.asdict(rescued)})
     else:
         print("\n".join(problems) or f"{url}: nothing is wrong")
+        if rescued is not None:
+            counts = ", ".join(f"{count} {name}" for name, count in rescued.read.items())
+            print(f"{rescue}: {counts or 'nothing'}; {rescued.dangling} rows left out that refer to something lost")
+        elif problems:
+            note("memo: `memo skillbook check --rescue FILE` gets out what can be read")
     if problems:
         raise typer.Exit(1)
+
+
+def _rescue(path: Path, out: Path) -> Rescued:
+    from memo_core.skillbook.rescue import rescue
+
+    return rescue(path, out)
 
 
 def _opened(book: str | None, config: Path | None, overrides: list[str] | None, read_only: bool = False) -> Skillbook:
@@ -93,7 +131,7 @@ def _opened(book: str | None, config: Path | None, overrides: list[str] | None, 
 
 
 def _lines(file: Path, data: bytes) -> Iterator[dict[str, Any]]:
-    from memo_core.skillbook.importing import BadImport
+    from memo_core.skillbook.import_records import BadImport
 
     for number, line in enumerate(data.splitlines(), start=1):
         try:
@@ -101,12 +139,6 @@ def _lines(file: Path, data: bytes) -> Iterator[dict[str, Any]]:
         except (ValueError, RecursionError) as error:
             hint = "; a lorebook's pickle is read with --from lorebook" if number == 1 else ""
             raise BadImport(number, f"{file} is no JSON there ({str(error)[:80]}){hint}") from None
-
-
-def _lorebook(data: bytes, who: str, when: float) -> Lorebook:
-    from memo_core.skillbook.lorebook import read_lorebook
-
-    return read_lorebook(data, who, when)
 
 
 def _say_what_was_read(read: Lorebook) -> None:

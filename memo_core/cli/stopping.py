@@ -1,22 +1,25 @@
-"""Ctrl-C in a command that asks models and writes to a book, but moves nothing."""
+"""Stops of a command: Ctrl-C, SIGTERM, and SIGHUP of a terminal that was closed."""
 
 from __future__ import annotations
 
+import os
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from memo_core.policy.stopping import StopSwitch
+    from memo_core.stopping import StopSwitch
 
+STOPS = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
 INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 
 
 @contextmanager
 def stopping() -> Iterator[StopSwitch]:
-    """A switch that Ctrl-C and SIGTERM press: what is being written is finished first. A second one ends it at once."""
-    from memo_core.policy.stopping import StopSwitch
+    """A switch that a signal presses: what is being written is finished first. A second one ends the work at once."""
+    from memo_core.stopping import StopSwitch
 
     stop = StopSwitch()
 
@@ -25,9 +28,40 @@ def stopping() -> Iterator[StopSwitch]:
             raise KeyboardInterrupt
         stop.press()
 
-    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with handling(press):
         yield stop
+
+
+class Interrupt:
+    """A signal handler: the first signal takes the command back to its beginning, through every clean-up on the way,
+    which a second one does not cut short; a third leaves at once."""
+
+    def __init__(self) -> None:
+        self._signals = 0
+
+    def __call__(self, *_: Any) -> None:
+        self._signals += 1
+        if self._signals == 1:
+            raise KeyboardInterrupt
+        if self._signals > 2:
+            os._exit(INTERRUPTED)
+
+
+def ignore() -> None:
+    """From here on no signal stops anything; Python would give them back their default action when it shuts down."""
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def handling(handler: Callable[..., None]) -> Iterator[None]:
+    """``handler`` for all signals that stop a command; elsewhere than in the main thread they stay whose they are."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in STOPS}
+    try:
+        yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, one in before.items():
+            signal.signal(number, one)

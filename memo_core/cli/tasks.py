@@ -21,14 +21,23 @@ Suite = Annotated[str | None, typer.Option("--suite", metavar="NAME", help="Anot
 @app.command("list")
 def list_tasks(suite: Suite = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """List the tasks of the suite."""
-    from memo_core.experiment.assembly import tasks_of
+    from memo_core.llm.measured import measured_of, summary
+    from memo_core.runs.factories import tasks_of
 
     experiment = load(config, _with_suite(overrides, suite))[1]
     tasks, suite = tasks_of(experiment), experiment.choice("suite").backend.name
+    model = experiment.choice("llm").backend
+    measured = measured_of(model)
     if json:
-        print_json({"suite": suite, "tasks": [_summary(task) | {"suite": suite} for task in tasks]})
-    else:
-        print_table(("task", "type", "split", "instruction"), [(t.name, t.kind, t.split, t.instruction) for t in tasks])
+        print_json(
+            {"suite": suite, "tasks": [_summary(t) | {"suite": suite} | summary(measured, t.name) for t in tasks]}
+        )
+        return
+    rows = [(t.name, t.kind, t.split, t.instruction, *summary(measured, t.name).values()) for t in tasks]
+    reach = () if measured is None else (f"llm {model.name}",)
+    print_table(("task", "type", "split", "instruction", *reach), rows)
+    if measured is not None:
+        note(f"untaught, taught, no: what llm {model.name!r} did when it was measured ({measured.date})")
 
 
 @app.command()
@@ -42,8 +51,8 @@ def show(
     json: Json = False,
 ) -> None:
     """Show one task: its instruction, what stands in its scene, what watches it."""
-    from memo_core.experiment.assembly import task_of
-    from memo_core.experiment.world import generator
+    from memo_core.environment.simulated import generator
+    from memo_core.runs.factories import task_of
 
     task = task_of(load(config, _with_suite(overrides, suite))[1], name)
     scene = task.scene(generator(seed, "scene"))
@@ -57,6 +66,8 @@ def show(
         print_json(shown | ({"reference": task.reference_solution} if reference else {}))
         return
     print(f"{task.name}: {task.instruction}")
+    for sentence in task.goal:
+        print(f"  done when {sentence}")
     print(f"type {task.kind or '-'}, split {task.split}, time limit {task.time_limit:g} s of the robot's time")
     print_table(("body", "label", "joint"), [(b["name"], b["label"], b["joint"]) for b in bodies])
     print(f"monitors: {', '.join(monitors) or 'none'}")
@@ -87,7 +98,7 @@ def verify(
     is how many seconds are simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
-    from memo_core.experiment.assembly import task_of, tasks_of
+    from memo_core.runs.factories import task_of, tasks_of
 
     wanted, overrides = read_seeds(seeds), _with_suite(overrides, suite)
     _, experiment = load(config, overrides)
@@ -137,7 +148,7 @@ def pictures(
     Exit code 1 when a reference solution did not succeed; its picture is drawn all the same.
     """
     from memo_core.cli.pictures import draw
-    from memo_core.experiment.assembly import task_of, tasks_of
+    from memo_core.runs.factories import task_of, tasks_of
 
     _, experiment = load(config, _with_suite(overrides, suite))
     chosen = [task_of(experiment, name) for name in dict.fromkeys(names)] if names else tasks_of(experiment)
@@ -171,4 +182,5 @@ def _with_suite(overrides: list[str] | None, suite: str | None) -> list[str]:
 
 
 def _summary(task: Any) -> dict[str, Any]:
-    return {"name": task.name, "instruction": task.instruction, "type": task.kind, "split": task.split}
+    told = {"name": task.name, "instruction": task.instruction, "goal": list(task.goal)}
+    return told | {"type": task.kind, "split": task.split}

@@ -16,7 +16,7 @@ import attrs
 from memo_core.cli.options import load
 from memo_core.cli.output import note, progress_bar
 from memo_core.errors import InvalidArgument
-from memo_core.experiment.json_lines import append_line, make_writable, read_lines
+from memo_core.evaluation.json_lines import append_line, make_writable, read_lines
 
 SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
 
@@ -34,14 +34,14 @@ class Trial:
 
 def run_trial(trial: Trial) -> dict[str, Any]:
     """Verify one task on one seed (also the entry of a worker process)."""
-    from memo_core.experiment.assembly import sandbox_of, task_of, world_of
-    from memo_core.experiment.world import verify_task
+    from memo_core.environment.simulated import verify_task
+    from memo_core.runs.factories import environment_of, sandbox_of, task_of
 
     started = time.monotonic()
     _, experiment = load(trial.config, list(trial.overrides))
     task = task_of(experiment, trial.task)
     [found] = verify_task(
-        lambda seed: world_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed], trial.plain
+        lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed], trial.plain
     )
     result = {
         "task": trial.task,
@@ -109,8 +109,8 @@ def _unusable(file: Path, error: OSError) -> InvalidArgument:
 
 def digest_of(experiment: Any) -> Callable[[str, int], str]:
     """What a result depends on, as far as data tell: the experiment's values, the scene, the code that is run."""
-    from memo_core.experiment.assembly import task_of
-    from memo_core.experiment.world import generator
+    from memo_core.environment.simulated import generator
+    from memo_core.runs.factories import task_of
 
     values = {key: value for key, value in experiment.public().items() if key not in ("task", "seed")}
 

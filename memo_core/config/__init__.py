@@ -1,4 +1,4 @@
-"""Experiment files: one YAML, layers and overrides, checked against attrs classes, all mistakes at once (DESIGN 4)."""
+"""Experiment files: one YAML, layers and overrides, checked against attrs classes; all errors are reported at once."""
 
 from memo_core.config.errors import DEFAULT, ConfigErrors, Issue, Origin
 from memo_core.config.experiment import Choice, Experiment, ShownValue, load_experiment

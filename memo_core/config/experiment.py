@@ -21,8 +21,11 @@ from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_m
 from memo_core.interfaces.backend import KINDS, Backend
 from memo_core.plugins import Registry, missing_needs
 
-SINGLE_KINDS = tuple(kind for kind in KINDS if kind != "skills")
-SCALARS: dict[str, Any] = {"task": str, "seed": int}
+# Keys of the robot's section that choose backends of kinds of their own: kind -> key.
+DRIVERS = {"robot_driver": "driver", "gripper_driver": "gripper_driver"}
+SECTION_KINDS = tuple(kind for kind in KINDS if kind not in DRIVERS)
+SINGLE_KINDS = tuple(kind for kind in SECTION_KINDS if kind != "skills")
+SCALARS: dict[str, Any] = {"task": str, "seed": int, "preset": str}
 SCALAR_DEFAULTS: dict[str, Any] = {"seed": 0}
 
 
@@ -66,12 +69,13 @@ class Experiment:
     sections: Mapping[str, Any]
     values: tuple[ShownValue, ...]
     undecided: Mapping[str, MemoError] = attrs.field(factory=dict)
+    notices: tuple[str, ...] = ()  # what the author of the file should know though it works, one sentence each
 
     def choice(self, kind: str) -> Choice:
         """The backend of a kind. Raises ``NoDefaultBackend`` where neither the file nor the plugins settle it."""
         if kind in self.choices:
             return self.choices[kind]
-        raise self.undecided.get(kind) or UnknownName("kind of backend", kind, SINGLE_KINDS)
+        raise self.undecided.get(kind) or UnknownName("kind of backend", kind, (*SINGLE_KINDS, *DRIVERS))
 
     def create(self, kind: str) -> Any:
         """Make the backend of a kind (unopened). Raises as ``choice`` and ``Choice.create``."""
@@ -117,9 +121,10 @@ class _Assembly:
         self._undecided: dict[str, MemoError] = {}
         self._choices: dict[str, Choice] = {}
         self._shown: list[ShownValue] = []
+        self._notices: list[str] = []
 
     def experiment(self) -> Experiment:
-        known = (*KINDS, *self._sections, *SCALARS)
+        known = (*SECTION_KINDS, *self._sections, *SCALARS)
         for name in self._merged.values:
             if name not in known:
                 listed = ", ".join(sorted(known))
@@ -127,6 +132,8 @@ class _Assembly:
         scalars = {name: self._scalar(name, wanted) for name, wanted in SCALARS.items()}
         for kind in SINGLE_KINDS:
             self._choose(kind)
+        for kind, key in DRIVERS.items():
+            self._choose_driver(kind, key)
         skills = self._choose_skills()
         sections = {name: self._section(name, cls) for name, cls in self._sections.items()}
         issues = self._all_issues()
@@ -140,6 +147,7 @@ class _Assembly:
             sections=sections,
             values=tuple(self._shown),
             undecided=self._undecided,
+            notices=tuple(self._notices),
         )
 
     def _all_issues(self) -> tuple[Issue, ...]:
@@ -175,9 +183,21 @@ class _Assembly:
         values = self._merged.values.get(kind, {})
         if not isinstance(values, dict):
             return  # said while the layers were read
-        choice = self._pick(kind, values, (kind,), optional=kind not in self._merged.values)
+        optional = kind not in self._merged.values
+        if kind == "robot" and not values.keys().isdisjoint(DRIVERS.values()):
+            values = {key: value for key, value in values.items() if key not in DRIVERS.values()}
+            optional = not values
+        choice = self._pick(kind, values, (kind,), optional)
         if choice is not None:
             self._choices[kind] = choice
+
+    def _choose_driver(self, kind: str, key: str) -> None:
+        robot = self._merged.values.get("robot")
+        given = robot.get(key) if isinstance(robot, dict) else None
+        choice = self._inner(kind, {} if given is None else given, ("robot", key), optional=given is None)
+        if choice is not None:
+            self._choices[kind] = choice
+            self._show_choice(choice, ("robot", key))
 
     def _choose_skills(self) -> tuple[Choice, ...]:
         items = self._merged.values.get("skills", [])
@@ -199,7 +219,7 @@ class _Assembly:
             self._show_choice(choice, path)
         return choice
 
-    def _inner(self, kind: str, value: Any, path: Path_) -> Choice | None:
+    def _inner(self, kind: str, value: Any, path: Path_, optional: bool = False) -> Choice | None:
         """The backend that another one's setting names, as for a section of that kind."""
         if value is None:
             return None
@@ -207,7 +227,7 @@ class _Assembly:
         if not isinstance(values, dict):
             self._checker.wrong(path, f"must be the name of a backend of kind {kind!r}, or `backend:` with its keys")
             return None
-        return self._chosen(kind, values, path, optional=False)
+        return self._chosen(kind, values, path, optional)
 
     def _chosen(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Choice | None:
         backend = self._backend(kind, values, path, optional)
@@ -226,11 +246,16 @@ class _Assembly:
             self._checker.wrong(where, f"must be the name of a backend, not {name!r}")
             return None
         try:
-            return self._registry.get(kind, name)
+            backend = self._registry.get(kind, name)
         except MemoError as error:
             self._checker.wrong(where, str(error))
             self._check_keys_of_nearest(kind, name, values, path)
             return None
+        if backend.name != name:
+            self._notices.append(
+                f"{dotted(where)}: the {kind} {name!r} is called {backend.name!r} now; the former name still works"
+            )
+        return backend
 
     def _default(self, kind: str, path: Path_, optional: bool) -> Backend | None:
         """A kind that nobody mentioned need not be settled until somebody asks for it."""

@@ -37,7 +37,7 @@ def field_types(cls: type) -> dict[str, Any]:
     return {key_of(field): hints.get(field.name, Any) for field in attrs.fields(cls) if field.init}
 
 
-def key_of(field: attrs.Attribute) -> str:
+def key_of(field: attrs.Attribute[Any]) -> str:
     """The word for a field in a config file."""
     return field.alias or field.name
 

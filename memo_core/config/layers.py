@@ -6,14 +6,18 @@ section replaces that section: the keys of the backend below would not fit the n
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Callable, Iterable, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import attrs
 
 from memo_core.config.errors import DEFAULT, Issue, Origin, dotted
-from memo_core.config.source import Path_, Source, read_file, read_value
+from memo_core.config.references import MOST_REFERENCES, too_entangled
+from memo_core.config.source import Path_, Source, read_file, read_text, read_value
+from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
 
 
@@ -37,10 +41,12 @@ class Merged:
 
 
 def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, Any] | None = None) -> Merged:
-    """Stack ``defaults`` of the top level, what the file extends, the file, and ``--set`` (``run.attempts=2``)."""
+    """Stack ``defaults`` of the top level, the preset that is named, what the file extends, the file, and ``--set``
+    (``run.attempts=2``)."""
     base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
     layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
     layers.append(_overrides(overrides))
+    layers[1:1] = _preset(layers)
     issues = [issue for layer in layers for issue in layer.issues]
     for layer in layers:
         issues += _normalise(layer)
@@ -53,6 +59,36 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
         origins.setdefault((), Origin(str(file)))
     values, shown, failed = _resolve([layer.values for layer in stacked], origins)
     return Merged(values, shown, origins, issues + failed)
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the presets that ship with MEMO."""
+    files = resources.files("memo_core.config").joinpath("presets").iterdir()
+    return tuple(sorted(file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")))
+
+
+def _preset(layers: Sequence[Source]) -> list[Source]:
+    """The layer of the preset that the highest layer names, below all that a file or ``--set`` says."""
+    naming = next((layer for layer in reversed(layers) if layer.values.get("preset") is not None), None)
+    if naming is None:
+        return []
+    name = naming.values["preset"]
+    if name not in presets():
+        problem = f"there is no preset {name!r}{close_match(str(name), presets())} (presets: {', '.join(presets())})"
+        naming.issues.append(Issue(naming.origins.get(("preset",), Origin("--set")), "preset", problem))
+        return []
+    return [_read_preset(name)]
+
+
+def preset_sections(section: str) -> dict[str, dict[str, Any]]:
+    """By name of a preset what it says of a section; ``retrieval: paper`` is short for that."""
+    found = {name: _read_preset(name).values.get(section) for name in presets()}
+    return {name: values for name, values in found.items() if isinstance(values, dict)}
+
+
+def _read_preset(name: str) -> Source:
+    text = resources.files("memo_core.config").joinpath("presets", f"{name}.yaml").read_text(encoding="utf-8")
+    return read_text(text, f"preset {name}")
 
 
 def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]:
@@ -72,7 +108,7 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
         if path.resolve() in chain:
             names = " -> ".join(p.name for p in (*chain, path.resolve()))
             source.issues.append(Issue(here, "extends", f"files extend each other in a circle: {names}"))
-        elif not path.is_file():
+        elif not os.path.isfile(path):  # also of names that the system cannot have, where pathlib raises
             source.issues.append(Issue(here, "extends", f"there is no file {str(path)!r}"))
         else:
             layers += _with_bases(path, str(path), chain)
@@ -106,6 +142,8 @@ def _place(source: Source, parts: tuple[str, ...], value: Any, origin: Origin) -
         child = into.setdefault(part, {})
         if isinstance(child, str) and index == 0 and part in KINDS:
             child = into[part] = {"backend": child}
+        elif isinstance(child, str) and index == 0 and child in preset_sections(part):
+            child = into[part] = dict(preset_sections(part)[child])
         if not isinstance(child, dict):
             source.issues.append(Issue(origin, ".".join(parts), f"{part} was already set to a value without keys"))
             return
@@ -128,9 +166,23 @@ def _paths(value: Any, path: Path_ = ()) -> Iterable[Path_]:
 
 
 def _normalise(layer: Source) -> list[Issue]:
-    """``llm: offline`` is short for ``llm: {backend: offline}``; ``skills`` is always a list; an empty section has no
-    keys."""
+    """``llm: offline`` is short for ``llm: {backend: offline}``, ``retrieval: paper`` for what the preset ``paper``
+    says of that section; ``skills`` is always a list; an empty section has no keys."""
     issues = []
+    for name in [name for name, value in layer.values.items() if isinstance(value, str) and name not in KINDS]:
+        named = preset_sections(name)
+        if not named:
+            continue  # no section, or none that a preset speaks of
+        word, origin = layer.values[name], layer.origins.get((name,), Origin("--set"))
+        if word in named:
+            layer.values[name] = dict(named[word])
+            layer.origins |= {(name, key): origin for key in named[word]}
+        else:
+            del layer.values[name]
+            problem = (
+                f"{word!r} is no preset of it{close_match(word, named)}; expected keys, or one of: {', '.join(named)}"
+            )
+            issues.append(Issue(origin, name, problem))
     for kind in KINDS:
         if kind not in layer.values:
             continue
@@ -191,15 +243,20 @@ def _resolve(
     def origin(path: Path_) -> Origin:
         return origins.get(path) or (origin(path[:-1]) if path else Origin("default"))
 
+    for values in layers:  # OmegaConf reads references when it is given them, and follows some when it merges
+        if entangled := _entangled(values, origin):
+            return {}, {}, [entangled]
     try:
         config = OmegaConf.merge(*[OmegaConf.create(values) for values in layers])
-    except (OmegaConfBaseException, TypeError, ValueError) as error:
+    except (OmegaConfBaseException, TypeError, ValueError, RecursionError) as error:
         key = getattr(error, "full_key", None) or ""
         path: Path_ = tuple(key.split(".")) if key else ()
         return {}, {}, [Issue(origin(path), key, f"cannot be merged: {_first_line(error)}")]
     raw = OmegaConf.to_container(config, resolve=False)
     assert isinstance(raw, dict)
     issues: list[Issue] = []
+    if entangled := _entangled(raw, origin):
+        return {}, {}, [entangled]
     from_environment: set[str] = set()
     resolved: dict[Path_, Any] = {}
     expressions = [(path, value) for path, value in _leaves(raw) if isinstance(value, str) and "${" in value]
@@ -209,7 +266,7 @@ def _resolve(
             for part in path:
                 node = node[part]
             resolved[path] = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
-        except (OmegaConfBaseException, ValueError, TypeError, KeyError) as error:
+        except (OmegaConfBaseException, ValueError, TypeError, KeyError, RecursionError) as error:
             issues.append(Issue(origin(path), dotted(path), f"{expression} cannot be resolved: {_first_line(error)}"))
             resolved[path] = None
             continue
@@ -226,6 +283,13 @@ def _resolve(
         if not any(secret and secret in str(value) for secret in from_environment)
     }
     return values, _replaced(raw, public), issues
+
+
+def _entangled(values: dict[Any, Any], origin: Callable[[Path_], Origin]) -> Issue | None:
+    path = too_entangled(values)
+    if path is None:
+        return None
+    return Issue(origin(path), dotted(path), f"its references are too long or lead to more than {MOST_REFERENCES}")
 
 
 def _leaves(value: Any, path: Path_ = ()) -> Iterable[tuple[Path_, Any]]:

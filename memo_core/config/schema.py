@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal, Union
 
 import attrs
 
-from memo_core.config.experiment import SINGLE_KINDS, plain
+from memo_core.config.experiment import DRIVERS, SINGLE_KINDS, plain
 from memo_core.config.fields import field_types, key_of
+from memo_core.config.layers import preset_sections, presets
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins import Registry
 
@@ -28,14 +29,19 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
             "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
         },
         "task": {"description": "Name of the task (memo tasks list).", "type": "string"},
+        "preset": {"description": "Settings to begin with; what a file says wins.", "enum": list(presets())},
         "seed": {"description": "Seed of the scene and of everything drawn.", "type": "integer", "minimum": 0},
     }
     for kind in SINGLE_KINDS:
         properties[kind] = _choice(registry.backends(kind))
+    for option in properties["robot"]["anyOf"]:
+        if "properties" in option:
+            option["properties"] |= {key: _choice(registry.backends(kind)) for kind, key in DRIVERS.items()}
     skills = _choice(registry.backends("skills"))
     properties["skills"] = {"anyOf": [{"type": "array", "items": skills}, *skills["anyOf"]]}
     for name, cls in sections.items():
-        properties[name] = _object(cls)
+        words = list(preset_sections(name))
+        properties[name] = {"anyOf": [{"enum": words}, _object(cls)]} if words else _object(cls)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "MEMO experiment",
@@ -47,11 +53,14 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
 
 def _choice(backends: tuple[Backend, ...]) -> dict[str, Any]:
     """A backend's name alone, or `backend:` with the keys of that backend."""
-    options: list[dict[str, Any]] = [{"enum": [backend.name for backend in backends]}] if backends else []
+    options: list[dict[str, Any]] = (
+        [{"enum": [name for backend in backends for name in (backend.name, *backend.aliases)]}] if backends else []
+    )
     for backend in backends:
         section = _object(backend.config)
         section["description"] = backend.summary
-        section["properties"] = {"backend": {"const": backend.name}} | section["properties"]
+        named = {"enum": [backend.name, *backend.aliases]} if backend.aliases else {"const": backend.name}
+        section["properties"] = {"backend": named} | section["properties"]
         if not backend.default and len(backends) > 1:
             section["required"] = ["backend", *section.get("required", [])]
         options.append(section)

@@ -18,8 +18,35 @@ from memo_core.config.errors import Issue, Origin, dotted
 Path_ = tuple[str | int, ...]
 
 
-class _Loader(yaml.SafeLoader):
+DEEPEST = 40  # levels of lists and mappings; an experiment has five
+MOST_VALUES = 100_000  # in one file, those behind its aliases counted each time
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # no types are published
+    """Composes no more than an experiment can need: aliases of aliases would grow without bound, and deep nesting is
+    read recursively."""
+
     yaml_implicit_resolvers: dict[str, Any] = {}
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+        self._values = 0
+        self._sizes: dict[int, int] = {}  # id of a node -> values in it
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        mark, alias, before = self.peek_event().start_mark, self.check_event(yaml.AliasEvent), self._values
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise yaml.composer.ComposerError(None, None, f"nested more than {DEEPEST} levels deep", mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        self._values += self._sizes.get(id(node), 1) if alias else 1
+        self._sizes.setdefault(id(node), self._values - before)
+        if self._values > MOST_VALUES:
+            problem = f"more than {MOST_VALUES} values, those behind aliases included"
+            raise yaml.composer.ComposerError(None, None, problem, mark)
+        return node
 
 
 _Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF"))

@@ -4,14 +4,25 @@ and nothing is touched until the product's ``open``."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import attrs
 
-KINDS = ("llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method")
 Kind = Literal[
-    "llm", "embedder", "vectorstore", "simulator", "robot", "perception", "suite", "teacher", "skills", "method"
+    "llm",
+    "embedder",
+    "vectorstore",
+    "simulator",
+    "robot",
+    "robot_driver",
+    "gripper_driver",
+    "perception",
+    "suite",
+    "teacher",
+    "skills",
+    "method",
 ]
+KINDS: tuple[str, ...] = get_args(Kind)
 
 
 @attrs.frozen
@@ -55,18 +66,20 @@ class Backend:
     """One choice of one kind. ``config`` is an attrs class: its fields, types, defaults and field metadata ``help`` are
     what a config section may hold; ``factory(config)`` returns an instance of the kind's interface:
 
-    ============ ===========================================================
-    llm          ``memo_core.interfaces.llm.LanguageModel``
-    embedder     ``memo_core.interfaces.embedder.Embedder``
-    vectorstore  ``memo_core.interfaces.vectorstore.VectorStore``
-    simulator    ``memo_core.interfaces.simulator.Simulator``
-    robot        ``memo_core.interfaces.robot.RobotDescription``
-    perception   ``memo_core.interfaces.perception.Perception``
-    suite        a sequence of ``memo_core.interfaces.task.Task``
-    teacher      ``memo_core.interfaces.teacher.Teacher``
-    skills       a sequence of ``memo_core.skills.skill.Skill``
-    method       ``memo_core.policy.method.Method``
-    ============ ===========================================================
+    ============== ===========================================================
+    llm            ``memo_core.interfaces.llm.LanguageModel``
+    embedder       ``memo_core.interfaces.embedder.Embedder``
+    vectorstore    ``memo_core.interfaces.vectorstore.VectorStore``
+    simulator      ``memo_core.interfaces.simulator.Simulator``
+    robot          ``memo_core.robot.description.RobotDescription``
+    robot_driver   ``memo_core.interfaces.driver.RobotDriver``
+    gripper_driver ``memo_core.interfaces.driver.GripperDriver``
+    perception     ``memo_core.interfaces.perception.Perception``
+    suite          a sequence of ``memo_core.interfaces.task.Task``
+    teacher        ``memo_core.interfaces.teacher.Teacher``
+    skills         a sequence of ``memo_core.skills.skill.Skill``
+    method         ``memo_core.policy.language_method.Method``
+    ============== ===========================================================
     """
 
     kind: Kind
@@ -77,4 +90,8 @@ class Backend:
     needs: Needs = Needs()
     demo: Demo | None = None  # of a suite
     replays: bool = False  # of an llm: its settings have `file`, `record`, `inner`, for `--record` and `--replay`
+    measured: str = (
+        ""  # of an llm: YAML file in its package, PACKAGE/path, of tasks it was measured at (memo_core.llm.measured)
+    )
+    aliases: tuple[str, ...] = ()  # former names; a config that uses one works and is told the present name
     default: bool = False  # taken when a config names no backend of this kind and several are installed

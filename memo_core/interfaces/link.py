@@ -1,6 +1,6 @@
 """The link between the arm and whatever moves: a simulator or hardware. Everything above it is the same code.
 
-The link owns the latched stop (DESIGN 6): ``stop`` may be called from any thread or signal handler; from then on
+The link owns the latched stop: ``stop`` may be called from any thread or signal handler; from then on
 ``send`` refuses (raises ``Stopped``) until ``release``.
 """
 
@@ -9,13 +9,28 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 
+import attrs
+
 from memo_core.errors import BackendUnavailable, Stopped
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 
 
+@attrs.frozen
+class Health:
+    """Whether a device can be commanded now, and if not, why and what to do. ``measures`` in SI units, for logs."""
+
+    ready: bool
+    problem: str = ""
+    measures: dict[str, float] = attrs.field(factory=dict)
+
+
 class Link(ABC):
-    """Joint-level access to one robot. All arrays have one value per arm joint, rad, in the description's order."""
+    """Joint-level access to one robot. All arrays have one value per arm joint, rad, in the description's order.
+
+    The constructor touches no device. ``open`` connects, ``close`` leaves the robot at rest with its brakes or its
+    position controller engaged; between them every other method may be called.
+    """
 
     control_period: float = 0.01  # s between two sends
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
@@ -25,6 +40,17 @@ class Link(ABC):
     def __init__(self, description: RobotDescription) -> None:
         self.description = description
         self._stop = threading.Event()
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        """Connect. Raises ``BackendUnavailable`` with what to do about it. A simulator's link has nothing to open."""
+
+    def close(self) -> None:
+        """Disconnect, the robot at rest. Idempotent; allowed before ``open``."""
+
+    def health(self) -> Health:
+        """Whether the robot can be commanded. Quick, no motion, from any thread; never raises."""
+        return Health(not self.stopped, "the stop is latched" if self.stopped else "")
 
     # -- stopping ------------------------------------------------------------------------------------------------------
     def stop(self) -> None:
@@ -73,7 +99,7 @@ class Link(ABC):
 
     def halt(self, targets: Array) -> None:
         """Come to rest along decelerating ``targets``, shape (T, n), the grip unchanged: the one command that is
-        accepted while stopped, and the last. Hardware that stops by itself may pass over the targets."""
+        accepted while stopped, and the last. Hardware that stops on its own may ignore the targets."""
 
     @abstractmethod
     def set_gripper(self, width: float, force: float) -> None:

@@ -9,8 +9,8 @@ import attrs
 import numpy as np
 
 from memo_core.interfaces.link import Link
-from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Simulator
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Pose

@@ -10,13 +10,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from types import TracebackType
+from typing import Self
 
 import attrs
 import numpy as np
 
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
-from memo_core.scene.mechanisms import Mechanisms
+from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
 
 
@@ -88,7 +89,7 @@ class Simulator(WorldState):
     def close(self) -> None:
         """Idempotent."""
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         self.open()
         return self
 
@@ -147,7 +148,7 @@ class Simulator(WorldState):
     @abstractmethod
     def remove_tick_listener(self, listener: Callable[[], None]) -> None: ...
 
-    # -- what mechanisms ask for (memo_core.scene.mechanisms.Joints); nobody else does ---------------------------------
+    # -- called by mechanisms only (memo_core.scene.mechanism_state.Joints) --------------------------------------------
     @abstractmethod
     def limit_joint(self, joint: str, lower: float, upper: float) -> None:
         """Keep a scene joint within these limits (rad or m; equal ones hold it) until changed."""
@@ -179,16 +180,6 @@ class Simulator(WorldState):
         self, camera: str, width: int | None = None, height: int | None = None
     ) -> tuple[np.ndarray, Sequence[str]]:
         """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links ``robot/LINK``."""
-
-    # -- for benchmarks ------------------------------------------------------------------------------------------------
-    def engine_controls(self) -> object:
-        """What the engine itself is driven with now, for ``bare_loop``; only where that is implemented."""
-        raise NotImplementedError(f"{type(self).__name__} has no bare loop")
-
-    def bare_loop(self, checkpoint: bytes, controls: Sequence[object]) -> float:
-        """Restore, then replay the recorded controls (one entry a tick) in a plain Python loop around the engine, one
-        physics step at a time, without anything else. Returns the loop's CPU time (s); leaves the state it came to."""
-        raise NotImplementedError(f"{type(self).__name__} has no bare loop")
 
     def view(self) -> None:
         """Open an interactive window where there is a display. Raises ``BackendUnavailable`` otherwise."""

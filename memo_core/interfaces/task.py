@@ -1,4 +1,4 @@
-"""What a task suite must provide: tasks made of a scene, an instruction, monitors and a success check (DESIGN 7)."""
+"""What a task suite must provide: tasks made of a scene, an instruction, monitors and a success check."""
 
 from __future__ import annotations
 
@@ -46,6 +46,9 @@ class Task(ABC):
 
     name: str  # e.g. "put-the-food-in-the-microwave"
     instruction: str  # e.g. "put the food in the microwave"
+    # What a person in the room wants to see at the end, a sentence a condition, in terms of what is visible:
+    # ("the food is in the microwave", "the hand has let go of the food"). For teachers; no check is derived from it.
+    goal: tuple[str, ...] = ()
     kind: str = ""  # LH, CR, SR, TR
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds

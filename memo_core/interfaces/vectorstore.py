@@ -30,7 +30,7 @@ class VectorStore(ABC):
 
     @abstractmethod
     def remove(self, ids: Sequence[int]) -> None:
-        """Unknown ids are passed over."""
+        """Remove these vectors; unknown ids are ignored."""
 
     @abstractmethod
     def search(self, query: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -39,6 +39,10 @@ class VectorStore(ABC):
 
     @abstractmethod
     def __len__(self) -> int: ...
+
+    def ids(self) -> np.ndarray | None:
+        """All ids held (int64, in no order); None where the store cannot tell."""
+        return None
 
     def generation(self) -> int | None:
         """The database generation a persistent store was last synchronised with; None when in memory or unknown."""

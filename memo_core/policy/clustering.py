@@ -1,4 +1,4 @@
-"""Offline condensing of what people taught (DESIGN 5): a language model is asked cluster by cluster, the book decides.
+"""Offline condensing of what people taught: a language model is asked cluster by cluster, the book decides.
 
 Each cluster commits on its own. What a model may do to one is enforced by ``memo_core.skillbook.clusters``: an answer
 that breaks it is asked for again with the reason, then the cluster stays as it was. Stopped or killed at any moment,
@@ -13,16 +13,16 @@ from typing import Any, Literal
 import attrs
 
 from memo_core.events import ClusterDone, Event
-from memo_core.policy.asking import put
-from memo_core.policy.calling import ModelCalls
-from memo_core.policy.prompt_files import Prompts
-from memo_core.policy.readers.condensed import read_condensed
-from memo_core.policy.readers.unreadable import Unreadable
+from memo_core.llm.calls import ModelCalls
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.readers.condensed import read_condensed
+from memo_core.llm.readers.unreadable import Unreadable
+from memo_core.policy.questions import put
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed, Merged
 from memo_core.skillbook.condensing import ClusterChanged, ClusterLimits, Clusters
 from memo_core.skillbook.entries import key_label
-from memo_core.skillbook.joining import NearKeys
+from memo_core.skillbook.key_aliases import NearKeys
 
 PHASE = "cluster"
 Status = Literal["condensed", "unchanged", "left", "changed"]

@@ -1,35 +1,39 @@
-"""The loop of the method: plan, retrieve, write code, execute, take feedback, put the world back, try again.
+"""The loop of the method: plan, retrieve, write code, execute, take feedback, make a template; one function each.
 
-Whenever somebody presses stop, the phase at hand is given up within milliseconds (``Stopped``), the person is asked
-what was wrong, and the loop goes on from the start of the subtask. Every step is in the journal before the next one
-begins, so that a run whose process was killed goes on as well (``memo_core.policy.progress``).
+Whatever touches the world, people, the book or a model is an effect in the run's log (``memo_core.policy.effects``), so
+a run that was cut off is this same loop run again, answered from the log until it ends.
+
+Whenever somebody presses stop, the phase at hand is abandoned within milliseconds (``Stopped``), the person is asked
+what was wrong, and the loop goes on from the start of the subtask.
 """
 
 from __future__ import annotations
 
 import contextlib
-import time
+from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import attrs
 
-from memo_core.errors import InvalidArgument, Stopped
-from memo_core.events import Problem, SubtaskEnded, SubtaskStarted
+from memo_core.errors import Stopped
+from memo_core.events import CodeEnded, CodeWritten, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.interfaces.teacher import Episode, Verdict
-from memo_core.policy.asking import Questions
-from memo_core.policy.attempt import Attempt, Coding
-from memo_core.policy.memories import Memory
-from memo_core.policy.noting import PLANNING
-from memo_core.policy.progress import Progress, Said, Tried
+from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
+from memo_core.llm.readers import Unreadable, read_code, read_plan
+from memo_core.policy import serving
+from memo_core.policy.attempt import Attempt, Tried
+from memo_core.policy.effects import Effects, Heard, Words
+from memo_core.policy.methods import Memory
+from memo_core.policy.plans import PlanNote, for_plans
 from memo_core.policy.prompting import done_line
-from memo_core.policy.readers import Unreadable, read_plan
-from memo_core.policy.retrieving import retrieve
+from memo_core.policy.questions import Questions
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
-from memo_core.policy.stopping import Leaving
-from memo_core.policy.teaching import Teaching
+from memo_core.policy.teaching import Corrected, Judged, Teaching
+from memo_core.runlog.log import InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
+from memo_core.skills.contract import documentation
 
 
 @attrs.define
@@ -42,8 +46,56 @@ class _Subtask:
     attempt: Attempt
     corrected: int = 0
     interrupted: int = 0
-    history: list[Tried] = attrs.field(factory=list)
-    said: Said | None = None  # of the attempt at hand
+    busy_s: float = 0.0  # that its programs took, on the clock on the wall
+    approved: bytes = b""  # checkpoint of what was approved, while it is done again with merged code
+
+    def judged(self) -> Judged:
+        """The attempt at hand, for whoever keeps what is said about it."""
+        attempt, served = self.attempt, self.attempt.served
+        worked = attempt.succeeded and attempt.whole
+        return Judged(
+            self.key,
+            attempt.scene,
+            attempt.code,
+            worked,
+            served.entries,
+            served.sources,
+            attempt.printed,
+            attempt.error,
+        )
+
+    def result(self, status: Status, problem: str = "") -> SubtaskResult:
+        last = self.attempt
+        return SubtaskResult(
+            str(self.key),
+            status,
+            last.number,
+            last.code,
+            problem,
+            self.interrupted,
+            last.printed,
+            last.error,
+            self.corrected,
+        )
+
+    @property
+    def unapproved(self) -> Status:
+        """How it ends where nobody approves."""
+        return "corrected" if self.corrected else "unobserved"
+
+    @property
+    def stuck(self) -> str:
+        return f"the world cannot be put back to the start of {self.key}: this robot's link cannot, and nobody else did"
+
+
+_SUBTASK_LIMIT = "- All programs for this subtask together may take {:g} s by the clock on the wall."
+
+
+@attrs.frozen
+class _Planned:
+    """What the planner says; ``key`` None: DONE."""
+
+    key: Key | None
 
 
 class Loop:
@@ -52,325 +104,442 @@ class Loop:
     def __init__(self, session: Session, memory: Memory) -> None:
         self._session = session
         self._memory = memory
-        self._stage = session.stage
         self._settings = session.settings
+        self._effects = Effects(session)
         self._questions = Questions(session)
-        self._leaving = Leaving(session.stop)
-        self._teaching = Teaching(session, memory, self._questions)
+        self._teaching = Teaching(session, memory, self._questions, self._effects)
+        self._extensions = session.teaching
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
-        self._scene = self._stage.control.scene()  # no look yet: a stop may be pressed already
-        self._coding = Coding(session, self._questions, self._leaving, self._scene.table_height)
-        self._exact = self._stage.link.can_restore
-        self._began = 0.0 if self._exact else self._stage.time()  # a simulator's clock goes back with the world
+        self._ahead: _Planned | None = None  # planned already, after a correction
+        self._before: SceneGraph | None = None  # what a person saw at the start of the run
+        self._sightings: list[Sighting] = []  # of the attempts that count
+        self._planning_remarks = self._planning_stops = 0
 
     def run(self) -> RunResult:
-        """Until the planner says DONE or a limit is reached, from where ``session.resumed`` says, if it does. Raises
-        ``LanguageModelError``, ``Unreadable`` (after having asked again) for the plan; ``Stopped`` when a person ends
-        the run."""
+        """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
+        having asked again) for the plan; ``Stopped`` when a person ends the run."""
         try:
-            return self._run()
+            result = self._run()
+            self._effects.catch_up()
+            return result
         finally:
-            self._leaving.wait()  # whoever closes the world must be the last to use it
+            self._effects.close()
 
     def _run(self) -> RunResult:
-        at = self._go_on()
-        while True:
-            if at is None:
-                limit = self._limit()
-                if limit:
-                    return self._ended(limit)
-                key = self._plan()
-                if key is None:
-                    return self._ended("the planner says that the task is done", finished=True)
-                if self._asked_too_often(key):
-                    return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
-                at = self._begin(key)
+        self._effects.start()
+        began = 0.0 if self._effects.exact else self._effects.time  # a simulator's clock goes back with the world
+        self._before = self._effects.glance()
+        while not (reason := self._limit(began)):
+            planned, self._ahead = self._ahead or self._plan(), None
+            key = planned.key
+            if key is None:
+                heard = self._judge_task()
+                if heard.kind != "correct":
+                    verdict: Status = "approved" if heard.kind == "approve" else "unobserved"
+                    return self._ended("the planner says that the task is done", finished=True, verdict=verdict)
+                self._ahead = self._plan()  # with what was said in view
+                if self._ahead.key is None:
+                    return self._ended("the planner says DONE again, although a person says what is missing")
+                continue
+            if not self._plan_approved(key):
+                continue
+            if self._asked_too_often(key):
+                return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
+            at = _Subtask(key, self._effects.checkpoint(), self._effects.glance(), Attempt(1, self._effects.scene))
             try:
-                result = self._subtask(at)
-            except LanguageModelError as error:
-                # What the model would have said is still wanted: the run can go on from this attempt.
-                result = self._result(at, "corrected" if at.corrected else "unobserved", str(error))
-                self._note(result)
-                return self._ended(str(error), resumable=True)
-            self._note(result)
-            at = None
-
-    def _note(self, result: SubtaskResult) -> None:
-        self._results.append(result)
-        self._session.emit(SubtaskEnded(result.subtask, result.status, result.attempts))
-
-    def _limit(self) -> str:
-        """Why nothing more is begun; empty where something may be."""
-        settings, last = self._settings, self._results[-1:]
-        if last and last[0].problem:
-            return last[0].problem
-        if len(self._results) >= settings.subtasks:
-            return f"{settings.subtasks} subtasks were tried and the task is still not done"
-        if self._robot_s > settings.time_limit_s:
-            return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
-        if self._stage.time() - self._began > self._session.time_limit_s:
-            return f"the task's time limit of {self._session.time_limit_s:g} s is reached"
-        return ""
-
-    def _look(self) -> SceneGraph:
-        self._scene = self._stage.look()
-        return self._scene
-
-    def _ended(self, reason: str, finished: bool = False, resumable: bool = False) -> RunResult:
-        if not resumable:
-            with contextlib.suppress(Stopped):  # then it stays pending, and the next run with that book begins with it
-                self._teaching.process_pending()  # what was said last is worth as much as what was said first
-        return RunResult(reason, finished, tuple(self._results), self._robot_s, resumable)
-
-    # -- phase 1 -------------------------------------------------------------------------------------------------------
-    def _plan(self) -> Key | None:
-        start = self._checkpoint()
-        self._session.journal.planning_start(len(self._results) + 1, self._done(), start)
-        self._save()
-        while True:
-            at = _Subtask(PLANNING, start, self._stage.glance(), Attempt(1, self._scene))
-            try:
-                self._teaching.process_pending()
-                at.attempt.scene = self._look()
-                context = {"task": self._stage.instruction, "done": self._done_lines()}
-                read = partial(read_plan, names=[node.label for node in at.attempt.scene.nodes])
-                return self._questions.ask("plan", at.attempt.scene, read, **context)[0]
-            except Stopped:
-                self._answer_stop(at)
-                if self._exact:
-                    self._stage.restore(start)  # also what was drawn for the look
-
-    def _asked_too_often(self, key: Key) -> bool:
-        last = [r.subtask for r in self._results[-self._settings.repeats :]]
-        return len(last) == self._settings.repeats and set(last) == {str(key)}
-
-    def _done(self) -> tuple[str, ...]:
-        return tuple(result.subtask for result in self._results)
-
-    def _done_lines(self) -> list[str]:
-        return [done_line(result) for result in self._results]
-
-    # -- one subtask ---------------------------------------------------------------------------------------------------
-    def _begin(self, key: Key) -> _Subtask:
-        at = _Subtask(key, self._checkpoint(), self._stage.glance(), Attempt(1, self._scene))
-        self._session.journal.subtask_start(len(self._results) + 1, str(key), self._done(), at.start)
-        return at
+                self._end_subtask(at, self._subtask(at))
+            except InDoubt as doubt:
+                self._effects.confirm(self._episode(at))
+                at.attempt.error = str(doubt)
+                self._end_subtask(at, at.result(at.unapproved))
+            except LanguageModelError as error:  # what the model would have said is still wanted
+                self._end_subtask(at, at.result(at.unapproved, str(error)))
+                return attrs.evolve(self._result(str(error)), resumable=True)
+        return self._ended(reason)
 
     def _subtask(self, at: _Subtask) -> SubtaskResult:
         """Attempt after attempt, until somebody approves, nobody speaks up, or there were enough. Raises
         ``LanguageModelError``; ``Stopped`` when a person ends the run."""
         while True:
+            heard: Heard | None = None
             try:
-                if at.said is None:
-                    self._learn(self._attempt(at))
+                with self._attempt(at):
+                    self._retrieve(at)
+                    self._code_and_execute(at)
+                heard = self._feedback(at)
+                if heard.kind == "approve":
+                    self._template(at, heard)
             except Unreadable as error:
-                return self._result(at, "corrected" if at.corrected else "unobserved", str(error))
+                return at.result(at.unapproved, str(error))
             except Stopped:
-                approved = at.said is not None and at.said.kind == "approve"
                 at.interrupted += 1
                 said = self._answer_stop(at)
-                self._session.journal.attempt_ends(self._number, at.attempt.number)
-                if said.kind == "silent" and approved:
-                    return self._result(at, "approved")
-                if said.kind == "silent":
-                    # Nobody said that it was wrong: this attempt did not count.
+                if at.approved:
+                    self._effects.restore(at.approved)  # as it was before it was done again with merged code
+                if said.kind == "silent" and heard is not None and heard.kind == "approve":
+                    return at.result("approved")
+                if said.kind == "silent":  # nobody said that it was wrong: this attempt did not count
                     if not self._put_back(at):
-                        return self._result(at, "unobserved", _stuck(at))
-                    self._again(at, at.attempt.number, at.attempt.take + 1)
+                        return at.result("unobserved", at.stuck)
+                    at.attempt = Attempt(at.attempt.number, self._effects.scene, at.attempt.take + 1)
                     continue
-            result = self._judged(at)
-            if result is not None:
-                return result
+                heard = said
+            if heard.kind == "approve":
+                return at.result("approved")
+            if heard.kind == "silent":
+                return at.result(at.unapproved)
+            at.corrected += 1
+            if at.attempt.number >= self._settings.attempts:
+                return at.result("corrected", f"{at.key} was corrected {at.corrected} times and did not succeed")
+            if at.busy_s >= self._settings.subtask_limit_s:
+                limit = f"{self._settings.subtask_limit_s:g} s"
+                return at.result("corrected", f"the programs for {at.key} took longer than {limit} together")
+            if self._corrected_enough(at):
+                return at.result("corrected", self._enough)
+            if not self._put_back(at):
+                return at.result("corrected", at.stuck)
+            if self._extensions.replan:
+                planned = self._plan()
+                if planned.key != at.key:
+                    self._ahead = planned
+                    return attrs.evolve(at.result("corrected"), taken_back=True)
+            at.attempt = Attempt(at.attempt.number + 1, self._effects.scene)
 
-    def _judged(self, at: _Subtask) -> SubtaskResult | None:
-        """What follows from what was said: the subtask's result, or None when it is tried again."""
-        assert at.said is not None
-        if at.said.kind == "approve":
-            return self._result(at, "approved")
-        if at.said.kind == "silent":
-            return self._result(at, "corrected" if at.corrected else "unobserved")
-        at.corrected += 1
-        if not self._memory.any:
-            at.history.append(Tried(at.attempt.code, "", f"a person said: {at.said.words}"))
-        if at.attempt.number >= self._settings.attempts:
-            return self._result(at, "corrected", f"{at.key} was corrected {at.corrected} times and did not succeed")
-        if not self._put_back(at):
-            return self._result(at, "corrected", _stuck(at))
-        self._again(at, at.attempt.number + 1, 1)
-        return None
+    # -- phase 1: plan -------------------------------------------------------------------------------------------------
+    def _plan(self) -> _Planned:
+        """The next subtask, or that the planner says DONE. Raises ``LanguageModelError``, ``Unreadable``, ``Stopped``
+        when a person ends the run."""
+        start = self._effects.checkpoint()
+        while True:
+            at = _Subtask(self._planning, start, self._effects.glance(), Attempt(1, self._effects.scene))
+            try:
+                self._teaching.process_pending()
+                scene = at.attempt.scene = self._effects.look()
+                read = partial(read_plan, names=[node.label for node in scene.nodes])
+                context: dict[str, Any] = {"task": self._session.environment.instruction, "done": self._done()}
+                if self._extensions.replan or self._extensions.plan_notes:
+                    context["corrected"] = self._open_remarks()
+                if self._extensions.plan_notes:
+                    context["notes"] = self._plan_notes()
+                return _Planned(self._questions.ask("plan", scene, read, **context)[0])
+            except InDoubt:
+                self._effects.confirm(self._episode(at))
+            except Stopped:
+                self._planning_stops += 1
+                if self._answer_stop(at).kind == "correct":
+                    self._planning_remarks += 1
+                if self._effects.exact:
+                    self._effects.restore(start)  # also what was drawn for the look
 
-    def _again(self, at: _Subtask, number: int, take: int) -> None:
-        at.attempt, at.said = Attempt(number, self._scene, take), None
+    @property
+    def _planning(self) -> Key:
+        return for_plans(self._session.environment.instruction)
 
-    def _result(self, at: _Subtask, status: Status, problem: str = "") -> SubtaskResult:
-        last = at.attempt
-        return SubtaskResult(
-            str(at.key), status, last.number, last.code, problem, at.interrupted, last.printed, last.error
+    def _plan_notes(self) -> list[PlanNote]:
+        """What people said about plans before this run."""
+        noted = self._teaching.noted(self._planning)
+        served = serving.retrieve_for_plans(self._session, self._memory, self._planning)
+        return [PlanNote(one.entry.key.objects[0], one.text) for one in served if one.entry.id not in noted]
+
+    def _open_remarks(self) -> list[Corrected]:
+        """What was said of the plan, the whole task, and of subtasks that have not been approved since."""
+        last = {result.subtask: result.status for result in self._results}
+        return [one for one in self._teaching.corrected() if last.get(one.subtask) != "approved"]
+
+    def _plan_approved(self, key: Key) -> bool:
+        """Whether nobody who is asked about plans finds fault with this one; what they say is kept. Raises
+        ``Stopped``."""
+        if self._session.judge_plan is None:
+            return True
+        at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
+        environment = self._session.environment
+        proposal = Proposal(
+            environment.instruction, str(key), self._effects.glance(), environment.goal, tuple(self._names())
         )
+        heard = self._asked_about_the_plan(at, lambda: self._effects.judge_plan(proposal, self._words(at)))
+        return heard.kind != "correct"
+
+    def _judge_task(self) -> Heard:
+        """What whoever watches says about the whole task, now that the planner says DONE. Raises ``Stopped``."""
+        if not self._extensions.judge_task or self._session.judge_task is None:
+            return Heard("silent")
+        at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
+        environment = self._session.environment
+        episode = TaskEpisode(
+            environment.instruction,
+            self._before or self._effects.scene,
+            self._effects.glance(),
+            environment.goal,
+            tuple(self._names()),
+            tuple(self._sightings),
+        )
+        return self._asked_about_the_plan(at, lambda: self._effects.judge_task(episode, self._words(at)))
+
+    def _asked_about_the_plan(self, at: _Subtask, ask: Callable[[], Heard]) -> Heard:
+        """An answer about the plan or the whole task; a stop pressed meanwhile is answered first. Raises ``Stopped``
+        when the run is to end."""
+        try:
+            heard = ask()
+            if heard.kind == "correct":
+                self._teaching.correct(at.judged(), heard, False, self._keys())
+        except Stopped:
+            self._planning_stops += 1
+            heard = self._answer_stop(at)
+        if heard.kind == "correct":
+            self._planning_remarks += 1
+        return heard
+
+    def _words(self, at: _Subtask) -> Words:
+        return self._teaching.words(at.judged())
+
+    # -- retrieve ------------------------------------------------------------------------------------------------------
+    def _retrieve(self, at: _Subtask) -> None:
+        """What the skillbook knows about the subtask."""
+        at.attempt.scene = self._effects.look()
+        self._teaching.process_pending()
+        at.attempt.served = serving.retrieve(self._session, self._memory, at.key, at.attempt.scene)
+
+    # -- phase 2: code -------------------------------------------------------------------------------------------------
+    def _code(self, at: _Subtask, tried: list[Tried], repair: int) -> str:
+        """Code for the subtask. ``tried``: what was tried before and how it ended."""
+        attempt, served = at.attempt, at.attempt.served
+        before = self._retry_context(at.key)
+        noted = self._teaching.noted(at.key) if before else frozenset()
+        code, asked = self._questions.ask(
+            "code",
+            self._effects.look(),
+            read_code,
+            task=self._session.environment.instruction,
+            subtask=str(at.key),
+            done=self._done(),
+            skills=documentation(self._session.skills),
+            subset=f"{self._session.sandbox.subset()}\n{_SUBTASK_LIMIT.format(self._settings.subtask_limit_s)}",
+            corrected=before,
+            corrections=serving.shown([o for o in served.corrections if o.entry.id not in noted], self._extensions),
+            competing=self._extensions.competing,
+            general=[one for one in served.general if one.entry.id not in noted],
+            templates=served.templates,
+            attempts=tried,
+            restart=self._restarts,
+            tries=self._settings.repairs - repair,
+        )
+        self._session.emit(
+            CodeWritten(str(at.key), attempt.number, code, asked.file, self._number, attempt.take, repair)
+        )
+        return code
+
+    def _retry_context(self, key: Key) -> list[Corrected]:
+        """What was said of this subtask in this run, with what it was said of."""
+        return self._teaching.corrected(key) if self._extensions.retry_context or not self._memory.any else []
+
+    @property
+    def _restarts(self) -> bool:
+        """Whether code that is written anew after an error begins at the subtask's start."""
+        return self._settings.repairs_from == "start" and self._effects.exact
+
+    def _code_and_execute(self, at: _Subtask) -> None:
+        """Write and execute, again after errors. Raises ``Stopped``, ``LanguageModelError``, ``Unreadable``."""
+        tried, moved = at.attempt.tried, False
+        for repair in range(self._settings.repairs + 1):
+            if repair and self._restarts:
+                self._count_time(at.attempt)
+                self._effects.restore(at.start)
+                at.attempt.began, moved = self._effects.time, False
+            code = self._code(at, tried, repair)
+            if repair and code == tried[-1].code:
+                break  # the model has no other idea: what would go wrong is known
+            at.attempt.code, at.attempt.whole = code, not moved
+            moved = self._execute(at) or moved
+            if at.attempt.succeeded or at.busy_s >= self._settings.subtask_limit_s:
+                break
+            tried.append(Tried(code, at.attempt.printed.rstrip("\n"), at.attempt.error))
+        self._effects.settle(self._settings.settle_s)
+
+    # -- execute -------------------------------------------------------------------------------------------------------
+    def _execute(self, at: _Subtask) -> bool:
+        """Run the code; whether anything moved. Raises ``Stopped``."""
+        attempt = at.attempt
+        executed = self._effects.execute(attempt.code, self._settings.subtask_limit_s - at.busy_s)
+        at.busy_s += executed.wall_s
+        end = executed.execution
+        self._session.emit(
+            CodeEnded(str(at.key), attempt.number, end.printed, end.error, executed.stopped, executed.took_s)
+        )
+        if executed.stopped:
+            raise Stopped("moving")
+        attempt.error, attempt.printed, attempt.succeeded = end.error, end.printed, end.succeeded
+        return executed.moved
+
+    # -- phase 3: feedback ---------------------------------------------------------------------------------------------
+    def _feedback(self, at: _Subtask, after_a_stop: bool = False) -> Heard:
+        """What whoever watches says; a correction is on disk before anything is made of it. Raises ``Stopped``."""
+        judged = at.judged()
+        heard = self._effects.hear(self._episode(at), after_a_stop, self._teaching.words(judged))
+        if heard.kind == "correct":
+            self._teaching.correct(judged, heard, after_a_stop, self._keys())
+        return heard
+
+    # -- phase 4: template ---------------------------------------------------------------------------------------------
+    def _template(self, at: _Subtask, heard: Heard) -> None:
+        """Of code that a person approved. Raises ``Stopped``."""
+        judged = at.judged()
+        if not judged.worked and at.attempt.succeeded and self._teaching.makes_templates and self._extensions.merge:
+            judged = self._merged(at, judged)
+        self._teaching.approve(judged, heard)
+
+    def _merged(self, at: _Subtask, judged: Judged) -> Judged:
+        """The programs of the attempt made into one, done again from the subtask's start and approved by itself; else
+        ``judged``, with the world as it was approved. Where the world cannot be put back the program is kept and never
+        tried. Raises ``Stopped``."""
+        attempt = at.attempt
+        programs = [*attempt.tried, Tried(attempt.code, attempt.printed.rstrip("\n"), "")]
+        code = self._teaching.merge(judged, programs, self._restarts)
+        if code is None:
+            return judged
+        if not self._effects.exact:
+            self._teaching.keep_candidate(judged, code)
+            return judged
+        at.approved = self._effects.checkpoint()
+        self._effects.restore(at.start)
+        at.attempt = attrs.evolve(attempt, scene=self._effects.look(), code=code, whole=True, tried=[], watched=())
+        with self._attempt(at, merged=True):
+            self._execute(at)
+            self._effects.settle(self._settings.settle_s)
+        if at.attempt.succeeded and self._feedback(at).kind == "approve":
+            at.approved = b""
+            return at.judged()
+        self._effects.restore(at.approved)
+        at.attempt, at.approved = attempt, b""
+        return judged
+
+    # -- what happens around the phases --------------------------------------------------------------------------------
+    @contextlib.contextmanager
+    def _attempt(self, at: _Subtask, merged: bool = False) -> Iterator[None]:
+        """An attempt that whoever is there watches, on the robot's clock."""
+        attempt = at.attempt
+        if not merged:
+            self._session.emit(SubtaskStarted(str(at.key), self._number, attempt.number, attempt.take))
+        at.before = self._effects.glance()
+        attempt.began = self._effects.time
+        self._effects.start_watching()
+        try:
+            yield
+        finally:
+            attempt.watched = self._effects.stop_watching()
+            self._count_time(attempt)
+
+    def _count_time(self, attempt: Attempt) -> None:
+        """On the robot's clock, which goes back with the world."""
+        self._robot_s += max(0.0, self._effects.time - attempt.began)
+
+    def _answer_stop(self, at: _Subtask) -> Heard:
+        """Ask the person who pressed stop, keep what they say, and let the robot move again. A stop pressed while they
+        are asked is answered the same way. Raises ``Stopped`` when the run is to end."""
+        while True:
+            if self._effects.ending():
+                raise Stopped("ending the run")
+            try:
+                heard = self._feedback(at, after_a_stop=True)
+            except Stopped:
+                continue
+            self._effects.release()
+            if self._effects.ending():  # pressed while the answer came
+                raise Stopped("ending the run")
+            return heard
+
+    def _put_back(self, at: _Subtask) -> bool:
+        """The world as it was at the subtask's start: exactly where the link can, else by whoever is there, and looked
+        at anew. False where nobody did."""
+        if self._effects.exact:
+            self._effects.restore(at.start)
+            return True
+        if not self._effects.put_back(self._episode(at)):
+            return False
+        self._effects.look()
+        return True
+
+    def _episode(self, at: _Subtask) -> Episode:
+        return Episode(
+            task=self._session.environment.instruction,
+            subtask=str(at.key),
+            attempt=at.attempt.number,
+            before=at.before,
+            after=self._effects.glance(),
+            sightings=at.attempt.watched,
+            spoken_error=at.attempt.error,
+            goal=self._session.environment.goal,
+        )
+
+    def _done(self) -> list[str]:
+        """What the prompts say of earlier subtasks."""
+        return [done_line(result) for result in self._results]
+
+    def _names(self) -> list[str]:
+        """Of the subtasks that were done and not taken back."""
+        return [result.subtask for result in self._results if not result.taken_back]
+
+    def _keys(self) -> list[Key]:
+        return [Key.parse(result.subtask) for result in self._results]
 
     @property
     def _number(self) -> int:
         """Of the subtask at hand; 1 is the first."""
         return len(self._results) + 1
 
-    def _attempt(self, at: _Subtask) -> Said:
-        """Retrieve, write, execute (again after errors), be judged. Raises ``Stopped``."""
-        session, journal, attempt = self._session, self._session.journal, at.attempt
-        self._save(at)
-        session.emit(SubtaskStarted(str(at.key), self._number, attempt.number, attempt.take))
-        at.before = self._stage.glance()
-        started = self._stage.time()
-        journal.attempt_begins(self._number, attempt.number, attempt.take)
-        self._stage.start_watching()
-        try:
-            attempt.scene = self._look()
-            self._teaching.process_pending()
-            attempt.served = retrieve(session, self._memory, at.key)
-            self._coding.write_and_execute(at.key, attempt, at.history, self._done_lines())
-        finally:
-            # What still moves in another thread is not touched: a simulator stands one user at a time.
-            attempt.watched = self._stage.sightings() if self._leaving.busy else self._stage.stop_watching()
-            self._robot_s += max(0.0, self._stage.time() - started)
-        journal.attempt_ends(self._number, attempt.number)
-        return self._hear(at, self._ask(self._episode(at, self._stage.glance()), interrupted=False))
+    # -- limits and the end --------------------------------------------------------------------------------------------
+    def _limit(self, began: float) -> str:
+        """Why nothing more is begun; empty where something may be."""
+        settings, last = self._settings, self._results[-1:]
+        if last and last[0].problem:
+            return last[0].problem
+        if self._corrected_enough():
+            return self._enough
+        if len(self._results) >= settings.subtasks:
+            return f"{settings.subtasks} subtasks were tried and the task is still not done"
+        if self._robot_s > settings.time_limit_s:
+            return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
+        if self._effects.time - began > self._session.time_limit_s:
+            return f"the task's time limit of {self._session.time_limit_s:g} s is reached"
+        return ""
 
-    # -- the world put back --------------------------------------------------------------------------------------------
-    def _checkpoint(self) -> bytes:
-        return self._stage.checkpoint() if self._exact else b""
+    def _corrected_enough(self, at: _Subtask | None = None) -> bool:
+        """Whether people have found fault as often as a task may take."""
+        most = self._settings.max_feedback
+        return most is not None and self._corrections + (at.corrected if at is not None else 0) >= most
 
-    def _put_back(self, at: _Subtask) -> bool:
-        """The world as it was at the subtask's start: exactly where the link can, else by whoever is there, and looked
-        at anew. False where nobody did."""
-        if self._exact:
-            self._stage.restore(at.start)
-            return True
-        if self._session.put_back is None or not self._session.put_back(self._episode(at, self._stage.glance())):
-            return False
-        self._look()
-        return True
+    @property
+    def _corrections(self) -> int:
+        return self._planning_remarks + sum(result.corrected for result in self._results)
 
-    # -- people --------------------------------------------------------------------------------------------------------
-    def _episode(self, at: _Subtask, after: SceneGraph) -> Episode:
-        return Episode(
-            task=self._stage.instruction,
-            subtask=str(at.key),
-            attempt=at.attempt.number,
-            before=at.before,
-            after=after,
-            sightings=at.attempt.watched,
-            spoken_error=at.attempt.error,
+    @property
+    def _enough(self) -> str:
+        return f"there were {self._settings.max_feedback} corrections, the most that run.max_feedback allows"
+
+    def _asked_too_often(self, key: Key) -> bool:
+        last = [one.subtask for one in self._results[-self._settings.repeats :] if not one.taken_back]
+        return last == [str(key)] * self._settings.repeats
+
+    def _end_subtask(self, at: _Subtask, result: SubtaskResult) -> None:
+        if result.status != "corrected":
+            self._sightings += at.attempt.watched
+        self._results.append(result)
+        self._session.emit(SubtaskEnded(result.subtask, result.status, result.attempts))
+
+    def _ended(self, reason: str, finished: bool = False, verdict: Status = "unobserved") -> RunResult:
+        with contextlib.suppress(Stopped):  # then it stays pending, and the next run with that book begins with it
+            self._teaching.process_pending()  # what was said last is worth as much as what was said first
+        if verdict == "unobserved" and self._planning_remarks:
+            verdict = "corrected"
+        return attrs.evolve(self._result(reason), finished=finished, verdict=verdict)
+
+    def _result(self, reason: str) -> RunResult:
+        return RunResult(
+            reason,
+            False,
+            tuple(self._results),
+            self._robot_s,
+            corrections=sum(result.corrected for result in self._results),
+            planning_remarks=self._planning_remarks,
+            interruptions=self._planning_stops + sum(result.interrupted for result in self._results),
         )
-
-    def _ask(self, episode: Episode, interrupted: bool) -> Verdict:
-        if self._session.teacher is None:
-            return Verdict("silent")
-        return self._session.teacher(episode, interrupted)
-
-    def _hear(self, at: _Subtask, verdict: Verdict, interrupted: bool = False) -> Said:
-        """Keep what was said, and what it was about, before anything is made of it."""
-        attempt = at.attempt
-        at.said = Said(
-            kind=verdict.kind,
-            words=verdict.words,
-            when=time.time(),
-            about=str(at.key),
-            scene=attempt.scene,
-            code=attempt.code,
-            worked=attempt.succeeded and attempt.whole,
-            served=attempt.served.entries,
-            sources=attempt.served.sources,
-            interrupted=interrupted,
-        )
-        if at.said.stays and self._exact and at.key != PLANNING:
-            self._leaving.wait()
-            self._session.journal.attempt_over(self._number, str(at.key), self._done(), self._stage.checkpoint())
-        self._save(at)
-        return at.said
-
-    def _answer_stop(self, at: _Subtask) -> Said:
-        """Ask the person who pressed stop, keep what they say, and let the robot move again. A stop pressed while they
-        are asked is answered the same way. Raises ``Stopped`` when the run is to end."""
-        while True:
-            if self._session.ending():
-                raise Stopped("ending the run")
-            try:
-                verdict = self._ask(self._episode(at, self._seen_last(at.attempt)), interrupted=True)
-            except Stopped:
-                continue
-            said = self._hear(at, verdict, interrupted=True)
-            self._learn(said)
-            self._leaving.wait()
-            self._session.release()
-            if self._session.ending():  # pressed while the answer came
-                raise Stopped("ending the run")
-            return said
-
-    def _seen_last(self, attempt: Attempt) -> SceneGraph:
-        """What a person sees now; while the robot is still busy stopping, what was seen last."""
-        if not self._leaving.busy:
-            return self._stage.glance()
-        return attempt.watched[-1].scene if attempt.watched else self._scene
-
-    def _learn(self, said: Said, resumed: bool = False) -> None:
-        """From words to the book. ``resumed``: it may have been done already, by a process that is gone; then nothing
-        is done twice. Raises ``Stopped``."""
-        if said.kind == "correct":
-            new = self._teaching.keep(said, resumed)
-            if new and not said.interrupted:
-                self._teaching.failed(Key.parse(said.about), said.served)
-        elif said.kind == "approve" and not said.interrupted:
-            if not said.worked:
-                self._session.emit(Problem(said.about, "approved, but no template: the code needed several beginnings"))
-            self._teaching.approve(said, resumed)
-
-    # -- going on after the process was killed, or the run ended -------------------------------------------------------
-    def _save(self, at: _Subtask | None = None) -> None:
-        progress = Progress(tuple(self._results), self._robot_s)
-        if at is not None and at.key == PLANNING:
-            progress = attrs.evolve(progress, said=at.said)
-        elif at is not None:
-            progress = attrs.evolve(
-                progress,
-                key=str(at.key),
-                attempt=at.attempt.number,
-                take=at.attempt.take,
-                corrected=at.corrected,
-                interrupted=at.interrupted,
-                history=tuple(at.history),
-                said=at.said,
-            )
-        self._session.journal.progress(progress)
-
-    def _go_on(self) -> _Subtask | None:
-        """The subtask that a resumed run has at hand, in the world as it was at its start; None where one is to be
-        planned. Raises ``Stopped``, ``LanguageModelError``; ``InvalidArgument`` where nobody puts the world back."""
-        resumed = self._session.resumed
-        if resumed is None:
-            return None
-        progress = resumed.progress
-        self._results, self._robot_s = list(progress.results), progress.robot_s
-        key = Key.parse(progress.key) if progress.key else PLANNING
-        said = progress.said
-        at = _Subtask(key, resumed.checkpoint, self._stage.glance(), Attempt(progress.attempt, self._scene))
-        if self._exact and resumed.checkpoint:
-            self._stage.restore(resumed.after or resumed.checkpoint)
-        elif progress.key and not (said is not None and said.stays) and not self._put_back(at):
-            raise InvalidArgument("the world", _stuck(at), "somebody who puts things back when asked")
-        self._scene = self._stage.control.scene()
-        at.before = self._stage.glance()
-        at.corrected, at.interrupted, at.history = progress.corrected, progress.interrupted, list(progress.history)
-        at.attempt = Attempt(progress.attempt, self._scene, progress.take)
-        if said is not None:
-            at.said = said
-            at.attempt.scene, at.attempt.code = said.scene, said.code
-            self._learn(said, resumed=True)
-            if said.kind == "silent" and said.interrupted:
-                at.said = None
-        if at.said is None:
-            at.attempt.take += 1
-        return at if progress.key else None
-
-
-def _stuck(at: _Subtask) -> str:
-    return f"the world cannot be put back to the start of {at.key}: this robot's link cannot, and nobody else did"

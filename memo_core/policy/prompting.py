@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 from memo_core.interfaces.llm import Message
-from memo_core.interfaces.robot import RobotDescription
-from memo_core.policy.prompt_files import Prompts
+from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.session import SubtaskResult
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, SceneGraph
 
 MAX_PRINTED = 300  # characters of an earlier subtask's output that the next prompts repeat
@@ -35,6 +35,8 @@ def done_line(result: SubtaskResult) -> str:
         "corrected": "a person corrected it and has not seen it work since",
         "unobserved": "nobody said whether it worked",
     }[result.status]
+    if result.taken_back:
+        told = "a person corrected it and it was taken back: everything is as it was before"
     line = f"{result.subtask}: {told}"
     if result.error:
         line += f"; its code ended with {_one_line(result.error)}"
@@ -53,7 +55,7 @@ def scene_table(scene: SceneGraph) -> str:
     labels = {node.id: node.label for node in scene.nodes}
     lines = [
         "## Scene",
-        f"Scene: {scene.label}. The table's top is at z = {scene.table_height:.3f}.",
+        f"Scene: {_cell(scene.label)}. The table's top is at z = {scene.table_height:.3f}.",
         "Each row is a box in the base frame, in metres: its centre, its full size along its own x y z axes, and how "
         "these axes are turned (yaw: about z; nothing: not at all). A part belongs to the thing it is part of; a space "
         "is the visible inside of one, open in the direction given.",
@@ -64,7 +66,8 @@ def scene_table(scene: SceneGraph) -> str:
     for node in scene.nodes:
         opening = _numbers(node.opening, 2) if node.opening else ""
         owner = labels.get(node.part_of, "") if node.part_of else ""
-        cells = [node.label, node.kind, owner, _numbers(node.pose.position), _numbers(node.size), _turn(node), opening]
+        names = [_cell(text) for text in (node.label, node.kind, owner)]
+        cells = [*names, _numbers(node.pose.position), _numbers(node.size), _turn(node), opening]
         lines.append("| " + " | ".join(cells) + " |")
     o = scene.observation
     lines += [
@@ -75,8 +78,13 @@ def scene_table(scene: SceneGraph) -> str:
         + f"{_numbers(tuple(o.end_effector.rotation[:, 1]), 2)}.",
         "",
     ]
-    lines += [f"- {sentence}" for sentence in scene.sentences()]
+    lines += [f"- {_cell(sentence)}" for sentence in scene.sentences()]
     return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    """A label fit for a column: one line, and no end of the column in it."""
+    return " ".join(text.replace("|", "/").split())
 
 
 def _numbers(values: tuple[float, ...], digits: int = 3) -> str:

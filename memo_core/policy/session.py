@@ -4,52 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
 import attrs
 
 from memo_core.events import Event
-from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
-from memo_core.interfaces.teacher import Episode, Verdict
-from memo_core.policy.budget import Budget
-from memo_core.policy.prompt_files import Prompts
-from memo_core.policy.settings import RunSettings
-from memo_core.policy.stage import Stage
-from memo_core.policy.stopping import StopSwitch
+from memo_core.interfaces.environment import Environment
+from memo_core.interfaces.llm import LanguageModel
+from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Verdict
+from memo_core.llm.budget import Budget
+from memo_core.llm.prompt_files import Prompts
+from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.runlog.log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
-
-if TYPE_CHECKING:
-    from memo_core.policy.progress import Progress, Resumed
+from memo_core.stopping import StopSwitch
 
 Status = Literal["approved", "corrected", "unobserved"]
-
-
-class Journal(Protocol):
-    """Where a run keeps what it must not lose. Every call returns when it is on disk."""
-
-    def model_call(
-        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
-    ) -> str:
-        """Keep a question and its answer (or why there is none, and what it cost all the same); returns the file's name
-        in the run folder."""
-
-    def code(self, subtask: str, attempt: int, repair: int, code: str, take: int = 1) -> str: ...
-
-    def planning_start(self, number: int, done: tuple[str, ...], checkpoint: bytes) -> None: ...
-
-    def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
-
-    def attempt_over(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None:
-        """The world as an attempt left it that nobody found fault with."""
-
-    def progress(self, progress: Progress) -> None:
-        """How far the run has come: a resumed run goes on from the last of these."""
-
-    def attempt_begins(self, number: int, attempt: int, take: int = 1) -> None: ...
-
-    def attempt_ends(self, number: int, attempt: int) -> None: ...
 
 
 class AskTeacher(Protocol):
@@ -66,25 +38,33 @@ class PutBack(Protocol):
 
 @attrs.frozen(eq=False)
 class Session:
-    """Everything of one run. ``book`` is None where nothing is remembered; ``teacher`` None where nobody watches."""
+    """Everything of one run. ``book`` is None where nothing is remembered; ``teacher`` None where nobody watches.
+    Whatever the method does to the world, to people or to the book goes through ``log``."""
 
     run: str
-    stage: Stage
+    environment: Environment
     llm: LanguageModel
     skills: dict[str, Skill]
     sandbox: Sandbox
     settings: RunSettings
     stop: StopSwitch
-    journal: Journal
     emit: Callable[[Event], None]
+    log: RunLog = attrs.field(factory=RunLog)  # in memory: the run cannot be resumed
     book: Skillbook | None = None
     teacher: AskTeacher | None = None
     who: str = "anonymous"
     seed: int = 0
     ending: Callable[[], bool] = lambda: False  # whether the run itself is to end
-    put_back: PutBack | None = None  # None where nobody is there
+    teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
+    # What else whoever watches is asked; None where nobody is there, or nobody who answers that.
+    judge_task: Callable[[TaskEpisode], Verdict] | None = None
+    judge_plan: Callable[[Proposal], Verdict] | None = None
+    read_back: Callable[[Noted], ReadBack] | None = None
+    put_back: PutBack | None = None
+    confirm: PutBack | None = None  # the same for "may the robot go on from the scene as it is now?"
+    teacher_state: Callable[[], str] = lambda: ""  # what the teacher needs to go on in a resumed run
+    restore_teacher: Callable[[str], None] = lambda state: None
     time_limit_s: float = math.inf  # of the task, on the clock of a world that is put back after corrections
-    resumed: Resumed | None = None  # where a run that was cut off goes on
     prompts: Prompts = attrs.field(factory=Prompts)
     budget: Budget = attrs.field(factory=Budget)
     on_text: Callable[[str, str], None] | None = None  # hears (phase, piece) while an answer is written
@@ -92,7 +72,7 @@ class Session:
     def release(self) -> None:
         """After a stop was answered: let the robot move again."""
         self.stop.release()
-        self.stage.link.release()
+        self.environment.link.release()
 
 
 @attrs.frozen
@@ -107,6 +87,8 @@ class SubtaskResult:
     interrupted: int = 0  # times somebody pressed stop
     printed: str = ""  # by that code
     error: str = ""  # what that code ended with, if it did
+    corrected: int = 0  # times somebody found fault with it
+    taken_back: bool = False  # everything was put back to its start, and something else was planned
 
 
 @attrs.frozen
@@ -118,3 +100,7 @@ class RunResult:
     subtasks: tuple[SubtaskResult, ...] = ()
     robot_s: float = 0.0  # of all attempts together
     resumable: bool = False  # it broke off for a reason that may pass
+    verdict: Status = "unobserved"  # of whoever watched, on the whole task
+    corrections: int = 0  # times somebody found fault with a subtask
+    planning_remarks: int = 0  # times somebody found fault with the plan or the whole task
+    interruptions: int = 0  # times somebody pressed stop

@@ -1,4 +1,5 @@
-"""The ``run`` section of an experiment: limits of the loop and what is kept of a run."""
+"""The sections ``run`` and ``teaching`` of an experiment: limits of the loop, what is kept of a run, and how it is
+taught."""
 
 from __future__ import annotations
 
@@ -28,11 +29,23 @@ class RunSettings:
         validator=attrs.validators.ge(1),
         metadata={"help": "times in a row that the planner may ask for one and the same subtask"},
     )
+    max_feedback: int | None = attrs.field(
+        default=None,
+        validator=_not_negative,
+        metadata={"help": "corrections after which a run ends (the paper: 5); null: no limit but the others"},
+    )
     repairs: int = attrs.field(
         default=2,
         validator=attrs.validators.ge(0),
         metadata={
             "help": "times code is written anew in one attempt after ending with an error, before anybody is asked"
+        },
+    )
+    repairs_from: Literal["here", "start"] = attrs.field(
+        default="here",
+        metadata={
+            "help": "where code written anew begins: here, as the error left things, or at the subtask's start, where "
+            "the world can be put back exactly (a simulator): a try that jams something then spoils no other"
         },
     )
     reasks: int = attrs.field(
@@ -76,6 +89,11 @@ class RunSettings:
         validator=attrs.validators.ge(0.0),
         metadata={"help": "seconds to let things come to rest after code ran"},
     )
+    subtask_limit_s: float = attrs.field(
+        default=900.0,
+        validator=attrs.validators.gt(0.0),
+        metadata={"help": "seconds by the clock on the wall that all programs for one subtask may take together"},
+    )
     time_limit_s: float = attrs.field(
         default=600.0,
         validator=attrs.validators.gt(0.0),
@@ -94,3 +112,52 @@ class RunSettings:
     def __attrs_post_init__(self) -> None:
         if not self.study_ledger and (self.study_max_cost is not None or self.study_max_tokens is not None):
             raise InvalidArgument("study_ledger", "a study's limit without its ledger", "a file, such as study.ledger")
+
+
+@attrs.frozen
+class TeachingSettings:
+    """What the method does with people's words beyond the paper: each a switch, all off in ``preset: paper``."""
+
+    retry_context: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "after a correction the code prompt begins with the code that was tried, what it printed, the "
+            "person's words and the notes made of them; false: only for methods without memory"
+        },
+    )
+    replan: bool = attrs.field(
+        default=True, metadata={"help": "after a correction the planner is asked again: it may do something else first"}
+    )
+    read_back: bool = attrs.field(
+        default=True,
+        metadata={"help": "notes are read back to whoever made the remark, where the teacher can answer that"},
+    )
+    plan_notes: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "what is said of plans makes notes for plans, also of other tasks; false: general statements"
+        },
+    )
+    other_subtasks: bool = attrs.field(
+        default=True, metadata={"help": "a note may be filed under another subtask of the run than the corrected one"}
+    )
+    judge_task: bool = attrs.field(
+        default=True, metadata={"help": "when the planner says DONE, whoever watches is asked about the whole task"}
+    )
+    competing: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "the code prompt says who said what when and how alike that is, and asks to try lessons in turn "
+            "where nothing tells which applies"
+        },
+    )
+    newer_first: bool = attrs.field(
+        default=True, metadata={"help": "of what one person said under one key, the newest comes first in the prompt"}
+    )
+    merge: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "approved code that needed repairs is merged into one program and run again from the subtask's "
+            "start; if that is approved as well it makes the template"
+        },
+    )

@@ -4,107 +4,268 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import attrs
+
 from memo_core.errors import Stopped
 from memo_core.events import EntryStored, FeedbackGiven, Problem
+from memo_core.interfaces import teacher
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.policy.asking import Questions
-from memo_core.policy.memories import Memory
-from memo_core.policy.noting import NOT_NOW, Noting
-from memo_core.policy.progress import Said
+from memo_core.interfaces.teacher import Note as ReadNote
+from memo_core.llm.readers import Unreadable, read_code, read_template
+from memo_core.policy.attempt import Tried
+from memo_core.policy.effects import Effects, Heard, Words
+from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, Noted, Noting
+from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
+from memo_core.policy.methods import Memory
 from memo_core.policy.prompting import scene_table
-from memo_core.policy.readers import Unreadable, read_template
+from memo_core.policy.questions import Questions
+from memo_core.policy.serving import Shown
 from memo_core.policy.session import Session
-from memo_core.skillbook.entries import Feedback, FeedbackKind
+from memo_core.runlog.words import WordsFile
+from memo_core.scene.graph import SceneGraph
+from memo_core.skillbook.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
 from memo_core.skillbook.keys import Key
+from memo_core.skills.contract import documentation
+
+READ_BACKS = 3  # of one remark: a rewording is noted and read back as well
+
+
+@attrs.frozen
+class Corrected:
+    """A correction of this run, as the next prompts show it: what was tried, what came of it, the person's words and
+    the notes made of them (each with ``key`` and ``text``)."""
+
+    subtask: str
+    code: str
+    printed: str
+    ended: str
+    words: str
+    notes: tuple[Shown, ...] = ()
+
+
+@attrs.frozen(eq=False)
+class Judged:
+    """An attempt that somebody judged: the subtask, what the robot saw at its start, the code, and whether that code
+    alone did what was seen. ``served``: entries it was written with; ``sources``: feedback that they derive from."""
+
+    key: Key
+    scene: SceneGraph
+    code: str = ""
+    worked: bool = False
+    served: tuple[int, ...] = ()
+    sources: tuple[int, ...] = ()
+    printed: str = ""
+    ended: str = ""  # what the code ended with, if it did
+
+
+@attrs.define
+class _Remark:
+    """What somebody found fault with in this run, and what was made of it so far."""
+
+    judged: Judged
+    words: str
+    feedback: int  # 0 where there is no book
+    subtasks: tuple[Key, ...]  # of the run, then
+    asked: tuple[str, str] = ("", "")
+    entries: tuple[Entry, ...] = ()
 
 
 class Teaching:
-    """Keeps feedback and makes entries of it. Without a book that can be written, everything here does nothing."""
+    """Keeps feedback and makes entries of it. Without a book that can be written, only words are kept."""
 
-    def __init__(self, session: Session, memory: Memory, questions: Questions) -> None:
+    def __init__(self, session: Session, memory: Memory, questions: Questions, effects: Effects) -> None:
         self._session = session
         self._memory = memory
         self._questions = questions
-        book = session.book
-        self._book = book if book is not None and not book.read_only else None
+        self._effects = effects
+        self._remarks: list[_Remark] = []  # of this run, oldest first
+        self._raw = session.book if session.book is not None and not session.book.read_only else None
+        self._book = LoggedBook(session, self._raw) if self._raw is not None else None
+        self._file = WordsFile(session.log.folder, session.who)
         if self._book is not None:
-            self._noting = Noting(questions.ask, self._book, memory, session.emit)
+            self._noting = Noting(questions.ask, self._book, session.emit, session.teaching)
 
-    def keep(self, said: Said, resumed: bool = False) -> bool:
-        """Write down what a person said, verbatim. On disk when this returns, where there is a book to write. With
-        ``resumed`` it may be there already: then nothing happens. Whether it was written now."""
-        if resumed and self._recorded(said) is not None:
-            return False
-        feedback = self._record("correction", said) if self._book is not None else None
-        self._session.emit(FeedbackGiven(feedback or 0, self._session.who, said.about, said.words))
-        return True
+    def words(self, judged: Judged) -> Words:
+        """Where words about an attempt are kept, verbatim: in the book, or else in a file of the run."""
+        book = self._raw
+        if book is None:
+            return self._file
+        return BookWords(self._session.run, book, lambda words: self._record("correction", judged, words))
+
+    def correct(self, judged: Judged, heard: Heard, after_a_stop: bool, subtasks: Sequence[Key] = ()) -> None:
+        """Somebody found fault with an attempt, the plan or the whole task. Their words are kept already; what was
+        served counts as used. ``subtasks``: those of the run so far."""
+        number = heard.feedback if self._book is not None else 0
+        self._remarks.append(_Remark(judged, heard.words, number, tuple(dict.fromkeys(subtasks))))
+        self._session.emit(FeedbackGiven(number, self._session.who, str(judged.key), heard.words))
+        if self._book is not None and not after_a_stop:
+            self._book.note_use(judged.served, success=False, subtask=judged.key)
+
+    def corrected(self, key: Key | None = None) -> list[Corrected]:
+        """What was said in this run, oldest first; of one subtask, or of everything."""
+        said = [one for one in self._remarks if key is None or one.judged.key == key]
+        return [
+            Corrected(
+                str(one.judged.key),
+                one.judged.code.rstrip("\n"),
+                one.judged.printed.rstrip("\n"),
+                one.judged.ended or "without an error",
+                one.words,
+                tuple(Shown(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
+            )
+            for one in said
+        ]
+
+    def _reads(self, entry: Entry) -> bool:
+        """Whether this method reads that kind of note: another one may be kept in the same book."""
+        return self._memory.general if entry.kind == "general" else self._memory.corrections
+
+    def noted(self, key: Key) -> frozenset[int]:
+        """Entries that were made of what was said of a subtask in this run."""
+        return frozenset(entry.id for one in self._remarks if one.judged.key == key for entry in one.entries)
 
     def process_pending(self) -> None:
-        """Make entries of all feedback that none were made of yet, also from runs that ended early. Raises
-        ``Stopped``; what a model cannot be asked about now stays pending."""
+        """Make entries of all feedback that none were made of yet, also from runs that ended early, and read those of
+        this run back to the person. Raises ``Stopped``; what a model cannot be asked about now stays pending."""
         if self._book is None or not self._memory.any:
             return
         for feedback in self._book.pending_feedback():
             if feedback.kind != "correction":
                 continue  # an approval whose template was never made lacks nothing that somebody said
-            if self._noting.process(feedback).outcome == "pending":
+            remark = next((one for one in self._remarks if one.feedback == feedback.id), None)
+            if not self._process(feedback, remark):
                 return
 
-    def approve(self, said: Said, resumed: bool = False) -> None:
-        """Turn code that a person approved into a template under the subtask's key, if it ``worked`` by itself. With
-        ``resumed``, only what is not in the book yet. Raises ``Stopped``."""
+    def _process(self, feedback: Feedback, remark: _Remark | None) -> bool:
+        """Note what was said and read it back; whether a model could be asked."""
+        for _ in range(READ_BACKS):
+            noted = self._noting.process(feedback, None if remark is None else self._circumstances(remark))
+            if noted.outcome == "pending":
+                return False
+            if remark is None:
+                return True
+            remark.entries = noted.entries
+            again = self._read_back(remark, noted)
+            if again is None:
+                return True
+            remark.feedback, feedback = again.id, again
+        return True
+
+    def _circumstances(self, remark: _Remark) -> Circumstances:
+        judged = remark.judged
+        place = self._remarks.index(remark)
+        before = [one for one in self._remarks[:place] if one.judged.key == judged.key]
+        return Circumstances(
+            judged.printed.rstrip("\n"),
+            judged.ended or "without an error; a person found fault with what it did",
+            tuple(Earlier(one.words, one.entries) for one in before),
+            remark.subtasks,
+            remark.asked,
+        )
+
+    def _read_back(self, remark: _Remark, noted: Noted) -> Feedback | None:
+        """Read what was noted back to the person and do as they say. What they said instead, to be noted; None where
+        there is none."""
+        assert self._book is not None and self._raw is not None
+        if self._session.read_back is None or not self._session.teaching.read_back:
+            return None
+        notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
+        question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")
+        shown = teacher.Noted(remark.words, str(remark.judged.key), notes, question)
+        answered = self._effects.read_back(shown, remark.feedback, self.words(remark.judged))
+        answer = answered.answer
+        if notes:
+            gone = set(range(len(notes))) if answer.kind == "reworded" or not answer.struck else set(answer.struck)
+            gone = set() if answer.kind == "accepted" else gone
+            said = [
+                ReadBack(entry.id, "struck" if place in gone else "accepted")
+                for place, entry in enumerate(noted.entries)
+            ]
+            remark.entries = self._book.read_back(remark.feedback, said)
+        if answer.kind != "reworded":
+            return None
+        if not notes:
+            remark.asked = (remark.words, question)
+        remark.words = f"{remark.words.rstrip()}\n{answer.words.strip()}"
+        return feedback_of(self._raw, answered.feedback)
+
+    @property
+    def makes_templates(self) -> bool:
+        return self._book is not None and self._memory.templates
+
+    def merge(self, judged: Judged, programs: Sequence[Tried], restarted: bool) -> str | None:
+        """One program made of those that did a subtask together; None where the model has none to offer. Raises
+        ``Stopped``, ``BudgetExceeded``."""
+        try:
+            code, _ = self._questions.ask(
+                "merge",
+                judged.scene,
+                read_code,
+                subtask=str(judged.key),
+                skills=documentation(self._session.skills),
+                subset=self._session.sandbox.subset(),
+                programs=programs,
+                restart=restarted,
+            )
+        except (Unreadable, LanguageModelError) as error:
+            self._problem(f"the programs for {judged.key} were not merged", str(error))
+            return None
+        return code
+
+    def keep_candidate(self, judged: Judged, code: str) -> None:
+        """Keep merged code that cannot be tried from the start, as an approval without a template."""
         if self._book is None:
             return
-        if not resumed:  # a count may be missed by a crash, never doubled
-            self._book.note_use(said.served, success=True, subtask=said.about)
-        if not self._memory.templates or not said.worked:
+        candidate = attrs.evolve(judged, code=code)
+        about = str(judged.key)
+        number = self._book.record_approval(lambda: self._record("approval", candidate, ""), f"candidate for {about}")
+        self._book.park(number, "a candidate: merged of several programs and never run by itself")
+
+    def approve(self, judged: Judged, heard: Heard) -> None:
+        """Turn code that a person approved into a template under the subtask's key, if it ``worked`` by itself. Raises
+        ``Stopped``."""
+        if not judged.worked:
+            self._problem(str(judged.key), "approved, but no template: the code needed several beginnings")
+        if self._book is None:
             return
-        before = self._recorded(said) if resumed else None
-        if before is not None and before.status == "processed":
+        self._book.note_use(judged.served, success=True, subtask=judged.key)
+        about = str(judged.key)
+        approval = self._book.record_approval(lambda: self._record("approval", judged, heard.words), about)
+        if not self._memory.templates or not judged.worked:
             return
-        approval = self._record("approval", said) if before is None else before.id
         try:
-            template, _ = self._questions.ask("template", said.scene, read_template, subtask=said.about, code=said.code)
+            template, _ = self._questions.ask(
+                "template", judged.scene, read_template, subtask=about, code=judged.code, printed=judged.printed
+            )
         except Unreadable as error:
             self._book.park(approval, error.problem)
-            self._problem(f"no template for {said.about}", error)
+            self._problem(f"no template for {about}", str(error))
             return
         except (*NOT_NOW, Stopped) as error:
             # Pending is what somebody said and nobody made anything of yet; here nothing more will be made.
             self._book.park(approval, f"no template was made: {error}")
             if not isinstance(error, LanguageModelError):
                 raise
-            self._problem(f"no template for {said.about}", error)
+            self._problem(f"no template for {about}", str(error))
             return
-        entry = self._book.add_template(approval, said.about, template, said.scene.label, derived_from=said.sources)
-        self._session.emit(EntryStored(entry.id, entry.kind, said.about, entry.text, approval))
+        entry = self._book.add_template(approval, judged.key, template, judged.scene.label, judged.sources)
+        self._session.emit(EntryStored(entry.id, entry.kind, about, entry.text, approval))
 
-    def failed(self, subtask: Key, served: Sequence[int]) -> None:
-        """Entries were served to code for a subtask that a person found fault with."""
-        if self._book is not None:
-            self._book.note_use(served, success=False, subtask=subtask)
-
-    def _record(self, kind: FeedbackKind, said: Said) -> int:
-        assert self._book is not None
-        return self._book.record_feedback(
-            said.words,
+    def _record(self, kind: FeedbackKind, judged: Judged, words: str) -> int:
+        assert self._raw is not None
+        makes = self._memory.any if kind == "correction" else self._memory.templates and judged.worked
+        return self._raw.record_feedback(
+            words,
             self._session.who,
-            task=self._session.stage.instruction,
-            subtask=said.about,
-            scene=said.scene.label,
-            scene_graph=scene_table(said.scene),
-            code=said.code,
+            task=self._session.environment.instruction,
+            subtask=str(judged.key),
+            scene=judged.scene.label,
+            scene_graph=scene_table(judged.scene),
+            code=judged.code,
             run=self._session.run,
             kind=kind,
-            when=said.when,
+            kept_only="" if makes else "kept for the record: nothing was to be made of it in this run",
         )
 
-    def _recorded(self, said: Said) -> Feedback | None:
-        """What the book has of it already, from a process that is gone."""
-        if self._book is None:
-            return None
-        mine = self._book.feedback_of_run(self._session.run)
-        return next((one for one in mine if one.time == said.when and one.subtask == said.about), None)
-
-    def _problem(self, what: str, error: Exception) -> None:
-        self._session.emit(Problem(what, str(error)))
+    def _problem(self, where: str, message: str) -> None:
+        self._session.emit(Problem(where, message))

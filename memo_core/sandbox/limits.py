@@ -1,4 +1,5 @@
-"""What one run of generated code may use. Limits on computing do not count the time that a skill takes."""
+"""What one run of generated code may use. Limits on computing do not count the time that a skill takes; that on the
+clock on the wall, looked at before each call, counts everything."""
 
 from __future__ import annotations
 
@@ -21,6 +22,7 @@ class Limits:
 
     seconds_between_calls: float = _field(5.0, 0.05, 600, "s of computing between two skill calls")
     seconds_in_all: float = _field(20.0, 0.05, 3600, "s of computing in all")
+    wall_seconds: float = _field(300.0, 1, 86_400, "s by the clock on the wall, skill calls that fail included")
     robot_seconds: float = _field(900.0, 1, 86_400, "s on the robot's clock, motion included")
     memory: int = _field(256 << 20, 16 << 20, 16 << 30, "bytes the code may hold")
     output: int = _field(64 << 10, 1, 100 << 20, "characters printed")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import typing
 from collections import deque
-from collections.abc import Callable
 
 import attrs
 
@@ -32,10 +31,11 @@ _GENERICS = frozenset(MODULES["typing"]) | {"list", "tuple", "dict", "set", "fro
 
 @attrs.frozen
 class Rewritten:
-    """``source`` for the interpreter and ``line``, which gives the line of the original for one of the source."""
+    """``source`` for the interpreter; ``lines`` pairs lines of it with those of the original, in ascending order, and
+    is empty where they are the same."""
 
     source: str
-    line: Callable[[int], int]
+    lines: tuple[tuple[int, int], ...] = ()
 
 
 def rewrite(code: str, tree: ast.Module, arrays: bool) -> Rewritten:
@@ -46,15 +46,11 @@ def rewrite(code: str, tree: ast.Module, arrays: bool) -> Rewritten:
     visitor = _Rewriter(arrays, bound_names(tree))
     changed = ast.fix_missing_locations(visitor.visit(tree))
     if not visitor.changed:
-        return Rewritten(code, lambda line: line)
+        return Rewritten(code)
     source = ast.unparse(changed)
     lines: dict[int, int] = {}
     _pair_lines(ast.parse(source), changed, lines)
-
-    def original(line: int) -> int:
-        return lines[max((n for n in lines if n <= line), default=min(lines))] if lines else line
-
-    return Rewritten(source, original)
+    return Rewritten(source, tuple(sorted(lines.items())))
 
 
 def _pair_lines(new: ast.AST, old: ast.AST, lines: dict[int, int]) -> None:
@@ -145,7 +141,9 @@ class _Rewriter(ast.NodeTransformer):
         if node.attr in _METHODS and isinstance(node.value, ast.Name) and node.value.id in _KINDS - self._own:
             return self._replace(node, f"lambda owner, *a, **k: owner.{node.attr}(*a, **k)")
         if node.attr in _METHODS and not hasattr(node, "memo_called"):
-            call = f"_memo_method(lambda: owner.{node.attr}, lambda *a, **k: owner.{node.attr}(*a, **k))"
+            # The owner stands here once: written twice, a chain of n methods would double n times.
+            get, call = f"lambda o: o.{node.attr}", f"lambda o, *a, **k: o.{node.attr}(*a, **k)"
+            call = f"_memo_method(owner, {get}, {call})"
             return self._replace(node, call, owner=node.value)
         return node
 

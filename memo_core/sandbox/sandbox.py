@@ -1,4 +1,4 @@
-"""Running code that a model wrote (DESIGN 6): hostile until shown otherwise, unable to outlive a stop.
+"""Running code that a model wrote: hostile until shown otherwise, unable to outlive a stop.
 
 The code runs in an interpreter in a process of its own. Each skill call comes back to this process, which checks types,
 ranges and workspace before the robot hears of it. Python's own names for what goes wrong are used towards the code:
@@ -7,7 +7,9 @@ skills raise ``RuntimeError`` (also under the names ``MotionError`` and ``SkillE
 
 from __future__ import annotations
 
-import ast
+import re
+import time
+from bisect import bisect_right
 from collections.abc import Callable
 from importlib import resources
 from typing import Any
@@ -26,22 +28,23 @@ from pydantic_monty import (
 
 from memo_core.errors import InvalidArgument, MemoError, Stopped, UnknownName
 from memo_core.events import SkillCalled
-from memo_core.sandbox import prelude, subset
-from memo_core.sandbox.crossing import arguments_from_sandbox, result_for_sandbox
+from memo_core.sandbox import prelude
+from memo_core.sandbox.checker import Checker
 from memo_core.sandbox.execution import Ended, Execution, refused
 from memo_core.sandbox.limits import Limits
-from memo_core.sandbox.rewrite import rewrite
+from memo_core.sandbox.marshalling import arguments_from_sandbox, result_for_sandbox
 from memo_core.sandbox.subset import Finding
-from memo_core.sandbox.worker import Watch, WorkerPool
+from memo_core.sandbox.worker import Watch, WorkerPool, watching
 from memo_core.sandbox.workspace import Workspace
 from memo_core.skills.control import Control
 from memo_core.skills.skill import Skill
+from memo_core.terminal import printable
 
 _GATE = "_memo_gate"
-_CONTROL = {  # what could rewrite the operator's terminal is shown, not obeyed
-    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
-    for code in (*range(9), *range(11, 32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
-}
+_OUT_OF_MEMORY = re.compile(
+    r"memory limit exceeded: \d+ bytes > \d+ bytes|the worker exceeded its memory limit and was terminated"
+)  # the interpreter's words
+_OUT_OF_CALLS = re.compile(r"suspension limit \d+ exceeded")
 _SLEEP = ("time.sleep", "system.sleep")
 _CLOCK = tuple(f"time.{name}{unit}" for name in ("time", "monotonic", "perf_counter") for unit in ("", "_ns"))
 
@@ -59,9 +62,15 @@ class _Program:
     """Code made ready for the interpreter, or why it is not."""
 
     source: str = ""
-    line: Callable[[int], int] = lambda line: line  # of the model's code, for one of the source
+    lines: tuple[tuple[int, int], ...] = ()  # (line of the source, line of the model's code); empty: the same
     arrays: bool = False
     findings: tuple[Finding, ...] = ()
+
+    def line(self, line: int) -> int:
+        """The line of the model's code for one of the source."""
+        if not self.lines:
+            return line
+        return self.lines[max(0, bisect_right(self.lines, line, key=lambda pair: pair[0]) - 1)][1]
 
 
 class Sandbox:
@@ -71,13 +80,16 @@ class Sandbox:
         self.skills = dict(skills)
         self.limits = limits
         self._workers = WorkerPool(limits)
+        self._checker = Checker(skills.values(), limits)
 
     def open(self) -> None:
-        """Start a warm worker. Idempotent; ``run`` and ``check`` do it when needed."""
+        """Start a warm worker and the process that checks. Idempotent; ``run`` and ``check`` do it when needed."""
         self._workers.open()
+        self._checker.open()
 
     def close(self) -> None:
-        """End the workers. Idempotent."""
+        """End the workers and the process that checks. Idempotent."""
+        self._checker.close()
         self._workers.close()
 
     def __enter__(self) -> Sandbox:
@@ -107,53 +119,57 @@ class Sandbox:
         on_call: Callable[[SkillCalled], None] | None = None,
         on_print: Callable[[str], None] | None = None,
         clock: Callable[[], float] | None = None,
+        wall_seconds: float | None = None,
     ) -> Execution:
         """Check the code, then run it to its end, an error, a limit or a stop.
 
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
         milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
-        piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code. What a skill
-        raises goes to the code; anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is
+        piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code; ``wall_seconds`` is what
+        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code;
+        anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is
         raised here.
         """
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
-        program = self._prepare(code)
+        try:
+            program = self._prepare(code, stopped)
+        except Stopped:
+            return Execution("stopped", error="stopped before the code began", kind="stop")
         if program.findings:
             return refused(program.findings)
         with self._workers.session() as session:
-            run = _Run(self.skills, self.limits, control, workspace, stopped, on_call, on_print, clock)
+            limits = self.limits
+            if wall_seconds is not None and wall_seconds < limits.wall_seconds:
+                limits = attrs.evolve(limits, wall_seconds=max(1.0, wall_seconds))
+            run = _Run(self.skills, limits, control, workspace, stopped, on_call, on_print, clock)
             return run.execute(session, program)
 
-    def _prepare(self, code: str) -> _Program:
+    def _prepare(self, code: str, stopped: Callable[[], bool] = lambda: False) -> _Program:
+        """Raises ``Stopped``. Nothing here works on the code in this process: its text decides how long that takes."""
         if len(code) > self.limits.code:
             return _Program(findings=(Finding(1, f"{len(code)} characters of code", f"at most {self.limits.code}"),))
         if "\x00" in code or any("\ud800" <= c <= "\udfff" for c in code):
             return _Program(findings=(Finding(1, "syntax error: a character that cannot be in a program"),))
-        refused = self._interpreter_refuses(code)
+        refused = self._interpreter_refuses(code, stopped)
         if refused is not None and refused.problem.startswith("syntax error"):
             return _Program(findings=(refused,))
-        try:
-            tree = ast.parse(code)
-            if findings := subset.check(tree, self.skills):
-                return _Program(findings=tuple(findings))
-            arrays = subset.uses_arrays(tree)
-            rewritten = rewrite(code, tree, arrays)
-        except SyntaxError as error:
-            return _Program(findings=(Finding(error.lineno or 1, f"syntax error: {error.msg}"),))
-        except (ValueError, RecursionError, MemoryError):
-            return _Program(findings=(Finding(1, "syntax error: nested too deeply, or quotes within quotes"),))
-        if rewritten.source != code:
-            refused = self._interpreter_refuses(rewritten.source)
+        checked = self._checker.check(code, stopped)
+        if checked.findings:
+            return _Program(findings=checked.findings)
+        program = _Program(checked.source, checked.lines, checked.arrays)
+        if program.source != code:
+            refused = self._interpreter_refuses(program.source, stopped)
         if refused is not None:
-            return _Program(findings=(attrs.evolve(refused, line=rewritten.line(refused.line)),))
-        return _Program(rewritten.source, rewritten.line, arrays)
+            return _Program(findings=(attrs.evolve(refused, line=program.line(refused.line)),))
+        return program
 
-    def _interpreter_refuses(self, code: str) -> Finding | None:
-        """Let the interpreter compile the code behind a call that is never answered."""
-        with self._workers.session() as session:
+    def _interpreter_refuses(self, code: str, stopped: Callable[[], bool]) -> Finding | None:
+        """Let the interpreter compile the code behind a call that is never answered. Raises ``Stopped``."""
+        with self._workers.session() as session, watching(session, stopped) as watch:
             try:
-                session.feed_start(f"{_GATE}()\n{code}")
+                with watch.computing():
+                    session.feed_start(f"{_GATE}()\n{code}")
             except MontySyntaxError as error:
                 return Finding((_line(error, "<python-input-0>") or 2) - 1, f"syntax error: {_one_line(error)}")
             except MontyRuntimeError as error:
@@ -161,6 +177,8 @@ class Sandbox:
                 problem = problem.replace("The monty syntax parser does not yet support", "not available here:")
                 return Finding((_line(error, "<python-input-0>") or 2) - 1, problem)
             except MontyCrashedError:
+                if watch.fired:
+                    raise Stopped("checking code") from None
                 return Finding(1, "syntax error: the code cannot be read")
         return None
 
@@ -188,6 +206,7 @@ class _Run:
         self._on_print = on_print
         self._clock = clock
         self._started = clock() if clock is not None else 0.0
+        self._began = time.monotonic()
         self._waited = 0.0
         self._clock_readings = 0
         self._printed: list[str] = []
@@ -202,23 +221,13 @@ class _Run:
         self._position = -1  # of the last call, for limits that strike where the interpreter cannot say
 
     def execute(self, session: MontySession, program: _Program) -> Execution:
-        pid = session.worker_pid
-        if pid is None:
-            raise RuntimeError("the sandbox's worker has no process")
         session.feed_run(prelude.source("base"))
         if program.arrays:
             session.feed_run(prelude.source("arrays") + prelude.source("array_functions"))
         self._line = program.line
         self._filename = f"<python-input-{2 if program.arrays else 1}>"
-        self._watch = Watch(pid, self._stopped)
-        self._watch.start()
-        try:
+        with watching(session, self._stopped) as self._watch:
             return self._ended(session, program.source)
-        except BaseException:
-            self._watch.kill()
-            raise
-        finally:
-            self._watch.end()
 
     def _ended(self, session: MontySession, source: str) -> Execution:
         try:
@@ -268,6 +277,8 @@ class _Run:
         skill = self._skills.get(name)
         if skill is None:
             return {"exc_type": "NameError", "message": f"name {name[:100]!r} is not defined"}
+        if time.monotonic() - self._began > self._limits.wall_seconds:
+            raise _LimitReached("time limit", f"the program took longer than {self._limits.wall_seconds:g} s in all")
         took = self._clock() - self._started if self._clock is not None else self._waited
         if took > self._limits.robot_seconds:
             raise _LimitReached("time limit", f"the robot was busy for more than {self._limits.robot_seconds:g} s")
@@ -309,7 +320,7 @@ class _Run:
     def _print(self, stream: str, text: str) -> None:
         if self._flooded:
             return
-        kept = text[: self._room].translate(_CONTROL)
+        kept = printable(text[: self._room])
         self._room -= len(text)
         self._printed.append(kept)
         if self._on_print is not None and kept:
@@ -321,7 +332,7 @@ class _Run:
     # -- endings -------------------------------------------------------------------------------------------------------
 
     def _execution(self, ended: Ended, kind: str = "", problem: str = "", line: int | None = None) -> Execution:
-        error = f"{kind}: {problem}".translate(_CONTROL) if problem else kind
+        error = printable(f"{kind}: {problem}") if problem else kind
         if line is not None:
             error = f"line {line}: {error}"
         return Execution(ended, "".join(self._printed), error, kind, line, tuple(self._calls))
@@ -338,11 +349,12 @@ class _Run:
         found = _line(error, self._filename)
         line = None if found is None else self._line(found)
         kind, problem = type(error.exception()).__name__, _one_line(error, message_only=True)
-        if kind == "TimeoutError" and "time limit exceeded" in problem:
+        # Code may raise all three by itself; then they have other words, or a line in the code that raised them.
+        if kind == "TimeoutError" and "time limit exceeded" in problem and not _has_frames(error):
             return self._execution("limit", "time limit", self._time_problem(), line)
-        if kind == "MemoryError":
+        if kind == "MemoryError" and _OUT_OF_MEMORY.match(problem):
             return self._execution("limit", "memory limit", f"more than {self._limits.memory >> 20} MiB", line)
-        if "suspension" in problem and kind == "RuntimeError":
+        if kind == "RuntimeError" and _OUT_OF_CALLS.match(problem):
             return self._execution("limit", "call limit", "too many calls and name look-ups", line)
         if "cannot suspend in this synchronous context" in problem:
             problem = "a skill cannot be called from inside an operator or iteration method; call it from plain code"
@@ -379,6 +391,10 @@ def _line(error: MontyError, filename: str) -> int | None:
     frames = error.traceback() if isinstance(error, (MontyRuntimeError, MontySyntaxError)) else []
     lines = [frame.line for frame in frames if frame.filename == filename]
     return lines[-1] if lines else None
+
+
+def _has_frames(error: MontyError) -> bool:
+    return isinstance(error, MontyRuntimeError) and bool(error.traceback())
 
 
 def _one_line(error: MontyError, message_only: bool = False) -> str:

@@ -1,14 +1,12 @@
 """The subset of Python that works, checked before anything moves.
 
-Only code that the interpreter's own parser has accepted may come here: its limit on nesting is what keeps Python's
-recursive parser safe from hostile source.
+This runs in the checker's process (``checking``), never in MEMO's own: what it does is decided by hostile source.
 """
 
 from __future__ import annotations
 
 import ast
 import builtins
-import inspect
 from collections.abc import Iterator
 from itertools import chain, islice
 
@@ -16,7 +14,6 @@ import attrs
 
 from memo_core.errors import close_match
 from memo_core.sandbox.modules import BUILTINS, MODULES, REFUSED
-from memo_core.skills.skill import Skill
 
 
 @attrs.frozen
@@ -29,6 +26,16 @@ class Finding:
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+@attrs.frozen
+class SkillShape:
+    """What the check knows of a skill: its name, its arguments, those that have no default, and the line shown."""
+
+    name: str
+    parameters: tuple[str, ...]
+    required: tuple[str, ...]
+    signature: str
 
 
 _UNSUPPORTED: dict[type[ast.AST], tuple[str, str]] = {
@@ -50,7 +57,7 @@ _MOST_FINDINGS = 30  # looking for close matches of thousands of hostile names w
 _MOST_CANDIDATES = 500
 
 
-def check(tree: ast.Module, skills: dict[str, Skill]) -> list[Finding]:
+def check(tree: ast.Module, skills: dict[str, SkillShape]) -> list[Finding]:
     """What was found, in the order of lines."""
     every = chain(
         _unsupported(tree), _imports(tree), _module_attributes(tree), _names(tree, skills), _skill_calls(tree, skills)
@@ -143,7 +150,7 @@ def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
     for node in ast.walk(tree):
         if not isinstance(node, ast.Attribute):
             continue
-        owner = ast.unparse(node.value) if isinstance(node.value, (ast.Name, ast.Attribute)) else ""
+        owner = _module_path(node.value)
         head = owner.split(".")[0]
         module = aliases.get(owner) or (f"{aliases[head]}.{owner.partition('.')[2]}" if head in aliases else "")
         if module not in MODULES or head in rebound or f"{module}.{node.attr}" in MODULES:
@@ -152,7 +159,17 @@ def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
             yield _no_member(node.lineno, module, node.attr)
 
 
-def _names(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
+def _module_path(node: ast.expr) -> str:
+    """``np`` or ``np.linalg`` as text, "" for anything longer: no module lies deeper, and a chain of attributes is not
+    written out once for each of its links."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return f"{node.value.id}.{node.attr}"
+    return ""
+
+
+def _names(tree: ast.Module, skills: dict[str, SkillShape]) -> Iterator[Finding]:
     bound = bound_names(tree)
     known = bound | BUILTINS | skills.keys() | {"np", "math", "time"}
     reported = set()
@@ -193,7 +210,7 @@ def bound_names(tree: ast.Module) -> set[str]:
     return bound
 
 
-def _skill_calls(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding]:
+def _skill_calls(tree: ast.Module, skills: dict[str, SkillShape]) -> Iterator[Finding]:
     own = bound_names(tree)
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)) or node.func.id in own:
@@ -202,8 +219,8 @@ def _skill_calls(tree: ast.Module, skills: dict[str, Skill]) -> Iterator[Finding
             yield from _skill_call(node, skill)
 
 
-def _skill_call(node: ast.Call, skill: Skill) -> Iterator[Finding]:
-    names = [p.name for p in skill.parameters]
+def _skill_call(node: ast.Call, skill: SkillShape) -> Iterator[Finding]:
+    names = list(skill.parameters)
     keywords = [k.arg for k in node.keywords if k.arg is not None]
     for keyword in keywords:
         if keyword not in names:
@@ -213,7 +230,7 @@ def _skill_call(node: ast.Call, skill: Skill) -> Iterator[Finding]:
     if any(isinstance(a, ast.Starred) for a in node.args) or len(keywords) < len(node.keywords):
         return
     given = names[: len(node.args)] + keywords
-    missing = [p.name for p in skill.parameters if p.default is inspect.Parameter.empty and p.name not in given]
+    missing = [name for name in skill.required if name not in given]
     if len(node.args) > len(names):
         problem = f"{skill.name} takes {len(names)} arguments, not {len(node.args)}"
         yield Finding(node.lineno, problem, f"it is {skill.signature}")

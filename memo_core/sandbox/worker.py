@@ -7,15 +7,14 @@ import os
 import shlex
 import shutil
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from pydantic_monty import Monty, MontySession
 from pydantic_monty._binary import find_monty_binary
 
 from memo_core.sandbox.limits import Limits
+from memo_core.scratch import scratch_folder
 
 _POLL = 0.004  # s between two looks at the stop while code computes
 
@@ -26,7 +25,7 @@ class WorkerPool:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._pool: Monty | None = None
-        self._folder: Path | None = None
+        self._kept = contextlib.ExitStack()  # what the starter of the workers lies in
         self._opening = threading.Lock()  # two threads that both need the first worker must not start two pools
 
     def open(self) -> None:
@@ -56,9 +55,7 @@ class WorkerPool:
         pool, self._pool = self._pool, None
         if pool is not None:
             pool.__exit__(None, None, None)
-        folder, self._folder = self._folder, None
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
+        self._kept.close()
 
     @contextlib.contextmanager
     def session(self) -> Iterator[MontySession]:
@@ -82,10 +79,19 @@ class WorkerPool:
     def _confined(self, binary: str) -> str:
         """A starter that keeps the interpreter's last words off our terminal and takes file writing, core dumps and all
         but a few file handles from the process, should code ever break out of the interpreter."""
-        self._folder = Path(tempfile.mkdtemp(prefix="memo-sandbox-"))
-        starter = self._folder / "worker"
         limits = "ulimit -c 0; ulimit -f 0; ulimit -n 32"
-        starter.write_text(f'#!/bin/sh\n{limits}\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n')
+        script = f'#!/bin/sh\n{limits}\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n'
+        if hasattr(os, "memfd_create"):
+            # A file without a name: nothing is left in the temporary directory, however this process ends.
+            with open(os.memfd_create("memo-sandbox-worker"), "wb") as file:
+                file.write(script.encode())
+                file.flush()
+                os.fchmod(file.fileno(), 0o500)
+                handle = os.open(f"/proc/self/fd/{file.fileno()}", os.O_RDONLY)  # one open for writing cannot be run
+            self._kept.callback(os.close, handle)
+            return f"/proc/{os.getpid()}/fd/{handle}"
+        starter = self._kept.enter_context(scratch_folder()) / "worker"
+        starter.write_text(script)
         starter.chmod(0o700)
         return str(starter)
 
@@ -136,3 +142,19 @@ class Watch(threading.Thread):
             self._ended.set()
         self._computing.set()
         self.join()
+
+
+@contextlib.contextmanager
+def watching(session: MontySession, stopped: Callable[[], bool]) -> Iterator[Watch]:
+    """A watch over the session's worker, which is killed when the block raises."""
+    if session.worker_pid is None:
+        raise RuntimeError("the sandbox's worker has no process")
+    watch = Watch(session.worker_pid, stopped)
+    watch.start()
+    try:
+        yield watch
+    except BaseException:
+        watch.kill()
+        raise
+    finally:
+        watch.end()

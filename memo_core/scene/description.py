@@ -20,7 +20,7 @@ Colour = tuple[float, float, float, float]
 
 @attrs.frozen
 class Material:
-    """How a surface touches. The defaults are the measured ones for grasping (DESIGN 7).
+    """How a surface touches. The defaults are measured: parallel grippers hold small objects with them.
 
     Where two surfaces meet, the larger friction of the two holds, sliding, torsional and rolling, and the larger number
     of contact dimensions; the softer one decides how soft the contact is.
@@ -136,7 +136,7 @@ class Cavity:
 class Body:
     """A rigid body, its joint to its parent (None: fixed), and the bodies attached to it.
 
-    ``label`` is what a person calls it; an empty label means it is not an object by itself (perception passes over it,
+    ``label`` is what a person calls it; an empty label means it is not an object by itself (perception ignores it,
     but not over its parts and children). Many small bodies that a person has one word for (marbles, salt) carry that
     word as ``heap`` and no label: perception sees them as one thing, wherever most of them lie together.
     """

@@ -1,4 +1,4 @@
-"""The scene graph G = (V, E, o): what a camera could say of a scene, and nothing more (DESIGN 1).
+"""The scene graph G = (V, E, o): what a camera could say of a scene, and nothing more.
 
 Labels, poses, boxes of objects and their visible parts, plain-language relations, the raw observation. No joint axes,
 limits, masses or frictions, and nothing hidden in a closed container.
@@ -27,6 +27,9 @@ class Node:
     opening: tuple[float, float, float] | None = None  # of a "space": outward direction of its open side, base frame
     confidence: float = 1.0
     time: float = 0.0  # s, when it was last seen
+    attributes: tuple[str, ...] = attrs.field(
+        default=(), converter=tuple
+    )  # what is seen of it, in words: "white", "wooden"
 
     def corners(self) -> Array:
         """The box's corners in the base frame (m), shape (8, 3)."""

@@ -15,6 +15,7 @@ from memo_core.scene.pose import Array
 
 TABLE = "table"  # what things that lie on nothing else are on; not a node
 TOUCHING_M = 0.02  # vertical gap up to which one thing lies on another
+DISH_M = 0.06  # something this low may be a plate or a bowl, whose top is its rim and not what things lie on
 BESIDE_M = 0.05  # gap between two things that are next to each other
 NEARBY_M = 0.40  # distance up to which left, right, in front and behind are worth saying
 HELD_M = 0.015  # distance from the tool centre up to which a thing between the fingers is the one held
@@ -33,13 +34,16 @@ def distance_to_box(node: Node, point: Sequence[float] | Array) -> float:
 
 
 def lies_on(upper: Node, lower: Node) -> bool:
-    """Whether ``upper`` rests on ``lower``: its underside at the other's top, its centre above the other's box."""
-    bottom, top = upper.bounds()[0][2], lower.bounds()[1][2]
-    if abs(bottom - top) > TOUCHING_M or upper.pose.position[2] <= top:
+    """Whether ``upper`` rests on ``lower``, over whose box its centre is: either its underside is at the other's top,
+    or the other is a dish and it lies in there, above its underside and sticking out over its rim."""
+    (low, high), (bottom, top) = lower.bounds(), (bound[2] for bound in upper.bounds())
+    x, y, z = upper.pose.position
+    if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
         return False
-    low, high = lower.bounds()
-    x, y, _ = upper.pose.position
-    return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1])
+    if abs(bottom - high[2]) <= TOUCHING_M and z > high[2]:
+        return True
+    is_dish = high[2] - low[2] <= DISH_M
+    return bool(is_dish and low[2] < bottom < high[2] < top and z > lower.pose.position[2])
 
 
 def gap(a: Node, b: Node) -> float:

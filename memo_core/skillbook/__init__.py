@@ -1,1 +1,1 @@
-"""The skillbook: what people taught, kept under keys of action and objects (DESIGN 5)."""
+"""The skillbook: what people taught, kept under keys of action and objects."""

@@ -13,6 +13,17 @@ from memo_core.errors import InvalidArgument
 from memo_core.skillbook.keys import Key
 
 _OUTCOMES = {"open": "open", "shut": "close", "closed": "close", "on": "", "off": "", "out": "", "apart": ""}
+_KEEPING = frozenset(("leave", "keep", "hold", "let"))  # "leave open" opens nothing
+_WORDS_LIGHT = "do get give go have keep lay leave let make run set take"
+_LIGHT = frozenset(_WORDS_LIGHT.split())  # mean what their complement says
+_WORDS_WAY = """
+about across against ahead along apart around aside away back backward backwards by clear closed completely down
+downward downwards first flat forward forwards free from fully further half halfway in inside into inward left level
+loose off on onto open out outside outward over partly past right round shut slightly straight through tight to together
+toward towards up upright upward upwards with
+"""
+_WHERE_TO = frozenset(("into", "onto", "inside"))  # whatever the verb, the thing ends up in a place
+_PARTICLES = frozenset(_WORDS_WAY.split())
 
 
 def _normal(verb: str) -> str:
@@ -25,6 +36,8 @@ class Actions:
 
     groups: dict[str, str]  # verb -> the verb that stands for its group
     opposites: frozenset[frozenset[str]]
+    parts: dict[str, tuple[str, ...]] = attrs.field(factory=dict)  # visible part -> how it is usually worked
+    phases: dict[str, tuple[str, ...]] = attrs.field(factory=dict)  # see ``actions.toml``
 
     @classmethod
     def build(cls, synonyms: Mapping[str, Iterable[str]], pairs: Iterable[Iterable[str]]) -> Actions:
@@ -55,22 +68,49 @@ class Actions:
                 table.setdefault(head, []).append(verb)
         for head, others in synonyms.items():
             table.setdefault(self.groups.get(_normal(head), _normal(head)), []).extend(others)
-        return Actions.build(table, [*(tuple(pair) for pair in self.opposites), *pairs])
+        built = Actions.build(table, [*(tuple(pair) for pair in self.opposites), *pairs])
+        return attrs.evolve(built, parts=self.parts, phases=self.phases)
 
     def canonical(self, action: str) -> str:
         """The verb that stands for ``action``'s group; the action itself when it is in none.
 
-        A longer spelling falls back on its first words, "pick up gently" stands under "pick", unless its last word says
-        what becomes of the thing: "nudge shut" closes, "shut off" is no closing and stands for itself.
+        A longer spelling falls back on its first words where the rest only says which way or how ("pick up gently") or
+        names a thing ("grasp handle", see ``about``). It stands for itself where its last word says what becomes of the
+        thing ("shut off" is no closing; "nudge shut" is), where something is only kept so ("leave open"), and after a
+        verb that means what its complement says ("set table", "get rid of"). A verb that is in no group places where it
+        says where to ("tuck into").
         """
+        return self._take_apart(action)[0]
+
+    def about(self, key: Key) -> Key:
+        """The key with a thing that its action names among the objects: GRASP_HANDLE(fridge) is about
+        GRASP(fridge handle)."""
+        verb, noun = self._take_apart(key.action)
+        if not noun:
+            return key
+        first, *others = key.objects
+        named = first if set(noun.split()) <= set(first.split()) else f"{first} {noun}"
+        return Key(verb, (named, *others))
+
+    def _take_apart(self, action: str) -> tuple[str, str]:
+        """Canonical verb and the thing that the action names besides, "" for none."""
         words = action.split()
-        if action not in self.groups and len(words) > 1 and words[-1] in _OUTCOMES:
-            return self.groups.get(_OUTCOMES[words[-1]], action)
-        for length in range(len(words), 0, -1):
+        if action in self.groups or len(words) == 1:
+            return self.groups.get(action, action), ""
+        if words[-1] in _OUTCOMES:
+            outcome = "" if words[0] in _KEEPING else _OUTCOMES[words[-1]]
+            return self.groups.get(outcome, action), ""
+        for length in range(len(words) - 1, 0, -1):
             found = self.groups.get(" ".join(words[:length]))
-            if found is not None:
-                return found
-        return action
+            if found is None:
+                continue
+            rest = [word for word in words[length:] if word not in _PARTICLES and not word.endswith("ly")]
+            if rest and words[0] in _LIGHT:
+                return action, ""
+            return found, " ".join(rest)
+        if words[-1] in _WHERE_TO and "place" in self.groups:
+            return self.groups["place"], ""
+        return action, ""
 
     def opposite(self, one: str, other: str) -> bool:
         """Whether one undoes the other."""
@@ -81,4 +121,6 @@ class Actions:
 def default_actions() -> Actions:
     """The shipped table ``actions.toml``."""
     table = tomllib.loads(resources.files("memo_core.skillbook").joinpath("actions.toml").read_text(encoding="utf-8"))
-    return Actions.build(table["synonyms"], table["opposites"]["pairs"])
+    built = Actions.build(table["synonyms"], table["opposites"]["pairs"])
+    parts = {part: tuple(verbs) for part, verbs in table["parts"].items()}
+    return attrs.evolve(built, parts=parts, phases={name: tuple(words) for name, words in table["phases"].items()})

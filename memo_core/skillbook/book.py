@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import attrs
 import numpy as np
 import sqlalchemy as sa
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook import bulk, rows, tables, templates
+from memo_core.skillbook import bulk, queries, tables, templates
+from memo_core.skillbook.adding import add_notes, add_template
 from memo_core.skillbook.bulk import Lesson
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
-from memo_core.skillbook.condensing import ClusterLimits, Clusters, condense, find_clusters, without_duplicates
+from memo_core.skillbook.condensing import (
+    CLUSTERED,
+    ClusterLimits,
+    Clusters,
+    condense,
+    find_clusters,
+    without_duplicates,
+)
+from memo_core.skillbook.context import SubtaskContext
 from memo_core.skillbook.database import Database, SkillbookError
-from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, FeedbackKind, Forgotten, Stats
+from memo_core.skillbook.entries import (
+    GLOBAL_KEY,
+    Entry,
+    Feedback,
+    FeedbackKind,
+    Forgotten,
+    KeptReadBack,
+    Note,
+    ReadBack,
+    Stats,
+)
 from memo_core.skillbook.export import records
-from memo_core.skillbook.forget import forget_person
+from memo_core.skillbook.forget import forget_person, words_of
+from memo_core.skillbook.harm import Evidence, evidence_of, withhold
 from memo_core.skillbook.history import (
     Difference,
     Revision,
@@ -33,13 +55,20 @@ from memo_core.skillbook.history import (
 )
 from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
 from memo_core.skillbook.index import KeyIndex
-from memo_core.skillbook.joining import NearKeys, join, near_keys
+from memo_core.skillbook.key_aliases import NearKeys, join, near_keys
+from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.likeness import Likeness
 from memo_core.skillbook.origins import origins_of
+from memo_core.skillbook.places import Place, PlaceKind, drop_place, note_place, places_of
+from memo_core.skillbook.rawlog import RawLog, keep_answer, kept_answer, read_log
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
+from memo_core.skillbook.revising import edit, kept_read_backs, read_back, remove
+from memo_core.skillbook.stats import stats_of
+from memo_core.skillbook.text_index import Likeness
+from memo_core.skillbook.text_search import TextSearch
+from memo_core.skillbook.unclustered import copy_without_clustering, is_clustered
 from memo_core.skillbook.vectors import TextVectors
-from memo_core.skillbook.wording import KeyVectors
+from memo_core.skillbook.withdrawal import BEYOND, BEYOND_SERVER, clean
 
 _F, _E = tables.feedback.c, tables.entries.c
 
@@ -66,6 +95,7 @@ class Skillbook:
         self._store = store
         self._vectors = TextVectors(self._database, embedder) if embedder is not None else None
         self._retriever: Retriever | None = None
+        self._unclustered: tuple[int, Skillbook] | None = None  # of which generation
 
     @property
     def url(self) -> str:
@@ -90,6 +120,9 @@ class Skillbook:
     def close(self) -> None:
         """Idempotent. Nothing is written here: what was acknowledged is on disk already."""
         self._retriever = None
+        if self._unclustered is not None:
+            self._unclustered[1].close()
+            self._unclustered = None
         if self._store is not None:
             self._store.close()
         self._database.close()
@@ -101,6 +134,20 @@ class Skillbook:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    # -- effects of runs -----------------------------------------------------------------------------------------------
+    def effect_of(self, run: str, entry: int, note: str = "") -> AbstractContextManager[None]:
+        """What is written within the block is the effect of this entry of a run's log: that is committed in the same
+        transaction, with ``note`` (no words of people)."""
+        return self._database.marked(run, entry, note)
+
+    def effect_note(self, run: str, entry: int) -> str | None:
+        """The note of the last effect of a run, if it is this entry's; None: the entry wrote nothing."""
+        _R = tables.run_effects.c
+        with self._database.read() as connection:
+            if not self._database.has(connection, tables.run_effects):
+                return None
+            return connection.execute(sa.select(_R.note).where(_R.run == run, _R.entry == entry)).scalar()
 
     # -- what people said ----------------------------------------------------------------------------------------------
     def record_feedback(
@@ -116,39 +163,39 @@ class Skillbook:
         run: str = "",
         kind: FeedbackKind = "correction",
         when: float | None = None,
+        kept_only: str = "",
     ) -> int:
         """Keep what a person said, verbatim; it is on disk when this returns. Call it before any model is asked.
 
-        An approval (``kind="approval"``) may have no words. Returns the feedback's id. Raises ``InvalidArgument``,
-        ``ReadOnlyBook``.
+        An approval (``kind="approval"``) may have no words. ``kept_only`` says why no entry is to be made of it, such
+        as a method that remembers nothing: then it is never pending, and only rebuilding a book reads it. Returns the
+        feedback's id. Raises ``InvalidArgument``, ``ReadOnlyBook``.
         """
         if kind == "correction" and not words.strip():
             raise InvalidArgument("words", "nothing was said", "what the person said")
-        if not who.strip():
-            raise InvalidArgument("who", "nobody is named", "a name or a pseudonym, so that the person can withdraw")
         with self._database.write() as connection:
-            return rows.insert(
+            return queries.insert(
                 connection,
                 tables.feedback,
                 kind=kind,
                 words=words,
-                who=who,
-                time=time.time() if when is None else when,
+                who=_named(who),
+                time=self._database.now() if when is None else when,
                 task=task,
                 subtask=subtask,
                 scene=scene,
                 scene_graph=scene_graph,
                 code=code,
                 run=run,
-                status="pending",
-                reason="",
+                status="kept" if kept_only else "pending",
+                reason=kept_only,
             )
 
     def feedback(self, feedback_id: int) -> Feedback:
         """Raises ``UnknownName``."""
         with self._database.read() as connection:
-            found = rows.feedback_where(connection, _F.id == feedback_id)
-            known = [] if found else rows.ids_of(connection.execute(sa.select(_F.id)))
+            found = queries.feedback_where(connection, _F.id == feedback_id)
+            known = [] if found else queries.ids_of(connection.execute(sa.select(_F.id)))
         if not found:
             raise UnknownName("feedback", str(feedback_id), tuple(map(str, known[-20:])))
         return found[0]
@@ -157,12 +204,12 @@ class Skillbook:
         """Feedback that no entry was made from yet, oldest first; with ``parked`` also what was set aside."""
         statuses = ("pending", "parked") if parked else ("pending",)
         with self._database.read() as connection:
-            return rows.feedback_where(connection, _F.status.in_(statuses))
+            return queries.feedback_where(connection, _F.status.in_(statuses))
 
     def feedback_of_run(self, run: str) -> list[Feedback]:
         """Everything that was said in one run, oldest first."""
         with self._database.read() as connection:
-            return rows.feedback_where(connection, _F.run == run)
+            return queries.feedback_where(connection, _F.run == run)
 
     def park(self, feedback_id: int, reason: str) -> None:
         """Set feedback aside that could not be processed; it is kept and shown with the reason."""
@@ -172,14 +219,19 @@ class Skillbook:
     def add_lessons(
         self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
     ) -> tuple[Entry, ...]:
-        """Store what one feedback taught, all or nothing, and mark it processed. Corrections go under ``key``, general
-        statements under the global key.
+        """``add_notes`` with all corrections under ``key``. Raises ``NotAKey`` as well."""
+        wanted = _key(key)
+        notes = [Note(wanted, text) for text in corrections] + [Note(GLOBAL_KEY, text) for text in general]
+        return self.add_notes(feedback_id, notes, scene)
 
-        A second call for the same feedback changes nothing and returns what the first one stored.
-        Raises ``UnknownName`` (feedback), ``NotAKey``, ``InvalidArgument`` (an empty text), ``ReadOnlyBook``.
+    def add_notes(self, feedback_id: int, notes: Sequence[Note], scene: str = "") -> tuple[Entry, ...]:
+        """Store what one feedback taught, all or nothing, each note under its own key, and mark it processed.
+
+        A second call for the same feedback changes nothing and returns what the first one stored; the same words under
+        the same key are stored once. Raises ``UnknownName`` (feedback), ``ReadOnlyBook``.
         """
-        items = [("correction", text) for text in corrections] + [("general", text) for text in general]
-        return self._add(feedback_id, key, items, scene, "feedback")
+        with self._database.write() as connection:
+            return add_notes(self._database, connection, feedback_id, notes, scene)
 
     def add_many(self, lessons: Sequence[Lesson]) -> int:
         """Store lessons that were taught elsewhere, all or none, in one durable transaction: a thousand at a time is
@@ -193,8 +245,8 @@ class Skillbook:
         ``progress`` is told the share that is done; interrupted, what was made stays. Needs the embedder."""
         vectors, key_vectors = self._text_vectors(), self._key_vectors()
         with self._database.read() as connection:
-            keys = [key for key in rows.keys_by_id(connection).values() if key != GLOBAL_KEY]
-            sizes = rows.group_sizes(connection)
+            keys = [key for key in queries.keys_by_id(connection).values() if key != GLOBAL_KEY]
+            sizes = queries.group_sizes(connection)
         if keys:
             key_vectors.get(keys)
             vectors.get([as_text(key) for key in keys])
@@ -212,7 +264,48 @@ class Skillbook:
         ``derived_from``: further feedback that the code owes something to, so that it survives when only the approving
         person is forgotten. A second call for the same approval changes nothing and returns the first template.
         """
-        return self._add(feedback_id, key, [("template", code)], scene, "template", derived_from)[0]
+        wanted = _key(key)
+        with self._database.write() as connection:
+            return add_template(self._database, connection, feedback_id, wanted, code, scene, derived_from)
+
+    def read_back(self, feedback_id: int, said: Sequence[ReadBack], who: str = "") -> tuple[Entry, ...]:
+        """Keep what a person said of the notes that were made of a feedback when these were read back to them, and
+        apply it, as one revision. Returns the valid entries that the feedback has now.
+
+        ``who`` is the person who gave the feedback unless said otherwise. What was said of a note before stays as it
+        is, so that the call may be repeated after a crash. Raises ``UnknownName`` (feedback, entry),
+        ``InvalidArgument`` (an entry that was not made of that feedback), ``ReadOnlyBook``.
+        """
+        feedback = self.feedback(feedback_id)
+        with self._database.write() as connection:
+            read_back(self._database, connection, feedback, said, who.strip() or feedback.who, self._database.now())
+        with self._database.read() as connection:
+            mine = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == feedback_id)
+            return tuple(queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None)))
+
+    def read_backs(self, feedback_id: int | None = None) -> list[KeptReadBack]:
+        """What became of notes that were read back, edited or removed, oldest first: of one feedback's or of all."""
+        with self._database.read() as connection:
+            return kept_read_backs(self._database, connection, None if feedback_id is None else [feedback_id])
+
+    def edit(self, entry_id: int, text: str, who: str) -> Entry:
+        """Put ``text`` in place of an entry's by a revision; the entry that is valid now. ``who`` can withdraw it.
+
+        Raises ``UnknownName``, ``InvalidArgument`` (empty, superseded, a template that is no function),
+        ``ReadOnlyBook``.
+        """
+        with self._database.write() as connection:
+            added = edit(self._database, connection, _entry(connection, entry_id), text, _named(who))
+        return self.entry(added if added is not None else entry_id)
+
+    def remove(self, entry_id: int, who: str) -> Revision:
+        """Retire an entry by a revision, which can be rolled back. Raises ``UnknownName``, ``InvalidArgument`` (it is
+        superseded already), ``ReadOnlyBook``."""
+        with self._database.write() as connection:
+            remove(self._database, connection, _entry(connection, entry_id), _named(who))
+        retired = self.entry(entry_id)
+        with self._database.read() as connection:
+            return revisions(self._database, connection, only=retired.superseded_by)[0]
 
     def add_alias(self, spelling: Key | str, key: Key | str) -> None:
         """Keep entries for one key under another of nearly the same spelling, from now on and in retrieval."""
@@ -226,8 +319,9 @@ class Skillbook:
     def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
         """Count that entries were served to code that ran and, with ``success``, that the code was approved.
 
-        With the ``subtask`` that the code was for, its key's own template gives way to an older version once that has
-        the better record (``memo_core.skillbook.templates``).
+        With the ``subtask`` that the code was for, it is counted for that key, too: an entry that is corrected where it
+        was served for another key is withheld there (``memo_core.skillbook.harm``), and a key's own template gives way
+        to an older version once that has the better record (``memo_core.skillbook.templates``).
         """
         ids = sorted(set(entry_ids))
         if not ids:
@@ -235,13 +329,45 @@ class Skillbook:
         values = {"uses": _E.uses + 1, "confirmed_uses": _E.confirmed_uses + int(success)}
         with self._database.write() as connection:
             connection.execute(sa.update(tables.entries).where(_E.id.in_(ids)).values(**values))
-            key = rows.known_key_id(connection, _key(subtask)) if subtask is not None else None
-            if key is None:
+            if subtask is None:
                 return
-            there = sorted(rows.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
+            key = queries.key_id(connection, self._database.upsert(tables.keys), _key(subtask))
+            there = sorted(queries.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
             templates.count_use(connection, there, key, success)
             if not success and templates.elect(self._database, connection, key, "record") is not None:
                 self._database.next_generation(connection, by_revisions=True)
+
+    # -- made anew from the raw log -----------------------------------------------------------------------------------
+    def log(self, until: int | float | None = None) -> RawLog:
+        """What was said, and what was made of it (``memo_core.skillbook.rawlog``): up to and with feedback number
+        ``until``, or before a time (a float, s since the epoch)."""
+        with self._database.read() as connection:
+            return read_log(self._database, connection, until)
+
+    def kept_answer(self, model: str, question: str) -> str | None:
+        """What a model answered to a question (its digest) when a book was made from this one before."""
+        with self._database.read() as connection:
+            return kept_answer(self._database, connection, model, question)
+
+    def keep_answer(self, model: str, question: str, phase: str, answer: str, about: Iterable[int]) -> None:
+        """Keep an answer, with the feedback that its question was ``about``. Raises ``ReadOnlyBook``."""
+        with self._database.write() as connection:
+            keep_answer(self._database, connection, model, question, phase, answer, about)
+
+    def rename(self, identity: str, created: float) -> None:
+        """Give an empty book another identity (of at most 100 characters) and time of creation."""
+        with self._database.write() as connection:
+            self._database.set_meta(connection, "book", identity)
+            self._database.set_meta(connection, "created", repr(created))
+
+    @contextmanager
+    def clock(self, now: Callable[[], float]) -> Iterator[None]:
+        """Have what is written meanwhile dated by ``now`` (s since the epoch)."""
+        before, self._database.now = self._database.now, now
+        try:
+            yield
+        finally:
+            self._database.now = before
 
     # -- clusters ------------------------------------------------------------------------------------------------------
     def clusters(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> list[Cluster]:
@@ -254,24 +380,24 @@ class Skillbook:
         Needs the embedder."""
         key_vectors = self._key_vectors()
         return find_clusters(
-            self._database, key_vectors, self.settings, limits or ClusterLimits(), self._alike_together, unchanged
+            self._database, key_vectors, self.settings, limits or ClusterLimits(), self._text_vectors().chain, unchanged
         )
 
     def condense(self, cluster: Cluster, proposal: Condensed, model: str = "") -> Clustered:
         """Commit what became of a cluster, in one transaction. Superseded entries stay; what several people said stays
         all of theirs. Raises ``ClusterChanged`` when it is not as it was read, ``ValueError`` for a proposal that
         ``problem_with`` refuses; nothing is written then."""
-        return condense(self._database, cluster, proposal, model, f"cluster by {model}" if model else "cluster")
+        return condense(self._database, cluster, proposal, model, f"{CLUSTERED} by {model}" if model else CLUSTERED)
 
     def join_duplicates(self, cluster: Cluster) -> Cluster:
         """Make one entry of members that are the same words; the cluster as it is then. Raises ``ClusterChanged``."""
         return without_duplicates(self._database, cluster)
 
     def near_keys(self) -> list[NearKeys]:
-        """Spellings that mean a key which has more entries (``memo_core.skillbook.joining``); ``add_alias`` joins them.
-        Needs the embedder."""
+        """Spellings that mean a key which has more entries (``memo_core.skillbook.key_aliases``); ``add_alias`` joins
+        them. Needs the embedder."""
         with self._database.read() as connection:
-            known, sizes = rows.keys_by_id(connection), rows.group_sizes(connection)
+            known, sizes = queries.keys_by_id(connection), queries.group_sizes(connection)
         counted: Counter[Key] = Counter()
         for number, _, size in sorted(sizes):
             counted[known[number]] += size
@@ -308,17 +434,25 @@ class Skillbook:
         """The feedback that entries derive from, by id."""
         with self._database.read() as connection:
             of = tables.sources.c.entry.in_(sorted(set(entry_ids)))
-            return sorted(set(rows.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
+            return sorted(set(queries.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
 
     # -- asking --------------------------------------------------------------------------------------------------------
-    def retrieve(self, subtask: Key | str, task: str = "", scene: str = "") -> Retrieval:
-        """What a subtask is served (``memo_core.skillbook.retrieval``). ``task`` (the instruction) and ``scene`` are
-        part of the question but take no part in the score. Raises ``SkillbookError``, ``NotAKey``."""
+    def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
+        """What a subtask is served (``memo_core.skillbook.retrieval``). ``context`` is what a look at the scene adds to
+        its name: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, of the notes as they were before they
+        were clustered. Raises ``SkillbookError``, ``NotAKey``."""
+
+        if not clustered and (unclustered := self._without_clustering()) is not None:
+            return unclustered.retrieve(subtask, context)
         if self._retriever is None:
-            key_vectors = self._key_vectors()
-            index = KeyIndex(self._store, key_vectors, self.settings.exact_keys)
-            self._retriever = Retriever(self._database, self._text_vectors(), index, key_vectors, self.settings)
-        return self._retriever.retrieve(_key(subtask))
+            key_vectors, vectors = self._key_vectors(), self._text_vectors()
+            likeness = Likeness(self._database, vectors)
+            search = TextSearch(self._database, vectors, likeness, self._store)
+            self._retriever = Retriever(
+                self._database, vectors, KeyIndex(key_vectors), key_vectors, self.settings, search, likeness
+            )
+        found = self._retriever.retrieve(_key(subtask), context)
+        return self._without_harm(found) if self.settings.notice_harm else found
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Valid entries whose text is most similar to ``text``, with the cosine, best first."""
@@ -341,7 +475,7 @@ class Skillbook:
             conditions.append(_E.kind == kind)
         if key is not None:
             wanted = _key(key)
-            conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == rows.objects_text(wanted)]
+            conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == queries.objects_text(wanted)]
         if who is not None:
             of_person = (
                 sa.select(tables.sources.c.entry)
@@ -350,16 +484,12 @@ class Skillbook:
             )
             conditions.append(_E.id.in_(of_person))
         with self._database.read() as connection:
-            return rows.entries_where(connection, *conditions)
+            return queries.entries_where(connection, *conditions)
 
     def entry(self, entry_id: int) -> Entry:
         """Raises ``UnknownName``."""
         with self._database.read() as connection:
-            found = rows.entries_by_id(connection, [entry_id])
-            known = [] if found else rows.ids_of(connection.execute(sa.select(_E.id)))
-        if not found:
-            raise UnknownName("entry", str(entry_id), tuple(map(str, known[-20:])))
-        return found[entry_id]
+            return _entry(connection, entry_id)
 
     def people(self) -> list[str]:
         with self._database.read() as connection:
@@ -401,35 +531,24 @@ class Skillbook:
             return int(self._database.meta(connection)["generation"])
 
     def stats(self) -> Stats:
-        valid = _E.superseded_by.is_(None)
+        return stats_of(self._database)
+
+    # -- the right to withdraw: where else words may lie ---------------------------------------------------------------
+    def note_place(self, kind: PlaceKind, path: Path) -> None:
+        """Remember that a file or folder was written with words of this book in it, so that ``forget`` goes through
+        it. Raises ``ReadOnlyBook``."""
+        with self._database.write() as connection:
+            note_place(self._database, connection, kind, path)
+
+    def places(self) -> list[Place]:
+        """What ``note_place`` remembered."""
         with self._database.read() as connection:
-            meta = self._database.meta(connection)
-            kinds = {
-                kind: rows.count(connection, tables.entries, valid, _E.kind == kind)
-                for kind in ("correction", "general", "template")
-            }
-            characters = connection.execute(
-                sa.select(sa.func.coalesce(sa.func.sum(sa.func.length(_E.text)), 0)).where(valid)
-            ).scalar_one()
-            return Stats(
-                feedback=rows.count(connection, tables.feedback),
-                pending=rows.count(connection, tables.feedback, _F.status == "pending"),
-                parked=rows.count(connection, tables.feedback, _F.status == "parked"),
-                people=connection.execute(sa.select(sa.func.count(_F.who.distinct()))).scalar_one(),
-                keys=rows.count(connection, tables.keys, tables.keys.c.action != ""),
-                corrections=kinds["correction"],
-                general=kinds["general"],
-                templates=kinds["template"],
-                superseded=rows.count(connection, tables.entries, sa.not_(valid)),
-                characters=int(characters),
-                generation=int(meta["generation"]),
-                embedder=meta.get("embedder", ""),
-                bytes=self._database.size(),
-            )
+            return places_of(self._database, connection)
 
     # -- the right to withdraw -----------------------------------------------------------------------------------------
-    def forget(self, who: str) -> Forgotten:
-        """Remove a person's words and what derives only from them, also from the file's free pages.
+    def forget(self, who: str, also: Iterable[Path] = ()) -> Forgotten:
+        """Remove a person's words and what derives only from them: from the book, its free pages and log, and from the
+        places that it knows of (``note_place``) and those in ``also``, folders or files.
 
         Raises ``UnknownName`` when the book has nothing from that person.
         """
@@ -437,20 +556,57 @@ class Skillbook:
         if who not in known:
             raise UnknownName("person", who, tuple(known))
         with self._database.write() as connection:
+            words = words_of(connection, who)
             forgotten, texts = forget_person(connection, who)
             self._database.next_generation(connection)
+            places = places_of(self._database, connection)
         if self._vectors is not None:
             self._vectors.forget(texts)
         self._database.erase_traces()
-        return forgotten
+        more = [Place(path, "run", 0.0) for path in also]
+        cleaned = clean([*places, *more], who, [*words, *texts], lambda path: _forget_in(path, who))
+        with self._database.write() as connection:
+            for place in places:
+                if str(place.path) in cleaned.deleted:
+                    drop_place(connection, place)
+        beyond = BEYOND if self._database.is_sqlite else (*BEYOND, BEYOND_SERVER)
+        unreached = (*cleaned.unreached, *beyond)
+        return attrs.evolve(
+            forgotten,
+            rewritten=tuple(cleaned.rewritten),
+            deleted=tuple(cleaned.deleted),
+            unreached=unreached,
+        )
 
     # -- inside --------------------------------------------------------------------------------------------------------
-    @staticmethod
-    def _origins(connection: sa.Connection, wanted: set[int]) -> list[int]:
-        known = set(rows.ids_of(connection.execute(sa.select(_F.id).where(_F.id.in_(wanted)))))
-        for missing in sorted(wanted - known):
-            raise UnknownName("feedback", str(missing), tuple(map(str, sorted(known))))
-        return sorted(known)
+    def _without_harm(self, found: Retrieval) -> Retrieval:
+        """What was found but for what was corrected when it was served for such a subtask."""
+        with self._database.read() as connection:
+            evidence = evidence_of(self._database, connection, [one.entry.id for one in found.served])
+            if not evidence:
+                return found
+            meant = queries.alias_rows(connection).get(str(found.query), found.query)
+        return withhold(found, meant, evidence, self._key_vectors(), self.settings.weights)
+
+    def evidence(self, entry_id: int) -> list[Evidence]:
+        """How often an entry was served to code for each key, and how often that was approved."""
+        with self._database.read() as connection:
+            return evidence_of(self._database, connection, [entry_id])
+
+    def _without_clustering(self) -> Skillbook | None:
+        """A copy in memory of the present state of the book but for what clustering did; None where it did nothing."""
+        with self._database.read() as connection:
+            generation = int(self._database.meta(connection)["generation"])
+            clustered = is_clustered(self._database, connection)
+        if self._unclustered is not None and (not clustered or self._unclustered[0] != generation):
+            self._unclustered[1].close()
+            self._unclustered = None
+        if clustered and self._unclustered is None:
+            copy = Skillbook("sqlite://", settings=self.settings).open()
+            copy._vectors = self._text_vectors()  # what is embedded is kept in the book itself
+            copy_without_clustering(self._database, copy._database)
+            self._unclustered = (generation, copy)
+        return None if self._unclustered is None else self._unclustered[1]
 
     def _set_status(self, feedback_id: int, status: str, reason: str) -> None:
         with self._database.write() as connection:
@@ -468,110 +624,35 @@ class Skillbook:
             raise SkillbookError(self.url, "was opened without an embedder", "configure one")
         return self._vectors
 
-    def _alike_together(self, members: Sequence[Entry]) -> list[Entry]:
-        """In an order in which each is followed by the most similar of those left."""
-        assert self._vectors is not None
-        vectors = self._vectors.get([member.text for member in members])
-        taken = np.zeros(len(members), dtype=bool)
-        order = [0]
-        while len(order) < len(members):
-            taken[order[-1]] = True
-            order.append(int(np.argmax(np.where(taken, -np.inf, vectors @ vectors[order[-1]]))))
-        return [members[i] for i in order]
 
-    def _known_template(self, connection: sa.Connection, approval: int, key: Key, code: str) -> Entry | None:
-        """The template that an approval became or confirmed before, or the served one, if that is this very code."""
-        confirmed = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == approval)
-        there = rows.entries_where(connection, _E.id.in_(confirmed), _E.phase == "template")
-        processed = connection.execute(sa.select(_F.status).where(_F.id == approval)).scalar() == "processed"
-        if there and processed:
-            return there[0]
-        key_id = rows.known_key_id(connection, key)
-        return None if key_id is None else templates.served_version(connection, key_id, code)
-
-    def _approve_again(
-        self, connection: sa.Connection, approval: int, template: Entry, derived_from: Iterable[int]
-    ) -> None:
-        """The same code approved once more is no new version; it is this person's now, too."""
-        upsert = self._database.upsert(tables.sources)
-        for source in self._origins(connection, {approval, *derived_from}):
-            connection.execute(upsert.values(entry=template.id, feedback=source))
-        done = sa.update(tables.feedback).where(_F.id == approval).values(status="processed", reason="")
-        connection.execute(done)
-
-    def _add(
-        self,
-        feedback_id: int,
-        key: Key | str,
-        items: Sequence[tuple[str, str]],
-        scene: str,
-        phase: str,
-        derived_from: Iterable[int] = (),
-    ) -> tuple[Entry, ...]:
-        for kind, text in items:
-            if not text.strip():
-                raise InvalidArgument(kind, "an entry without text", "a text")
-        wanted, now = _key(key), time.time()
-        with self._database.write() as connection:
-            origin = rows.feedback_where(connection, _F.id == feedback_id)
-            if not origin:
-                raise UnknownName("feedback", str(feedback_id), ())
-            there = rows.entries_where(connection, _E.feedback == feedback_id, _E.phase == phase)
-            if there:
-                return tuple(there)
-            upsert = self._database.upsert(tables.keys)
-            if phase == "template" and (known := self._known_template(connection, feedback_id, wanted, items[0][1])):
-                self._approve_again(connection, feedback_id, known, derived_from)
-                return (known,)
-            key_ids = {
-                kind: rows.key_id(connection, upsert, GLOBAL_KEY if kind == "general" else wanted) for kind, _ in items
-            }
-            revision_of = {
-                key_id: rows.insert(connection, tables.revisions, key=key_id, time=now, reason=f"{phase} {feedback_id}")
-                for key_id in sorted(set(key_ids.values()))
-            }
-            added = [
-                rows.insert(
-                    connection,
-                    tables.entries,
-                    kind=kind,
-                    key=key_ids[kind],
-                    text=text,
-                    scene=scene,
-                    feedback=feedback_id,
-                    phase=phase,
-                    ordinal=ordinal,
-                    revision=revision_of[key_ids[kind]],
-                    superseded_by=None,
-                    created=now,
-                )
-                for ordinal, (kind, text) in enumerate(items)
-            ]
-            origins = self._origins(connection, {feedback_id, *derived_from})
-            for entry in added:
-                for source in origins:
-                    rows.insert_plain(connection, tables.sources, entry=entry, feedback=source)
-            connection.execute(
-                sa.update(tables.feedback).where(_F.id == feedback_id).values(status="processed", reason="")
-            )
-            if phase == "template":
-                [key_id] = revision_of
-                templates.succeed(connection, key_id, revision_of[key_id], added[0])
-            if added:
-                self._database.next_generation(connection, by_revisions=True)
-            stored = rows.entries_by_id(connection, added)
-        return tuple(stored[entry] for entry in added)
+def _forget_in(path: Path, who: str) -> None:
+    with Skillbook(str(path)) as other:
+        other.forget(who)
 
 
 def _key(key: Key | str) -> Key:
     return key if isinstance(key, Key) else Key.parse(key)
 
 
+def _entry(connection: sa.Connection, entry_id: int) -> Entry:
+    found = queries.entries_by_id(connection, [entry_id])
+    if not found:
+        known = queries.ids_of(connection.execute(sa.select(_E.id).order_by(_E.id.desc()).limit(20)))
+        raise UnknownName("entry", str(entry_id), tuple(map(str, sorted(known))))
+    return found[entry_id]
+
+
+def _named(who: str) -> str:
+    if not who.strip():
+        raise InvalidArgument("who", "nobody is named", "a name or a pseudonym, so that the person can withdraw")
+    return who
+
+
 def _meant(connection: sa.Connection, key: Key | str) -> Key:
     """The key that a spelling is kept under."""
     if key == "*":
         return GLOBAL_KEY
-    return rows.alias_rows(connection).get(str(_key(key)), _key(key))
+    return queries.alias_rows(connection).get(str(_key(key)), _key(key))
 
 
 def reembed(url: str, embedder: Embedder) -> int:
@@ -584,7 +665,7 @@ def reembed(url: str, embedder: Embedder) -> int:
     try:
         embedder.open()
         with database.read() as connection:
-            texts = sorted({row.text for row in rows.valid_entry_rows(connection)})
+            texts = sorted({row.text for row in queries.valid_entry_rows(connection)})
         with database.write() as connection:
             connection.execute(sa.delete(tables.vectors))
             connection.execute(sa.delete(tables.sheets))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -11,7 +10,7 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook import rows, tables, templates
+from memo_core.skillbook import queries, tables, templates
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.keys import Key
@@ -44,8 +43,8 @@ class Lesson:
 
 def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence[Lesson]) -> int:
     """Store lessons inside a write transaction: all or none. Returns the number of entries."""
-    now, upsert = time.time(), database.upsert(tables.keys)
-    key_id = cache(lambda key: rows.key_id(connection, upsert, key))
+    now, upsert = database.now(), database.upsert(tables.keys)
+    key_id = cache(lambda key: queries.key_id(connection, upsert, key))
     said = _insert(connection, tables.feedback, [_feedback(lesson, now) for lesson in lessons])
     items = []  # feedback, key id, phase, kind, text, ordinal, scene
     for feedback, lesson in zip(said, lessons, strict=True):
@@ -121,4 +120,4 @@ def _insert(connection: sa.Connection, table: sa.Table, values: list[dict[str, A
     if not values:
         return []
     statement = sa.insert(table).returning(table.c.id, sort_by_parameter_order=True)
-    return rows.ids_of(connection.execute(statement, values))
+    return queries.ids_of(connection.execute(statement, values))

@@ -230,13 +230,18 @@ def duplicates(members: Sequence[Entry]) -> Condensed | None:
     are none. It takes no model to see that."""
     groups: dict[str, list[int]] = {}
     for number, member in enumerate(members, start=1):
-        groups.setdefault(" ".join(member.text.casefold().split()).rstrip(". "), []).append(number)
+        groups.setdefault(same_words(member.text), []).append(number)
     if len(groups) == len(members):
         return None
     shortest = [min(numbers, key=lambda n: len(members[n - 1].text)) for numbers in groups.values()]
     return Condensed(
         tuple(Merged(members[n - 1].text, tuple(numbers)) for n, numbers in zip(shortest, groups.values(), strict=True))
     )
+
+
+def same_words(text: str) -> str:
+    """A text but for case, spaces and the last full stop: what two notes have alike that say the same words."""
+    return " ".join(text.casefold().split()).rstrip(". ")
 
 
 def state_digest(members: Iterable[int], templates: Iterable[int], said_after: Iterable[int] = ()) -> str:

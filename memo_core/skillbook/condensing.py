@@ -5,7 +5,6 @@ What is superseded stays in the book with the reason; ``history`` shows and rest
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import attrs
@@ -13,7 +12,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from memo_core.errors import MemoError
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.clusters import (
     Cluster,
     Clustered,
@@ -27,15 +26,15 @@ from memo_core.skillbook.clusters import (
 )
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry
+from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.skillbook.superseding import supersede
 from memo_core.skillbook.templates import Records, records_of
-from memo_core.skillbook.wording import KeyVectors
 
 _E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
 _TIE = 1e-6
-DUPLICATES = "duplicates"
+CLUSTERED, DUPLICATES = "cluster", "duplicates"  # how the reasons of clustering's revisions begin
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -64,7 +63,7 @@ class Clusters:
 
     database: Database
     limits: ClusterLimits
-    order: Callable[[Sequence[Entry]], list[Entry]]
+    order: Callable[[Sequence[str]], list[int]]
     unchanged: bool
     records: Records
     keys: tuple[tuple[Key, int, int], ...]  # with its id and the number of its members
@@ -85,7 +84,7 @@ class Clusters:
     def _read(self, key: Key, number: int) -> Cluster:
         with self.database.read() as connection:
             valid = (_E.superseded_by.is_(None), _E.kind != "template", _E.key == number)
-            mine = rows.entries_where(connection, *valid)
+            mine = queries.entries_where(connection, *valid)
         near = self.related.of(key)
         faulted = _faulted(key, near, self.records)
         return Cluster(
@@ -103,21 +102,22 @@ def find_clusters(
     key_vectors: KeyVectors,
     settings: RetrievalSettings,
     limits: ClusterLimits,
-    order: Callable[[Sequence[Entry]], list[Entry]],
+    order: Callable[[Sequence[str]], list[int]],
     unchanged: bool = False,
 ) -> Clusters:
     """The book's clusters, those that are as they were clustered last only with ``unchanged``. What cannot become
     fewer or other (one member that no template is related to) is left out.
 
-    ``order`` brings a cluster's members that are alike next to each other, for one that is taken in parts.
+    ``order`` gives the places of texts such that those alike are next to each other, for a cluster that is taken in
+    parts.
     """
     valid = _E.superseded_by.is_(None)
     ids: dict[int, list[int]] = {}
     with database.read() as connection:
-        known = rows.keys_by_id(connection)
+        known = queries.keys_by_id(connection)
         for number, entry in connection.execute(sa.select(_E.key, _E.id).where(valid, _E.kind != "template")):
             ids.setdefault(number, []).append(entry)
-        templates = rows.entries_where(connection, valid, _E.kind == "template")
+        templates = queries.entries_where(connection, valid, _E.kind == "template")
         clustered = _clustered(database, connection)
         records = records_of(database, connection)
     related = _related([known[number] for number in ids], templates, key_vectors, settings)
@@ -147,17 +147,17 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
     problem = problem_with(cluster, proposal)
     if problem:
         raise ValueError(problem)
-    now = time.time()
+    now = database.now()
     with database.write() as connection:
         key = _unchanged_key(connection, cluster)
         revision, added = None, []
         if proposal.changes(cluster):
-            revision = rows.insert(connection, tables.revisions, key=key, time=now, reason=reason)
+            revision = queries.insert(connection, tables.revisions, key=key, time=now, reason=reason)
             added = _replace(connection, cluster, proposal, revision, key)
             database.next_generation(connection, by_revisions=True)
         if cluster.part == cluster.parts and reason != DUPLICATES:
-            note_clustered(connection, key, _state_now(connection, cluster, key), model)
-        stored = rows.entries_by_id(connection, added)
+            note_clustered(database, connection, key, _state_now(connection, cluster, key), model)
+        stored = queries.entries_by_id(connection, added)
     return Clustered(
         cluster.key,
         len(cluster.members),
@@ -194,7 +194,7 @@ def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
     """The id of the cluster's key. Raises ``ClusterChanged``."""
     read = {m.id for m in cluster.members}
     shown = [t.entry.id for t in cluster.templates]
-    valid = rows.entries_by_id(connection, [*read, *shown])
+    valid = queries.entries_by_id(connection, [*read, *shown])
     there = all(entry in valid and valid[entry].superseded_by is None for entry in [*read, *shown])
     key = connection.execute(sa.select(_E.key).where(_E.id == min(read))).scalar()
     if not there or key is None or any(valid[entry].key != cluster.key for entry in read):
@@ -203,7 +203,7 @@ def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
         now = connection.execute(
             sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
         )
-        if set(rows.ids_of(now)) != read:
+        if set(queries.ids_of(now)) != read:
             raise ClusterChanged(cluster.label)
     return int(key)
 
@@ -238,7 +238,7 @@ def _merged_entry(
     """What several people said stays all of theirs; its uses are the most that any of its sources had, since they were
     mostly served together."""
     scenes = {member.scene for member in made_of}
-    entry = rows.insert(
+    entry = queries.insert(
         connection,
         tables.entries,
         kind=made_of[0].kind,
@@ -255,8 +255,8 @@ def _merged_entry(
         created=max(member.created for member in made_of),
     )
     origins = sa.select(_S.feedback).where(_S.entry.in_([member.id for member in made_of])).distinct()
-    for source in sorted(rows.ids_of(connection.execute(origins))):
-        rows.insert_plain(connection, tables.sources, entry=entry, feedback=source)
+    for source in sorted(queries.ids_of(connection.execute(origins))):
+        queries.insert_plain(connection, tables.sources, entry=entry, feedback=source)
     return entry
 
 
@@ -267,13 +267,13 @@ def _clustered(database: Database, connection: sa.Connection) -> dict[Key, str]:
     if not database.has(connection, tables.clusterings):
         return {}
     query = sa.select(_K.action, _K.objects, _C.digest).join(tables.keys, _C.key == _K.id)
-    return {rows.key_of(action, objects): digest for action, objects, digest in connection.execute(query)}
+    return {queries.key_of(action, objects): digest for action, objects, digest in connection.execute(query)}
 
 
-def note_clustered(connection: sa.Connection, key: int, digest: str, model: str) -> None:
+def note_clustered(database: Database, connection: sa.Connection, key: int, digest: str, model: str) -> None:
     """Pass over a key for as long as its state is this one."""
     connection.execute(sa.delete(tables.clusterings).where(_C.key == key))
-    rows.insert_plain(connection, tables.clusterings, key=key, digest=digest, time=time.time(), model=model)
+    queries.insert_plain(connection, tables.clusterings, key=key, digest=digest, time=database.now(), model=model)
 
 
 def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
@@ -284,8 +284,8 @@ def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
         _E.superseded_by.is_(None),
         sa.or_(_E.id.in_(cluster.whole), _E.phase == "cluster"),
     )
-    members = rows.ids_of(connection.execute(query))
-    newest = {entry.id for entry in rows.entries_by_id(connection, members).values()}
+    members = queries.ids_of(connection.execute(query))
+    newest = {entry.id for entry in queries.entries_by_id(connection, members).values()}
     return state_digest(newest, cluster.related, cluster.said_after & newest)
 
 
@@ -363,12 +363,10 @@ def _within(templates: Sequence[RelatedTemplate], characters: int) -> tuple[Rela
     return tuple(shown)
 
 
-def _parts(
-    cluster: Cluster, limits: ClusterLimits, order: Callable[[Sequence[Entry]], list[Entry]]
-) -> Iterable[Cluster]:
+def _parts(cluster: Cluster, limits: ClusterLimits, order: Callable[[Sequence[str]], list[int]]) -> Iterable[Cluster]:
     if len(cluster.members) <= limits.members:
         return [cluster]
-    ordered = order(cluster.members)
+    ordered = [cluster.members[place] for place in order([member.text for member in cluster.members])]
     count = -(-len(ordered) // limits.members)
     size = -(-len(ordered) // count)
     return [

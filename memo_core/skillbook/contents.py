@@ -10,7 +10,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.actions import Actions
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY
@@ -29,6 +29,7 @@ class Contents:
     generation: int
     book: str  # changes with whatever makes vectors worthless
     revision: int  # the last one that is counted in
+    uncounted: int  # generation of the last change that revisions do not tell of
     ids: list[int]
     keys: list[Key]
     labels: list[str]
@@ -58,23 +59,29 @@ def read_contents(
         meta = database.meta(connection)
         book = f"{meta['book']} {meta.get('reembedded', '')}"
         newest = connection.execute(sa.select(sa.func.coalesce(sa.func.max(_R.id), 0))).scalar_one()
-        aliases = rows.alias_rows(connection)
+        aliases = queries.alias_rows(connection)
         if before is not None and before.book == book and int(meta.get("uncounted", 0)) <= before.generation:
             changed = _changed_keys(connection, before.revision)
             if len(changed) <= _MANY:
-                counted = rows.group_sizes(connection, changed)
+                counted = queries.group_sizes(connection, changed)
                 new = [key for key, kind, _ in counted if kind in KINDS and key not in before.row_of]
-                known = rows.keys_by_id(connection, new) if new else {}
+                known = queries.keys_by_id(connection, new) if new else {}
                 after = _counted_on(before, changed, counted, known, actions)
                 later = attrs.evolve(
-                    after, generation=int(meta["generation"]), revision=newest, aliases=aliases, opposites={}
+                    after,
+                    generation=int(meta["generation"]),
+                    revision=newest,
+                    uncounted=int(meta.get("uncounted", 0)),
+                    aliases=aliases,
+                    opposites={},
                 )
                 return later, frozenset(changed)
-        counted, known = rows.group_sizes(connection), rows.keys_by_id(connection)
+        counted, known = queries.group_sizes(connection), queries.keys_by_id(connection)
     empty = Contents(
         int(meta["generation"]),
         book,
         newest,
+        int(meta.get("uncounted", 0)),
         [],
         [],
         [],
@@ -93,7 +100,7 @@ def _changed_keys(connection: sa.Connection, since: int) -> list[int]:
     """Keys whose valid entries revisions after ``since`` changed."""
     of_revisions = sa.select(_R.key).where(_R.id > since, _R.key.is_not(None))
     of_entries = sa.select(_E.key).join(tables.changes, _C.entry == _E.id).where(_C.revision > since)
-    return sorted(rows.ids_of(connection.execute(sa.union(of_revisions, of_entries))))
+    return sorted(queries.ids_of(connection.execute(sa.union(of_revisions, of_entries))))
 
 
 def _counted_on(

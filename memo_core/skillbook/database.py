@@ -11,8 +11,8 @@ import sqlite3
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,12 @@ class ReadOnlyBook(SkillbookError):
     """A write to a book that was opened read-only."""
 
 
+@attrs.define(auto_exc=True, eq=False)
+class DamagedBook(SkillbookError):
+    """A book whose file is not whole."""
+
+
+_DAMAGE = ("malformed", "file is not a database", "disk I/O error", "database corruption")  # as SQLite says it
 _BUSY_TIMEOUT_MS = 60_000  # a writer waits for another
 _ERASE_TIMEOUT_S = 10.0
 _MAKING_TABLES = 0x4D454D4F  # a number of our own among the server's advisory locks
@@ -58,6 +64,7 @@ class Database:
 
     def __init__(self, url: str, read_only: bool = False) -> None:
         self.read_only = read_only
+        self.now: Callable[[], float] = time.time  # s since the epoch; a book that is rebuilt has the time of its log
         self._url = _parse(url)
         shown = self._url if self.is_sqlite else self._url.set(drivername="postgresql")
         self.name = shown.render_as_string(hide_password=True)
@@ -67,11 +74,19 @@ class Database:
         self._prepared: dict[sa.Select[Any], tuple[str, tuple[str, ...]]] = {}
         self._whole: bool | None = None  # whether it has all tables
         self._names: set[str] = set()
+        self._marks = threading.local()
         self._memory_lock = threading.RLock()  # the one connection of a book in memory is used by one thread at a time
 
     @property
     def in_memory(self) -> bool:
         return self._url.get_backend_name() == "sqlite" and self._url.database in (None, "", ":memory:")
+
+    @property
+    def path(self) -> Path | None:
+        """The database's file; None in memory and on a server."""
+        if not self.is_sqlite or self.in_memory:
+            return None
+        return Path(str(self._url.database)).expanduser().absolute()
 
     @property
     def is_sqlite(self) -> bool:
@@ -111,8 +126,19 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
         """A connection in a read transaction: one consistent state of the book."""
-        with self._exclusive(), self._reading() as connection, connection.begin():
-            yield connection
+        try:
+            with self._exclusive(), self._reading() as connection, connection.begin():
+                yield connection
+        except sa.exc.DatabaseError as error:
+            self._say_damaged(error.orig)
+            raise
+
+    def _say_damaged(self, error: BaseException | None) -> None:
+        """Raises ``DamagedBook`` for what SQLite says of a file that is not whole."""
+        said = " ".join(str(error).split())
+        if isinstance(error, sqlite3.DatabaseError) and any(sign in said for sign in _DAMAGE):
+            remedy = f"memo skillbook check --book {self.name} says where; --rescue FILE gets out what can be read"
+            raise DamagedBook(self.name, f"its file is damaged ({said})", remedy) from error
 
     def fetch(self, statement: sa.Select[Any], parameters: dict[str, Any]) -> Sequence[Sequence[Any]]:
         """Rows of one reading statement, a transaction of its own. For statements that are asked again and again: on
@@ -130,7 +156,11 @@ class Database:
             sql, names = prepared
             raw = self._reader.dbapi_connection
             assert raw is not None
-            return raw.execute(sql, [parameters[name] for name in names]).fetchall()
+            try:
+                return raw.execute(sql, [parameters[name] for name in names]).fetchall()
+            except sqlite3.DatabaseError as error:
+                self._say_damaged(error)
+                raise
 
     @contextmanager
     def write(self) -> Iterator[sa.Connection]:
@@ -146,9 +176,29 @@ class Database:
                     lock = sa.select(tables.meta.c.value).where(tables.meta.c.name == "generation")
                     connection.execute(lock.with_for_update())
                 yield connection
+                if (mark := getattr(self._marks, "now", None)) is not None:
+                    self._note(connection, *mark)
         except sa.exc.OperationalError as error:
             problem = f"could not be written ({' '.join(str(error.orig).split())}); what was stored before is safe"
             raise SkillbookError(self.name, problem, "make room on its disk, or see who holds it") from error
+        except sa.exc.DatabaseError as error:
+            self._say_damaged(error.orig)
+            raise
+
+    @contextmanager
+    def marked(self, run: str, entry: int, note: str) -> Iterator[None]:
+        """Every write of this thread within the block commits, in the same transaction, that it is the effect of this
+        entry of a run's log; of a run only the newest is kept."""
+        self._marks.now = (run, entry, note)
+        try:
+            yield
+        finally:
+            self._marks.now = None
+
+    @staticmethod
+    def _note(connection: sa.Connection, run: str, entry: int, note: str) -> None:
+        connection.execute(sa.delete(tables.run_effects).where(tables.run_effects.c.run == run))
+        connection.execute(sa.insert(tables.run_effects).values(run=run, entry=entry, note=note))
 
     def upsert(self, table: sa.Table) -> sa.Insert:
         """An INSERT that passes over rows that exist."""
@@ -192,14 +242,13 @@ class Database:
                     pages.append(str(page))
                 for table, row, missing, *_ in connection.exec_driver_sql("PRAGMA foreign_key_check"):
                     pages.append(f"{table} {row}: refers to a row of {missing} that is not there")
-        except sa.exc.DatabaseError as error:  # too damaged to be looked through
-            pages.append(str(error.orig))
+        except (sa.exc.DatabaseError, DamagedBook) as error:  # too damaged to be looked through
+            pages.append(str(getattr(error, "orig", error)))
         return [page for page in pages if page != "ok"]
 
     def size(self) -> int:
         """Bytes of the database file; 0 where there is none."""
-        path = Path(str(self._url.database)).expanduser() if self.is_sqlite and not self.in_memory else None
-        return path.stat().st_size if path is not None and path.exists() else 0
+        return self.path.stat().st_size if self.path is not None and self.path.exists() else 0
 
     def erase_traces(self) -> None:
         """After a deletion: rewrite the file without free pages and empty the log, so that deleted words are gone.
@@ -331,7 +380,12 @@ class Database:
         """What an older book lacks, all or nothing."""
         with self.write() as connection:
             self._one_at_a_time(connection)
+            before = self.meta(connection).get("schema_version", "")
+            backup = None if before == str(tables.SCHEMA_VERSION) else self._back_up(before)
             tables.metadata.create_all(connection)
+            if backup is not None:
+                values = {"path": str(backup), "kind": "backup", "time": self.now()}
+                connection.execute(self.upsert(tables.places).values(**values))
             for index in tables.entries.indexes:  # create_all leaves tables there as they are
                 index.create(connection, checkfirst=True)
             for name in tables.FORMER_INDEXES:
@@ -340,11 +394,29 @@ class Database:
                 connection.exec_driver_sql(f"DROP TABLE IF EXISTS {name}")
             self.set_meta(connection, "schema_version", str(tables.SCHEMA_VERSION))
 
+    def _back_up(self, version: str) -> Path | None:
+        """A copy of the file as it is before its schema is changed, beside it; None where there is no file. ``forget``
+        knows of it. Raises ``SkillbookError`` where it cannot be made."""
+        path = self.path
+        if path is None:
+            return None
+        backup = path.with_name(f"{path.name}.schema-{version}.backup")
+        part = backup.with_name(f".{backup.name}.{os.getpid()}")
+        try:
+            with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(part)) as target:
+                source.backup(target)
+            os.replace(part, backup)
+        except (OSError, sqlite3.Error) as error:
+            part.unlink(missing_ok=True)
+            problem = f"it has schema version {version}, and no backup could be made before it is changed ({error})"
+            raise SkillbookError(self.name, problem, f"make room for {backup}, or open the book read-only") from error
+        return backup
+
     def _create(self) -> None:
         with self._exclusive(), self._writing() as connection, connection.begin():
             self._one_at_a_time(connection)
             tables.metadata.create_all(connection)
-            now = repr(time.time())
+            now = repr(self.now())
             first = {
                 "schema_version": str(tables.SCHEMA_VERSION),
                 "book": uuid.uuid4().hex,
@@ -373,6 +445,9 @@ def _parse(url: str) -> sa.URL:
         )
     if parsed.get_backend_name() not in ("sqlite", "postgresql"):
         raise InvalidArgument("skillbook", f"{parsed.get_backend_name()!r} is not supported", _URL_FORMS)
+    if parsed.get_backend_name() == "sqlite" and "?" in url:
+        problem = f"{url!r}: what follows the ? would be taken for options, and there are none"
+        raise InvalidArgument("skillbook", problem, "sqlite:///FILE; a path with a ? without sqlite:///")
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
     return parsed

@@ -7,11 +7,13 @@ from typing import Literal
 
 import attrs
 
+from memo_core.errors import InvalidArgument
 from memo_core.skillbook.keys import Key
 
 EntryKind = Literal["correction", "general", "template"]
-FeedbackKind = Literal["correction", "approval"]
-Status = Literal["pending", "processed", "parked"]
+FeedbackKind = Literal["correction", "approval", "edit"]  # edit: the text that somebody put in place of an entry's
+Status = Literal["pending", "processed", "parked", "kept"]  # kept: nothing is to be made of it (a run of memo-s)
+Outcome = Literal["accepted", "reworded", "struck"]
 
 GLOBAL_KEY = Key("", ())  # all general statements share it
 
@@ -32,7 +34,50 @@ class Feedback:
     code: str
     run: str
     status: str  # Status
-    reason: str  # why it is parked
+    reason: str  # why it is parked or kept
+
+
+@attrs.frozen
+class Note:
+    """One note to be stored, with the key it belongs to: of one remark, notes may belong to several subtasks. General
+    statements have ``GLOBAL_KEY``."""
+
+    key: Key
+    text: str = attrs.field()
+
+    @text.validator
+    def _not_empty(self, attribute: attrs.Attribute[str], value: str) -> None:
+        if not value.strip():
+            raise InvalidArgument(
+                "general" if self.key == GLOBAL_KEY else "correction", "an entry without text", "a text"
+            )
+
+
+@attrs.frozen
+class ReadBack:
+    """What a person said of a note that was read back to them: that it is right, what it should say instead
+    (``text``), or that it is to go."""
+
+    entry: int
+    outcome: Outcome = attrs.field(validator=attrs.validators.in_(("accepted", "reworded", "struck")))
+    text: str = ""
+
+    def __attrs_post_init__(self) -> None:
+        if self.outcome == "reworded" and not self.text.strip():
+            raise InvalidArgument("text", "a note is reworded to nothing", "the new wording, or outcome 'struck'")
+
+
+@attrs.frozen
+class KeptReadBack:
+    """A read-back as the book keeps it. ``entry`` is None when that entry is gone."""
+
+    feedback: int
+    entry: int | None
+    who: str
+    time: float  # s since the epoch
+    outcome: str  # Outcome
+    note: str  # as it was read back
+    text: str  # as it was reworded; "" otherwise
 
 
 @attrs.frozen
@@ -58,7 +103,7 @@ def headline(kind: str, text: str) -> str:
         return " ".join(text.split())
     try:
         functions = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
-    except (SyntaxError, ValueError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         functions = []
     if not functions:
         return (text.strip().splitlines() or [""])[0]
@@ -87,12 +132,16 @@ class Stats:
 
 @attrs.frozen
 class Forgotten:
-    """What ``forget`` removed."""
+    """What ``forget`` removed. ``rewritten`` and ``deleted`` are files outside the book; ``unreached`` says, a line
+    each, where words may still be."""
 
     who: str
     feedback: int
     entries: int
     keys: int
+    rewritten: tuple[str, ...] = ()
+    deleted: tuple[str, ...] = ()
+    unreached: tuple[str, ...] = ()
 
 
 def key_label(key: Key) -> str:

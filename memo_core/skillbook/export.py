@@ -12,26 +12,27 @@ from typing import Any
 import attrs
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.origins import origins_of
+from memo_core.skillbook.revising import kept_read_backs
 
-FORMAT = 2  # 1 has no origins, changes, uses and withdrawn rows
+FORMAT = 3  # 1 has no origins, changes, uses and withdrawn rows, 2 no read-backs
 IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
 
 
 def records(database: Database, connection: sa.Connection) -> Iterator[dict[str, Any]]:
-    """First the book, then imported books, feedback, aliases, revisions, entries, changes, uses and what was withdrawn.
-    ``record`` names the kind of each."""
+    """First the book, then imported books, feedback, aliases, revisions, entries, read-backs, changes, uses and what
+    was withdrawn. ``record`` names the kind of each."""
     meta = database.meta(connection)
     of = {kind: origins_of(database, connection, kind, meta["book"]) for kind in ("feedback", "entry", "revision")}
     yield {"record": "book", "format": FORMAT, **meta}
     if database.has(connection, tables.books):
         for other in connection.execute(sa.select(tables.books).order_by(tables.books.c.book)):
             yield {"record": "imported", **other._mapping}
-    for feedback in rows.feedback_where(connection):
+    for feedback in queries.feedback_where(connection):
         yield {"record": "feedback", **attrs.asdict(feedback), "origin": list(of["feedback"].origin(feedback.id))}
-    for spelling, key in sorted(rows.alias_rows(connection).items()):
+    for spelling, key in sorted(queries.alias_rows(connection).items()):
         yield {"record": "alias", "spelling": spelling, **_key(key.action, list(key.objects))}
     for revision in connection.execute(sa.select(tables.revisions).order_by(tables.revisions.c.id)):
         yield {
@@ -49,7 +50,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
         entry: (phase, ordinal)
         for entry, phase, ordinal in connection.execute(sa.select(columns.id, columns.phase, columns.ordinal))
     }
-    for one in rows.entries_where(connection):
+    for one in queries.entries_where(connection):
         fields = attrs.asdict(one, filter=lambda field, _: field.name != "key")
         phase, ordinal = places[one.id]
         yield {
@@ -61,6 +62,8 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
             "sources": sorted(sources.get(one.id, [])),
             "origin": list(of["entry"].origin(one.id)),
         }
+    for kept in kept_read_backs(database, connection):
+        yield {"record": "read_back", **attrs.asdict(kept)}
     if database.has(connection, tables.changes):
         by_revision = sa.select(tables.changes).order_by(tables.changes.c.revision, tables.changes.c.entry)
         for change in connection.execute(by_revision):
@@ -69,7 +72,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
         used, keys = tables.records.c, tables.keys.c
         query = sa.select(used.entry, used.uses, used.confirmed_uses, keys.action, keys.objects)
         for use in connection.execute(query.join(tables.keys, used.key == keys.id).order_by(used.entry, keys.id)):
-            key = rows.key_of(use.action, use.objects)
+            key = queries.key_of(use.action, use.objects)
             counts = {"uses": use.uses, "confirmed_uses": use.confirmed_uses}
             yield {"record": "uses", "entry": use.entry, **_key(key.action, list(key.objects)), **counts}
     for book, number in sorted(of["feedback"].gone):

@@ -6,7 +6,8 @@ import time
 
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
+from memo_core.skillbook.adding import CLUSTER, EDIT
 from memo_core.skillbook.entries import Forgotten
 from memo_core.skillbook.origins import note_withdrawn
 from memo_core.skillbook.superseding import gave_way_to, restore
@@ -20,11 +21,21 @@ _CHUNK = 500
 def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[str]]:
     """Delete inside a write transaction. Returns the counts and the texts that are gone.
 
-    An entry stays when it also derives from what somebody else said: a cluster of two people's corrections is not one
-    person's words any more. Words that came with another laboratory's book go as well and do not come back with its
-    next import: their numbers stay in ``origins``.
+    An entry stays when it also derives from what somebody else said, but for two kinds whose text is or may be the
+    person's words: an entry that the person reworded goes, and the one before is valid again; of notes that clustering
+    merged, those of the others are valid again and can be merged anew. Words that came with another laboratory's book
+    go as well and do not come back with its next import: their numbers stay in ``origins``.
     """
     return _forget(connection, who, _F.who == who)
+
+
+def words_of(connection: sa.Connection, who: str) -> list[str]:
+    """Everything that a person said, wrote in place of a note, or had read back to them."""
+    said = [words for (words,) in connection.execute(sa.select(_F.words).where(_F.who == who))]
+    columns = tables.read_backs.c
+    for note, text in connection.execute(sa.select(columns.note, columns.text).where(columns.who == who)):
+        said += [note, text]
+    return sorted({words for words in said if words.strip()})
 
 
 def forget_feedback(connection: sa.Connection, ids: list[int], why: str) -> list[str]:
@@ -38,17 +49,20 @@ def forget_feedback(connection: sa.Connection, ids: list[int], why: str) -> list
 
 def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[bool]) -> tuple[Forgotten, list[str]]:
     theirs = sa.select(_F.id).where(condition)
-    note_withdrawn(connection, rows.ids_of(connection.execute(theirs)))
+    note_withdrawn(connection, queries.ids_of(connection.execute(theirs)))
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
-    doomed = list(
-        connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), _E.id.not_in(of_others)))
-    )
+    own_wording = sa.and_(_E.phase == EDIT, _E.feedback.in_(theirs))
+    goes = sa.or_(_E.id.not_in(of_others), own_wording, _E.phase == CLUSTER)
+    doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), goes)))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
     ]
     _forget_reasons(connection, ids)
+    _forget_answers(connection, theirs)
+    connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.feedback.in_(theirs)))
+    connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.who == who))
     keys_of_them = sorted({row.key for row in doomed})
     for start in range(0, len(keys_of_them), _CHUNK):
         part = keys_of_them[start : start + _CHUNK]
@@ -66,7 +80,8 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
         digests = [digest(text) for text in gone[start : start + _CHUNK]]
         connection.execute(sa.delete(tables.vectors).where(tables.vectors.c.digest.in_(digests)))
     _drop_orphans(connection)
-    unused = tables.keys.c.id.not_in(sa.select(_E.key))
+    counted = tables.keys.c.id.in_(sa.select(tables.records.c.key))  # what entries did for it is still evidence
+    unused = sa.and_(tables.keys.c.id.not_in(sa.select(_E.key)), sa.not_(counted))
     keys = connection.execute(sa.delete(tables.keys).where(unused, tables.keys.c.action != "")).rowcount
     return Forgotten(who, feedback, len(ids), keys), gone
 
@@ -89,20 +104,27 @@ def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:
         )
 
 
+def _forget_answers(connection: sa.Connection, theirs: sa.Select[tuple[int]]) -> None:
+    """A model's answer to a question about a person's words may repeat them, whoever else the question was about."""
+    of = tables.answer_sources.c
+    about = sa.select(of.digest).where(of.feedback.in_(theirs))
+    connection.execute(sa.delete(tables.answers).where(tables.answers.c.digest.in_(about)))
+
+
 def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None:
-    """What gave way only to something that is gone now is valid again; of templates one a key."""
+    """Entries superseded only by a deleted entry become active again; of templates one a key."""
     by_key: dict[int, list[int]] = {}
     for start in range(0, len(entries), _CHUNK):
         where = _E.id.in_(entries[start : start + _CHUNK])
         for entry, key in connection.execute(sa.select(_E.id, _E.key).where(where)).all():
             by_key.setdefault(key, []).append(entry)
     for key, mine in by_key.items():
-        revision = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
+        revision = queries.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
         for entry in mine:
             restore(connection, revision, entry, why)
-        valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+        valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
         if len(valid) > 1:  # a revision of its own: one changes an entry once
-            again = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
+            again = queries.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
             succeed(connection, key, again, max(entry.id for entry in valid))
 
 

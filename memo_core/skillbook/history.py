@@ -6,14 +6,13 @@ can be rolled back as well.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import attrs
 import sqlalchemy as sa
 
 from memo_core.errors import MemoError, UnknownName
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.clusters import state_digest
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
@@ -101,8 +100,8 @@ def revisions(
 
 def _ids(connection: sa.Connection, key: Key | None) -> list[int]:
     if key is None:
-        return rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id)))
-    number = rows.known_key_id(connection, key)
+        return queries.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id)))
+    number = queries.known_key_id(connection, key)
     if number is None:
         return []
     touched = sa.union(
@@ -110,18 +109,18 @@ def _ids(connection: sa.Connection, key: Key | None) -> list[int]:
         sa.select(_E.revision).where(_E.key == number),
         sa.select(_C.revision).join(tables.entries, _C.entry == _E.id).where(_E.key == number),
     )
-    return sorted(rows.ids_of(connection.execute(touched)))
+    return sorted(queries.ids_of(connection.execute(touched)))
 
 
 def _read(database: Database, connection: sa.Connection, ids: list[int]) -> list[Revision]:
     """Some revisions with their changes, by ascending id."""
     by_revision: dict[int, list[Change]] = {}
-    for entry in rows.entries_where(connection, _E.revision.in_(ids)):
+    for entry in queries.entries_where(connection, _E.revision.in_(ids)):
         by_revision.setdefault(entry.revision, []).append(Change("added", entry))
     changed = _changes(database, connection, _C.revision.in_(ids))
     entries: dict[int, Entry] = {}
     for part in batched(sorted({row.entry for row in changed}), _CHUNK):
-        entries.update(rows.entries_by_id(connection, part))
+        entries.update(queries.entries_by_id(connection, part))
     for row in changed:
         by_revision.setdefault(row.revision, []).append(Change(row.change, entries[row.entry], row.why, row.because))
     query = sa.select(_R.id, _R.time, _R.reason, _K.action, _K.objects).join(tables.keys, _R.key == _K.id, isouter=True)
@@ -130,7 +129,7 @@ def _read(database: Database, connection: sa.Connection, ids: list[int]) -> list
             row.id,
             row.time,
             row.reason,
-            rows.key_of(row.action, row.objects) if row.objects is not None else None,
+            queries.key_of(row.action, row.objects) if row.objects is not None else None,
             tuple(by_revision.get(row.id, ())),
         )
         for row in connection.execute(query.where(_R.id.in_(ids)).order_by(_R.id))
@@ -141,7 +140,7 @@ def versions(database: Database, connection: sa.Connection, key: Key) -> list[Ve
     """The templates of a key with their records, oldest first."""
     mine = [
         entry
-        for entry in rows.entries_where(connection, _E.kind == "template", _K.action == key.action)
+        for entry in queries.entries_where(connection, _E.kind == "template", _K.action == key.action)
         if entry.key == key
     ]
     records = records_of(database, connection, [entry.id for entry in mine])
@@ -173,8 +172,8 @@ def difference(database: Database, connection: sa.Connection, one: int, other: i
     )
     removed: list[Entry] = []
     added: list[Entry] = []
-    for part in batched(sorted(rows.ids_of(connection.execute(touched))), _CHUNK):
-        entries = list(rows.entries_by_id(connection, part).values())
+    for part in batched(sorted(queries.ids_of(connection.execute(touched))), _CHUNK):
+        entries = list(queries.entries_by_id(connection, part).values())
         changed = _changes(database, connection, _C.entry.in_(part))
         was, now = _valid_after(before, entries, changed), _valid_after(after, entries, changed)
         removed += [entry for entry in entries if entry.id in was - now]
@@ -188,12 +187,12 @@ def roll_back(database: Database, connection: sa.Connection, revision: int) -> i
     Raises ``UnknownName``, ``CannotRollBack`` when later revisions rest on it or it was rolled back already.
     """
     _check(connection, revision)
-    added = rows.entries_where(connection, _E.revision == revision)
+    added = queries.entries_where(connection, _E.revision == revision)
     mine = connection.execute(sa.select(tables.changes).where(_C.revision == revision)).all()
-    entries = rows.entries_by_id(connection, [row.entry for row in mine])
+    entries = queries.entries_by_id(connection, [row.entry for row in mine])
     _check_untouched(connection, revision, added, mine, entries)
     key = connection.execute(sa.select(_R.key).where(_R.id == revision)).scalar()
-    new = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason=f"rollback of {revision}")
+    new = queries.insert(connection, tables.revisions, key=key, time=database.now(), reason=f"rollback of {revision}")
     for entry in added:
         supersede(connection, new, entry.id, f"rollback of {revision}")
     for row in mine:
@@ -210,7 +209,7 @@ def roll_back(database: Database, connection: sa.Connection, revision: int) -> i
 
 def _check(connection: sa.Connection, revision: int) -> None:
     if connection.execute(sa.select(_R.id).where(_R.id == revision)).first() is None:
-        newest = rows.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id.desc()).limit(20)))
+        newest = queries.ids_of(connection.execute(sa.select(_R.id).order_by(_R.id.desc()).limit(20)))
         raise UnknownName("revision", str(revision), tuple(map(str, sorted(newest))))
 
 
@@ -230,7 +229,7 @@ def _check_untouched(
     touched = {by for entry in left if (by := retired[entry]) is not None and by != revision}
     for start in range(0, len(ids), _CHUNK):
         where = (_C.entry.in_(ids[start : start + _CHUNK]), _C.revision > revision)
-        touched |= set(rows.ids_of(connection.execute(sa.select(_C.revision).where(*where))))
+        touched |= set(queries.ids_of(connection.execute(sa.select(_C.revision).where(*where))))
     if not touched:
         return
     reasons = {row.id: row.reason for row in connection.execute(sa.select(_R.id, _R.reason).where(_R.id.in_(touched)))}
@@ -246,7 +245,7 @@ def _check_untouched(
 def _undone(connection: sa.Connection, revision: int) -> bool:
     """Whether a revision was rolled back, and that not rolled back itself."""
     query = sa.select(_R.id).where(_R.reason == f"rollback of {revision}")
-    return any(not _undone(connection, later) for later in rows.ids_of(connection.execute(query)))
+    return any(not _undone(connection, later) for later in queries.ids_of(connection.execute(query)))
 
 
 def _part(database: Database, connection: sa.Connection, new: int, joined: list[sa.Row]) -> None:
@@ -257,13 +256,13 @@ def _part(database: Database, connection: sa.Connection, new: int, joined: list[
         where = _E.id == row.entry
         query = sa.select(_K.action, _K.objects, _E.key).join(tables.keys, _E.key == _K.id).where(where)
         there = connection.execute(query).one()
-        back = rows.key_id(connection, database.upsert(tables.keys), Key.parse(row.why))
+        back = queries.key_id(connection, database.upsert(tables.keys), Key.parse(row.why))
         connection.execute(sa.delete(tables.sheets).where(tables.sheets.c.key == there.key))
         connection.execute(sa.update(tables.entries).where(where).values(key=back))
         record = (tables.records.c.entry == row.entry, tables.records.c.key == there.key)
         connection.execute(sa.update(tables.records).where(*record).values(key=back))
-        was = str(rows.key_of(there.action, there.objects))
-        rows.insert_plain(
+        was = str(queries.key_of(there.action, there.objects))
+        queries.insert_plain(
             connection, tables.changes, revision=new, entry=row.entry, change="joined", why=was, because=None
         )
 
@@ -275,7 +274,7 @@ def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
     if state is None:
         return
     valid = sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
-    members = state_digest(rows.ids_of(connection.execute(valid)), ()).split(":")[0]
+    members = state_digest(queries.ids_of(connection.execute(valid)), ()).split(":")[0]
     rest = state.partition(":")[2]
     connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))
 

@@ -9,6 +9,7 @@ what is new.
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections import Counter
 from typing import Any
@@ -30,7 +31,7 @@ _SHOWN = 5
 
 @attrs.define(auto_exc=True, eq=False)
 class NotALorebook(MemoError):
-    """A pickle of plain data that is no lorebook. ``where`` is the path to what is wrong, ``["metadata"][3]``."""
+    """Plain data that is no lorebook. ``where`` is the path to what is wrong, ``["metadata"][3]``."""
 
     where: str
     problem: str
@@ -57,12 +58,28 @@ class Lorebook:
     vectors: tuple[str, ...]  # what the vectors are; they are not used, texts are embedded by this book's own embedder
 
 
+def looks_like_lorebook(data: bytes) -> bool:
+    """Whether a file is a lorebook rather than a book of MEMO: a pickle, or one JSON object with ``metadata``."""
+    start = data.lstrip()
+    if start[:1] != b"{":
+        return bool(start)
+    return b'"record"' not in start.splitlines()[0] and b'"metadata"' in start
+
+
+def _from_json(data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise NotALorebook("", f"is no JSON ({str(error)[:80]})") from None
+
+
 def read_lorebook(data: bytes, who: str, when: float) -> Lorebook:
-    """Read a pickle of a lorebook. ``who`` taught it (for `forget`); ``when``: the time it gets, s since the epoch.
+    """Read a lorebook, a pickle or the same as JSON. ``who`` taught it (for `forget`); ``when``: the time it gets, s
+    since the epoch.
 
     Raises ``UnsafePickle`` for anything but plain data, ``NotALorebook``.
     """
-    book = load(data)
+    book = _from_json(data) if data.lstrip()[:1] == b"{" else load(data)
     if not isinstance(book, dict) or not isinstance(book.get("metadata"), (list, tuple)):
         raise NotALorebook("", 'has no list "metadata"')
     items = book["metadata"]

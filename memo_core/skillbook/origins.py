@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import attrs
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 
 _O = tables.origins.c
@@ -48,14 +48,14 @@ class Origins:
 
     def note(self, connection: sa.Connection, origin: Origin, local: int) -> None:
         """Remember where a row that was just written comes from."""
-        rows.insert_plain(connection, tables.origins, kind=self.kind, book=origin[0], id=origin[1], local=local)
+        queries.insert_plain(connection, tables.origins, kind=self.kind, book=origin[0], id=origin[1], local=local)
         self.local[origin] = local
         self.of[local] = origin
 
 
 def origins_of(database: Database, connection: sa.Connection, kind: str, book: str) -> Origins:
     """All rows of a kind: ``feedback``, ``entry`` or ``revision``."""
-    own = set(rows.ids_of(connection.execute(sa.select(TABLES[kind].c.id))))
+    own = set(queries.ids_of(connection.execute(sa.select(TABLES[kind].c.id))))
     local: dict[Origin, int] = {}
     gone: set[Origin] = set()
     if database.has(connection, tables.origins):
@@ -76,10 +76,10 @@ def note_withdrawn(connection: sa.Connection, feedback: Iterable[int]) -> None:
     for start in range(0, len(ids), _CHUNK):
         part = ids[start : start + _CHUNK]
         imported = set(
-            rows.ids_of(connection.execute(sa.select(_O.local).where(_O.kind == "feedback", _O.local.in_(part))))
+            queries.ids_of(connection.execute(sa.select(_O.local).where(_O.kind == "feedback", _O.local.in_(part))))
         )
         here = _O.local.in_(part)
         connection.execute(sa.update(tables.origins).where(_O.kind == "feedback", here).values(local=None))
         for number in part:
             if number not in imported:
-                rows.insert_plain(connection, tables.origins, kind="feedback", book=book, id=str(number), local=None)
+                queries.insert_plain(connection, tables.origins, kind="feedback", book=book, id=str(number), local=None)

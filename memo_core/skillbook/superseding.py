@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 
 _E, _C = tables.entries.c, tables.changes.c
 
@@ -30,10 +30,10 @@ def gave_way_to(connection: sa.Connection, entries: Iterable[int]) -> list[int]:
         .join(tables.entries, _C.entry == _E.id)
         .where(_C.because.in_(list(entries)), _C.change == "superseded", _C.revision == _E.superseded_by)
     )
-    return sorted(rows.ids_of(connection.execute(query)))
+    return sorted(queries.ids_of(connection.execute(query)))
 
 
 def _note(connection: sa.Connection, revision: int, entry: int, change: str, why: str, because: int | None) -> None:
-    rows.insert_plain(
+    queries.insert_plain(
         connection, tables.changes, revision=revision, entry=entry, change=change, why=why, because=because
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 4  # 2 to 4 have other caches, more tables and other indexes than those before, and nothing else:
-# opening an older book for writing makes them
+SCHEMA_VERSION = 5  # 2 to 5 have other caches, more tables and other indexes than those before, and nothing else:
+# opening an older book for writing makes them, after a backup (memo_core.skillbook.database)
 
 metadata = sa.MetaData()
 _ID = sa.BigInteger().with_variant(sa.Integer, "sqlite")
@@ -21,7 +21,7 @@ feedback = sa.Table(
     "feedback",
     metadata,
     sa.Column("id", _ID, primary_key=True),
-    sa.Column("kind", sa.String(20), nullable=False),  # correction, approval
+    sa.Column("kind", sa.String(20), nullable=False),  # correction, approval, edit
     sa.Column("words", sa.Text, nullable=False),  # verbatim
     sa.Column("who", sa.Text, nullable=False, index=True),
     sa.Column("time", sa.Float, nullable=False),  # s since the epoch
@@ -31,7 +31,7 @@ feedback = sa.Table(
     sa.Column("scene_graph", sa.Text, nullable=False),  # as the prompt showed it
     sa.Column("code", sa.Text, nullable=False),
     sa.Column("run", sa.Text, nullable=False),
-    sa.Column("status", sa.String(20), nullable=False, index=True),  # pending, processed, parked
+    sa.Column("status", sa.String(20), nullable=False, index=True),  # pending, processed, parked, kept
     sa.Column("reason", sa.Text, nullable=False),
     sqlite_autoincrement=True,
 )
@@ -110,7 +110,7 @@ vectors = sa.Table(  # a cache; the digest of the text, so that no words are kep
     sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
 )
 
-sheets = sa.Table(  # a cache: the vectors of one key's texts, rounded, on one page (memo_core.skillbook.likeness)
+sheets = sa.Table(  # a cache: the vectors of one key's texts, rounded, on one page (memo_core.skillbook.text_index)
     "sheets",
     metadata,
     sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True, autoincrement=False),
@@ -163,4 +163,62 @@ origins = sa.Table(  # where imported rows come from, and which are withdrawn: o
     sa.Column("book", sa.String(100), primary_key=True),
     sa.Column("id", sa.String(100), primary_key=True),  # in that book
     sa.Column("local", sa.BigInteger, nullable=True, index=True),  # NULL: withdrawn
+)
+
+read_backs = sa.Table(  # what became of notes that were read back to a person, or edited or removed later
+    "read_backs",
+    metadata,
+    sa.Column("id", _ID, primary_key=True),
+    sa.Column("feedback", sa.ForeignKey("feedback.id", ondelete="CASCADE"), nullable=False, index=True),
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="SET NULL"), nullable=True),
+    sa.Column("who", sa.Text, nullable=False, index=True),
+    sa.Column("time", sa.Float, nullable=False),  # s since the epoch
+    sa.Column("outcome", sa.String(20), nullable=False),  # accepted, reworded, struck
+    sa.Column("note", sa.Text, nullable=False),  # as it was read back
+    sa.Column("text", sa.Text, nullable=False),  # as it was reworded; "" otherwise
+    sqlite_autoincrement=True,
+)
+
+answers = sa.Table(  # a language model's answers, so that a book rebuilt twice is the same book twice
+    "answers",
+    metadata,
+    sa.Column("digest", sa.String(64), primary_key=True),  # of the question and the model's name
+    sa.Column("phase", sa.String(20), nullable=False),
+    sa.Column("model", sa.Text, nullable=False),
+    sa.Column("answer", sa.Text, nullable=False),
+    sa.Column("time", sa.Float, nullable=False),  # s since the epoch
+)
+
+answer_sources = sa.Table(  # which feedback a question was about, for `forget`
+    "answer_sources",
+    metadata,
+    sa.Column("digest", sa.ForeignKey("answers.digest", ondelete="CASCADE"), primary_key=True),
+    sa.Column("feedback", sa.ForeignKey("feedback.id", ondelete="CASCADE"), primary_key=True, index=True),
+)
+
+trials = sa.Table(  # how templates did when they were run again in simulation (`memo skillbook retest`)
+    "trials",
+    metadata,
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("start", sa.String(200), primary_key=True),  # which stored start, or which seed of the task
+    sa.Column("success", sa.Boolean, nullable=False),
+    sa.Column("time", sa.Float, nullable=False),  # s since the epoch
+    sa.Column("reason", sa.Text, nullable=False),  # why it did not succeed
+)
+
+places = sa.Table(  # files and folders that may hold words of the book's people, for `forget`
+    "places",
+    metadata,
+    sa.Column("path", sa.Text, primary_key=True),
+    sa.Column("kind", sa.String(20), nullable=False),  # run, recording, export, backup, book
+    sa.Column("time", sa.Float, nullable=False),  # s since the epoch
+)
+
+# The last entry of each run's log that wrote to the book: after a crash it tells whether it did.
+run_effects = sa.Table(
+    "run_effects",
+    metadata,
+    sa.Column("run", sa.String(200), primary_key=True),
+    sa.Column("entry", sa.BigInteger, nullable=False),
+    sa.Column("note", sa.Text, nullable=False),  # what the run needs to go on from there; no words of people
 )

@@ -9,13 +9,12 @@ subtasks of the template's own key counts: that it did not fit something else sa
 from __future__ import annotations
 
 import ast
-import time
 from collections.abc import Callable, Iterable
 
 import attrs
 import sqlalchemy as sa
 
-from memo_core.skillbook import rows, tables
+from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
@@ -54,7 +53,7 @@ def records_of(database: Database, connection: sa.Connection, entries: Iterable[
         query = query.where(_R.entry.in_(list(entries)))
     return Records(
         {
-            (entry, rows.key_of(action, objects)): (uses, confirmed)
+            (entry, queries.key_of(action, objects)): (uses, confirmed)
             for entry, action, objects, uses, confirmed in connection.execute(query)
         }
     )
@@ -67,26 +66,26 @@ def count_use(connection: sa.Connection, entries: Iterable[int], key: int, succe
         values = {"uses": _R.uses + 1, "confirmed_uses": _R.confirmed_uses + int(success)}
         changed = connection.execute(sa.update(tables.records).where(*where).values(**values))
         if not changed.rowcount:
-            rows.insert_plain(connection, tables.records, entry=entry, key=key, uses=1, confirmed_uses=int(success))
+            queries.insert_plain(connection, tables.records, entry=entry, key=key, uses=1, confirmed_uses=int(success))
 
 
 def same_code(one: str, other: str) -> bool:
     """Whether two functions differ in nothing but comments and layout."""
     try:
         return ast.dump(ast.parse(one)) == ast.dump(ast.parse(other))
-    except (SyntaxError, ValueError, RecursionError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         return one.split() == other.split()
 
 
 def served_version(connection: sa.Connection, key: int, code: str) -> Entry | None:
     """The valid version under a key that is this very code."""
-    valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
     return next((entry for entry in valid if same_code(entry.text, code)), None)
 
 
 def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> None:
     """Let the version ``newest`` take the place of the others under its key, inside a write transaction."""
-    valid = rows.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
     for entry in valid:
         if entry.id != newest:
             supersede(connection, revision, entry.id, f"newer version {newest}", newest)
@@ -95,7 +94,7 @@ def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> 
 def elect(database: Database, connection: sa.Connection, key: int, reason: str) -> int | None:
     """Serve the best version under a key, inside a write transaction; one that somebody rolled back is no candidate.
     Returns the revision, or None where nothing had to change."""
-    every = rows.entries_where(connection, _E.key == key, _E.kind == "template")
+    every = queries.entries_where(connection, _E.key == key, _E.kind == "template")
     gave_way = sa.select(_C.revision, _C.entry).where(
         _C.entry.in_([entry.id for entry in every]), _C.change == "superseded", _C.because.is_not(None)
     )
@@ -107,7 +106,7 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
     best = max(candidates, key=_merit(records_of(database, connection, [entry.id for entry in candidates])))
     if valid == [best]:
         return None
-    revision = rows.insert(connection, tables.revisions, key=key, time=time.time(), reason=reason)
+    revision = queries.insert(connection, tables.revisions, key=key, time=database.now(), reason=reason)
     for entry in valid:
         if entry.id != best.id:
             supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)

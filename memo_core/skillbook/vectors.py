@@ -77,6 +77,16 @@ class TextVectors:
                 self._embed(missing)
         return np.stack([self._known[text] for text in texts])
 
+    def chain(self, texts: Sequence[str]) -> list[int]:
+        """Places of the texts in an order in which each is followed by the most similar of those left."""
+        vectors = self.get(texts)
+        taken = np.zeros(len(texts), dtype=bool)
+        order = [0]
+        while len(order) < len(texts):
+            taken[order[-1]] = True
+            order.append(int(np.argmax(np.where(taken, -np.inf, vectors @ vectors[order[-1]]))))
+        return order
+
     def forget(self, texts: Iterable[str]) -> None:
         for text in texts:
             self._known.pop(text, None)

@@ -1,4 +1,4 @@
-"""The built-in skills: one contract for simulation and hardware (DESIGN 6).
+"""The built-in skills: one contract for simulation and hardware.
 
 Plugins add skills through the same hook.
 """

@@ -8,17 +8,13 @@ from collections.abc import Callable
 import numpy as np
 
 from memo_core.interfaces.embedder import Embedder
+from memo_core.testing.rules import Rules
 
 MakeEmbedder = Callable[[], Embedder]
 Rule = Callable[[MakeEmbedder], None]
 
-RULES: dict[str, Rule] = {}
-
-
-def rule(check: Rule) -> Rule:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
+RULES: Rules[Rule] = Rules()
+rule = RULES.rule
 
 
 TEXTS = (

@@ -48,6 +48,9 @@ class FakeStore(VectorStore):
     def __len__(self) -> int:
         return len(self._vectors)
 
+    def ids(self) -> np.ndarray:
+        return np.array(sorted(self._vectors), dtype=np.int64)
+
     def generation(self) -> int | None:
         return self._generation
 

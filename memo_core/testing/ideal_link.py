@@ -9,7 +9,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.link import Link
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 
 

@@ -17,21 +17,17 @@ import numpy as np
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.scene.pose import Array
+from memo_core.testing.rules import Rules
 
 MakeLink = Callable[[], Link]
 Rule = Callable[[MakeLink], None]
 
-RULES: dict[str, Rule] = {}
+RULES: Rules[Rule] = Rules()
+rule = RULES.rule
 
 _SMALL = 0.05  # rad, a move that every arm can make near its home
 _TICKS = 60
 _BIAS, _NOISE = 5.0, 3.0  # N
-
-
-def rule(check: Rule) -> Rule:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_link(make: MakeLink) -> None:

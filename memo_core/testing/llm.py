@@ -16,17 +16,13 @@ from collections.abc import Callable, Sequence
 import attrs
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Message, Request, Usage
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], LanguageModel]
-RULES: dict[str, Callable[[Make], None]] = {}
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 FINISHES = ("stop", "length", "refusal")
 GIVE_UP_S = 30.0
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_llm(make: Make) -> None:

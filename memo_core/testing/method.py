@@ -1,7 +1,7 @@
 """Conformance suite for methods: ``RULES[name](make)``, where ``make`` returns a new method.
 
-The session is a fake stage, a language model that fails every call, and nobody who watches: what a method owes in every
-case. Whether it does tasks well is asked by evaluations.
+The session has a fake environment, a language model that fails every call, and nobody who watches: what a method owes
+in every case. Whether it does tasks well is asked by evaluations.
 """
 
 from __future__ import annotations
@@ -12,27 +12,21 @@ from collections.abc import Callable
 from typing import Any
 
 from memo_core.errors import MemoError
-from memo_core.interfaces.llm import Answer, Request, Usage
-from memo_core.policy.method import Method
-from memo_core.policy.progress import Progress
+from memo_core.policy.language_method import Method
 from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings
-from memo_core.policy.stopping import StopSwitch
 from memo_core.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
+from memo_core.stopping import StopSwitch
+from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
-from memo_core.testing.fake_stage import FakeStage
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Method]
-RULES: dict[str, Callable[[Make], None]] = {}
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 ENOUGH_S = 10.0
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_method(make: Make) -> None:
@@ -44,39 +38,16 @@ def check_method(make: Make) -> None:
             raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
 
 
-class _NoJournal:
-    def model_call(
-        self, request: Request, answer: Answer | None, problem: str, abandoned: bool, usage: Usage | None = None
-    ) -> str:
-        return ""
-
-    def code(self, subtask: str, attempt: int, repair: int, code: str, take: int = 1) -> str:
-        return ""
-
-    def planning_start(self, number: int, done: tuple[str, ...], checkpoint: bytes) -> None: ...
-
-    def attempt_over(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
-
-    def progress(self, progress: Progress) -> None: ...
-
-    def subtask_start(self, number: int, subtask: str, done: tuple[str, ...], checkpoint: bytes) -> None: ...
-
-    def attempt_begins(self, number: int, attempt: int, take: int = 1) -> None: ...
-
-    def attempt_ends(self, number: int, attempt: int) -> None: ...
-
-
-def _session(stage: FakeStage, ending: bool = False) -> Session:
+def _session(environment: FakeEnvironment, ending: bool = False) -> Session:
     library = skill_library(BUILTIN_SKILLS)
     return Session(
         run="conformance",
-        stage=stage,
+        environment=environment,
         llm=ScriptedModel({}),
         skills=library,
         sandbox=Sandbox(library),
         settings=RunSettings(attempts=1, subtasks=2, video="off"),
         stop=StopSwitch(),
-        journal=_NoJournal(),
         emit=lambda event: None,
         ending=lambda: ending,
     )
@@ -110,7 +81,7 @@ def has_a_name(make: Make) -> None:
 def ends_with_a_result_or_a_clear_error(make: Make) -> None:
     """When the language model fails, nobody watches and there is no book, it ends with a ``RunResult`` or a
     ``MemoError``, and nothing else."""
-    result, error = _run(make, _session(FakeStage()))
+    result, error = _run(make, _session(FakeEnvironment()))
     if error is not None:
         assert isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"
     else:
@@ -121,15 +92,15 @@ def ends_with_a_result_or_a_clear_error(make: Make) -> None:
 @rule
 def a_latched_stop_moves_nothing(make: Make) -> None:
     """With the stop latched and the run to end, it ends soon, with ``Stopped`` or a result, and commands nothing."""
-    stage = FakeStage()
-    session = _session(stage, ending=True)
-    stage.link.stop()
+    environment = FakeEnvironment()
+    session = _session(environment, ending=True)
+    environment.link.stop()
     session.stop.press()
     started = time.monotonic()
     result, error = _run(make, session)
     assert error is None or isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"
     assert time.monotonic() - started < ENOUGH_S
-    assert not stage.control.commands, f"commanded {stage.control.commands} after the stop"
+    assert not environment.control.commands, f"commanded {environment.control.commands} after the stop"
     assert result is None or not result.finished, "it says that the task is done"
 
 
@@ -138,5 +109,5 @@ def keeps_nothing_between_runs(make: Make) -> None:
     """One method may do several runs, one after the other."""
     method = make()
     for _ in range(2):
-        _, error = _run(lambda: method, _session(FakeStage()))
+        _, error = _run(lambda: method, _session(FakeEnvironment()))
         assert error is None or isinstance(error, MemoError), f"raised {type(error).__name__}: {error}"

@@ -14,10 +14,10 @@ import numpy as np
 
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
-from memo_core.interfaces.robot import GripperDescription, RobotDescription
 from memo_core.interfaces.simulator import Contact, WorldState
+from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.description import Body, Cavity, Free, Geom, Hinge, Part, SceneDescription, Slide
-from memo_core.scene.graph import PREDICATES, SceneGraph
+from memo_core.scene.graph import PREDICATES, Node, SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_from_axis_angle
 
 
@@ -222,12 +222,12 @@ def _check_hidden(perception: Perception, context: PerceptionContext) -> None:
     assert {"cup", "cupboard/inside"} <= opened, "visible: an open container's inside or content was not reported"
 
 
-def _by_id(graph: SceneGraph, id: str):
+def _by_id(graph: SceneGraph, id: str) -> Node:
     return next(node for node in graph.nodes if node.id == id)
 
 
 def _same(a: SceneGraph, b: SceneGraph) -> bool:
-    def still(graph: SceneGraph):
+    def still(graph: SceneGraph) -> tuple[object, ...]:
         return tuple(attrs.evolve(node, time=0.0) for node in graph.nodes), graph.relations
 
     return still(a) == still(b)

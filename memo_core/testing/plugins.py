@@ -17,11 +17,12 @@ from typing import Any, Literal
 import attrs
 
 from memo_core.config import ConfigErrors, load_experiment
-from memo_core.config.experiment import plain
+from memo_core.config.experiment import DRIVERS, plain
 from memo_core.config.fields import field_types
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName
 from memo_core.interfaces.backend import KINDS, Backend
 from memo_core.plugins import Registry, missing_needs
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Any]
 Outcome = Literal["kept", "broken", "skipped"]
@@ -32,10 +33,12 @@ INTERFACES = {
     "embedder": "memo_core.interfaces.embedder:Embedder",
     "vectorstore": "memo_core.interfaces.vectorstore:VectorStore",
     "simulator": "memo_core.interfaces.simulator:Simulator",
-    "robot": "memo_core.interfaces.robot:RobotDescription",
+    "robot": "memo_core.robot.description:RobotDescription",
+    "robot_driver": "memo_core.interfaces.driver:RobotDriver",
+    "gripper_driver": "memo_core.interfaces.driver:GripperDriver",
     "perception": "memo_core.interfaces.perception:Perception",
     "teacher": "memo_core.interfaces.teacher:Teacher",
-    "method": "memo_core.policy.method:Method",
+    "method": "memo_core.policy.language_method:Method",
 }
 # Run on its own: what a plugin's module loads beyond what the core itself brings.
 _LOADS = """
@@ -121,13 +124,8 @@ def _run(name: str, rule: str, check: Callable[[], None]) -> Result:
 
 
 # -- rules for every kind ----------------------------------------------------------------------------------------------
-GENERAL: dict[str, Callable[[Registry, Backend], None]] = {}
-
-
-def rule(check: Callable[[Registry, Backend], None]) -> Callable[[Registry, Backend], None]:
-    """Register a rule for all kinds; its docstring is the promise."""
-    GENERAL[check.__name__] = check
-    return check
+GENERAL: Rules[Callable[[Registry, Backend], None]] = Rules()
+rule = GENERAL.rule
 
 
 @rule
@@ -138,10 +136,9 @@ def default_settings_pass_their_own_checks(registry: Registry, backend: Backend)
     except TypeError:
         return  # needs settings that only its user knows
     section = {"backend": backend.name} | settings
+    key = f"robot.{DRIVERS[backend.kind]}" if backend.kind in DRIVERS else backend.kind
     try:
-        load_experiment(
-            registry, None, [f"{backend.kind}={json.dumps([section] if backend.kind == 'skills' else section)}"]
-        )
+        load_experiment(registry, None, [f"{key}={json.dumps([section] if backend.kind == 'skills' else section)}"])
     except ConfigErrors as errors:
         raise AssertionError(str(errors)) from None
 

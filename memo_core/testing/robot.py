@@ -14,19 +14,15 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.arm.urdf import Urdf, read_urdf
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.urdf import Urdf, read_urdf
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], RobotDescription]
-RULES: dict[str, Callable[[Make], None]] = {}
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 
 
 def check_robot_description(make: Make) -> None:

@@ -14,24 +14,20 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
-from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
 from memo_core.interfaces.simulator import Simulator
+from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.scene.description import Body, Camera, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
 from memo_core.scene.mechanisms import Above, Below, Lasting, Lock, Locked, Pressed, Spring, Times
 from memo_core.scene.pose import Pose, look_at
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Simulator]
 REACH = 0.4  # m from the column to the hand
 HEIGHT = 0.5  # m of the shoulder
 DROP = 0.47  # m from the elbow down to the tool centre: at home it is 30 mm above the table
 CUBE = 0.04  # m
-RULES: dict[str, Callable[[Make], None]] = {}
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 
 
 def check_simulator(make: Make) -> None:

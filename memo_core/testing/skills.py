@@ -9,15 +9,11 @@ from collections.abc import Callable, Sequence
 from memo_core.errors import InvalidArgument
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import Skill
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Sequence[Skill]]
-RULES: dict[str, Callable[[Make], None]] = {}
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 
 
 def check_skills(make: Make) -> None:

@@ -13,17 +13,14 @@ import numpy as np
 
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import SceneDescription
+from memo_core.teachers.visible_goal import read_goal
 from memo_core.testing.perception import StillWorld
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Sequence[Task]]
-RULES: dict[str, Callable[[Make], None]] = {}
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 SEEDS = (0, 1, 2)
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_suite(make: Make) -> None:
@@ -52,6 +49,35 @@ def tasks_have_names_and_instructions(make: Make) -> None:
         assert 0 < task.time_limit < 3600, f"{task.name}: time limit {task.time_limit} s"
     names = [task.name for task in tasks]
     assert len(set(names)) == len(names), "two tasks share a name"
+
+
+@rule
+def goals_say_what_should_be_visible(make: Make) -> None:
+    """Each task says what should be visible when it is done, in sentences of the forms of
+    ``memo_core.teachers.visible_goal``, about things with a label in its scene."""
+    for task in make():
+        assert task.goal, f"{task.name}: no goal"
+        labels = _labels(_scene(task, 0))
+        for sentence in task.goal:
+            condition = read_goal(sentence)
+            assert condition is not None, f"{task.name}: {sentence!r} has none of the known forms"
+            for name in (*condition.subjects, *([condition.place] if condition.place else [])):
+                assert _is_named(name, labels), f"{task.name}: {name!r} is none of {', '.join(sorted(labels))}"
+
+
+def _labels(scene: SceneDescription) -> set[str]:
+    found = {"table"}
+    for body, _ in scene.walk():
+        found |= {body.label, body.heap, *(part.label for part in body.parts), *(c.label for c in body.cavities)}
+    return {label.lower() for label in found if label}
+
+
+def _is_named(name: str, labels: set[str]) -> bool:
+    """A label, or a thing told by its place: "the left can", "the lonely object", "the others"."""
+    if name in labels or name in ("others", "other objects", "lonely object"):
+        return True
+    side, _, kind = name.partition(" ")
+    return side in ("left", "right") and sum(label.split()[-1] == kind for label in labels) > 1
 
 
 @rule

@@ -10,20 +10,26 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
-from memo_core.interfaces.teacher import Episode, Sighting, Teacher, Verdict
+from memo_core.interfaces.teacher import (
+    Episode,
+    Note,
+    Noted,
+    Proposal,
+    ReadBack,
+    Sighting,
+    TaskEpisode,
+    Teacher,
+    Verdict,
+)
 from memo_core.scene.graph import Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.testing.fake_control import tabletop_nodes
+from memo_core.testing.rules import Rules
 
 Make = Callable[[], Teacher]
-RULES: dict[str, Callable[[Make], None]] = {}
+RULES: Rules[Callable[[Make], None]] = Rules()
+rule = RULES.rule
 KINDS = ("approve", "correct", "silent")
-
-
-def rule(check: Callable[[Make], None]) -> Callable[[Make], None]:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_teacher(make: Make) -> None:
@@ -44,6 +50,35 @@ def episodes() -> tuple[Episode, ...]:
         Episode("put the cube in the bowl", "PICK(red cube)", 1, scene, scene, watched),
         Episode("put the cube in the bowl", "PLACE(red cube, bowl)", 2, scene, scene, (), "I cannot reach that"),
         Episode("tidy up", "OPEN(drawer)", 1, nothing, nothing),
+    )
+
+
+def task_episodes() -> tuple[TaskEpisode, ...]:
+    """Two that any teacher may meet: one with a goal, watched, and one of which nothing is known."""
+    first, _, last = episodes()
+    goal = ("the red cube is in the bowl", "the hand has let go of the red cube")
+    done = ("PICK(red cube)", "PLACE(red cube, bowl)")
+    return (
+        TaskEpisode(first.task, first.before, first.after, goal, done, first.sightings),
+        TaskEpisode(last.task, last.before, last.after),
+    )
+
+
+def proposals() -> tuple[Proposal, ...]:
+    """Two subtasks that a planner may propose, one without a goal to measure it by."""
+    first, _, last = episodes()
+    return (
+        Proposal(first.task, first.subtask, first.before, ("the red cube is in the bowl",)),
+        Proposal(last.task, last.subtask, last.before, subtasks=("OPEN(drawer)",)),
+    )
+
+
+def noted() -> tuple[Noted, ...]:
+    """Two notes made of one remark, and a remark of which nothing was learnt."""
+    notes = (Note("Pull the handle straight.", "OPEN(drawer)"), Note("Approach handles from the front."))
+    return (
+        Noted("no, straight, and from the front", "OPEN(drawer)", notes),
+        Noted("that was wrong", "OPEN(drawer)", question="What should be done differently?"),
     )
 
 
@@ -96,6 +131,43 @@ def a_correction_has_words(make: Make) -> None:
             for verdict in (teacher.judge(episode), teacher.interrupted(episode)):
                 assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
                 assert verdict.kind != "silent" or not verdict.words, f"silent, yet it said {verdict.words!r}"
+
+
+@rule
+def judges_a_whole_task(make: Make) -> None:
+    """``judge_task`` answers with a ``Verdict``; a correction has words, ``silent`` has none."""
+    with _opened(make) as teacher:
+        for episode in task_episodes():
+            verdict = teacher.judge_task(episode)
+            assert isinstance(verdict, Verdict), f"judge_task returned {type(verdict).__name__}"
+            assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
+            assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
+            assert verdict.kind != "silent" or not verdict.words, f"silent, yet it said {verdict.words!r}"
+
+
+@rule
+def judges_a_plan(make: Make) -> None:
+    """``judge_plan`` answers with a ``Verdict``; a correction has words."""
+    with _opened(make) as teacher:
+        for proposal in proposals():
+            verdict = teacher.judge_plan(proposal)
+            assert isinstance(verdict, Verdict), f"judge_plan returned {type(verdict).__name__}"
+            assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
+            assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
+
+
+@rule
+def answers_a_read_back(make: Make) -> None:
+    """``read_back`` accepts, rewords (with words) or strikes (notes that there are); ``reads_back`` says whether
+    anybody is there to be asked."""
+    with _opened(make) as teacher:
+        assert isinstance(teacher.reads_back, bool), f"reads_back is {teacher.reads_back!r}"
+        for one in noted():
+            answer = teacher.read_back(one)
+            assert isinstance(answer, ReadBack), f"read_back returned {type(answer).__name__}"
+            assert answer.kind in ("accepted", "reworded", "struck"), f"a read-back of kind {answer.kind!r}"
+            assert answer.kind != "reworded" or answer.words.strip(), "reworded without words"
+            assert all(0 <= index < len(one.notes) for index in answer.struck), f"struck {answer.struck}: no such notes"
 
 
 @rule

@@ -12,20 +12,16 @@ from collections.abc import Callable
 import numpy as np
 
 from memo_core.errors import MotionError
-from memo_core.skills.control import Control
+from memo_core.skills.control import Control, Waypoints
 from memo_core.testing.fake_control import FakeControl
+from memo_core.testing.rules import Rules
 
 MakeControl = Callable[[], Control]
 Rule = Callable[[MakeControl], None]
 
-RULES: dict[str, Rule] = {}
+RULES: Rules[Rule] = Rules()
+rule = RULES.rule
 DOWN, UP = [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]
-
-
-def rule(check: Rule) -> Rule:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
 
 
 def check_touch(make: MakeControl) -> None:
@@ -162,7 +158,7 @@ class _PressesAtWill(FakeControl):
 
 
 class _LiftsOff(FakeControl):
-    def press_along(self, skill, path, direction, force, speed):
+    def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
         mean = super().press_along(skill, path, direction, force, speed)
         x, y, z = self.pose.position
         self._go([x, y, z + 0.02], None, 1.0)

@@ -12,17 +12,13 @@ from collections.abc import Callable
 import numpy as np
 
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.testing.rules import Rules
 
 MakeStore = Callable[[], VectorStore]
 Rule = Callable[[MakeStore], None]
 
-RULES: dict[str, Rule] = {}
-
-
-def rule(check: Rule) -> Rule:
-    """Register a check; its docstring is the promise."""
-    RULES[check.__name__] = check
-    return check
+RULES: Rules[Rule] = Rules()
+rule = RULES.rule
 
 
 def _random(count: int, dimension: int, seed: int) -> np.ndarray:
@@ -110,7 +106,7 @@ def adding_replaces(make: MakeStore) -> None:
 
 @rule
 def removes(make: MakeStore) -> None:
-    """What was removed is not found; unknown ids are passed over."""
+    """What was removed is not found; unknown ids are ignored."""
     vectors = _random(10, 5, 8)
     store = _filled(make, list(range(10)), vectors)
     store.remove([3, 99])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from memo_core.errors import InvalidArgument
@@ -65,7 +67,7 @@ class StopForOneCommand(IdealLink):
 class DeafToThreads(IdealLink):
     """Hears only stops from the thread it was made in."""
 
-    def __init__(self, *arguments) -> None:
+    def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         import threading
 

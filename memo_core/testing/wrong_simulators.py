@@ -1,6 +1,6 @@
 """Deliberately wrong simulators, one a rule: the conformance suite must reject each of them for that rule.
 
-They are made from a right one (any ``Simulator`` class that takes no arguments), so that whoever writes a simulator
+They are made from a right one (any ``Simulator`` class that takes no arguments), so that the author of a simulator
 can check that the suite really looks at theirs.
 """
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from importlib import resources
+from pathlib import Path
 
 
 def source(name: str) -> str:
     """The text of a prelude: ``base`` (always), ``arrays`` and ``array_functions`` (numpy)."""
-    return resources.files(__package__).joinpath(f"{name}.monty").read_text(encoding="utf-8")
+    return Path(__file__).with_name(f"{name}.monty").read_text(encoding="utf-8")
 
 
 def array_names() -> dict[str, tuple[str, ...]]:

@@ -9,7 +9,7 @@ import attrs
 from attrs.validators import ge, gt, le
 
 from memo_core.errors import InvalidArgument, close_match
-from memo_core.interfaces.robot import JointDescription, RobotDescription
+from memo_core.robot.description import JointDescription, RobotDescription
 from memo_core.scene.pose import Pose
 from memo_franka.description import panda
 
@@ -69,7 +69,7 @@ def configured(settings: PandaSettings) -> RobotDescription:
 
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
     """The same arm by another URDF: its kinematics, limits and shapes; accelerations, jerks and gains stay ours."""
-    from memo_core.arm.urdf import read_urdf
+    from memo_core.robot.urdf import read_urdf
 
     path = Path(str(settings.urdf)).expanduser()
     if not path.is_file():

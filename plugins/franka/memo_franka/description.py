@@ -12,7 +12,7 @@ import math
 
 import attrs
 
-from memo_core.interfaces.robot import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.scene.pose import Pose
 
 Vector = tuple[float, float, float]

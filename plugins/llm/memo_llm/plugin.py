@@ -37,6 +37,7 @@ def memo_language_models() -> list[Backend]:
             summary="rule-based reader of the prompts: no network, no cost; regression figures only",
             factory=_offline,
             config=OfflineSettings,
+            measured="memo_llm/measured/offline.yaml",
             default=True,
         ),
         Backend(

@@ -1,4 +1,4 @@
-"""A scene graph from a simulator's true state: what a perfect camera could say, and nothing hidden (DESIGN 1).
+"""A scene graph from a simulator's true state: what a perfect camera could say, and nothing hidden.
 
 Every labelled body is a node, as are the visible parts of bodies and every inside that is not closed. Whatever lies in
 a closed inside is absent, and so is everything about how a thing moves.

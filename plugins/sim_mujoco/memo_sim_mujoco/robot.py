@@ -7,10 +7,10 @@ from typing import Any
 
 import mujoco
 
-from memo_core.arm.fitting import check_fits, may_touch
-from memo_core.arm.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.robot import GripperDescription, RobotDescription
+from memo_core.robot.description import GripperDescription, RobotDescription
+from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
+from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.description import Geom, Material
 from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, add_shape, surface
 

@@ -16,11 +16,11 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
-from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
 from memo_core.scene.description import SceneDescription
-from memo_core.scene.mechanisms import Mechanisms
+from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
 from memo_sim_mujoco.pictures import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
@@ -43,7 +43,7 @@ class SimulationDiverged(MemoError):
 
 
 class MujocoSimulator(Simulator):
-    """One robot in one scene. After ``build``, ``model`` and ``data`` are MuJoCo's own, for whoever needs more."""
+    """One robot in one scene. After ``build``, ``model`` and ``data`` are MuJoCo's own, for code that needs more."""
 
     def __init__(self, settings: MujocoSettings | None = None) -> None:
         self.settings = settings or MujocoSettings()
@@ -399,7 +399,7 @@ class MujocoSimulator(Simulator):
             self._pictures.close()
             self._pictures = None
 
-    # -- for benchmarks ------------------------------------------------------------------------------------------------
+    # -- for `memo bench sim` ------------------------------------------------------------------------------------------
     def engine_controls(self) -> object:
         """``ctrl``, and the actuator parameters that may have changed with this tick."""
         if self._moving_parts:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
 from memo_sim_mujoco.robot import FINGER_SERVO, PREFIX, add_robot
 from memo_sim_mujoco.scene import add_look, add_scene
@@ -32,7 +32,7 @@ class Latched:
 
 
 @attrs.frozen(eq=False)
-class World:
+class MujocoWorld:
     """``body_ids`` maps names (scene bodies, ``robot/LINK``) to MuJoCo's; ``body_names`` is its inverse by id."""
 
     model: Any
@@ -54,7 +54,7 @@ class World:
     latches: tuple[Latched, ...]
 
 
-def build_world(scene: SceneDescription, robot: RobotDescription, settings: MujocoSettings) -> World:
+def build_world(scene: SceneDescription, robot: RobotDescription, settings: MujocoSettings) -> MujocoWorld:
     """Compile both descriptions and put the robot at home, gripper open. Raises ``InvalidArgument``."""
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -110,7 +110,7 @@ def _damp_free_bodies(model: Any, scene: SceneDescription) -> None:
             model.dof_damping[dof + 3 : dof + 6] = body.joint.damping * model.body_inertia[index].max()
 
 
-def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescription) -> World:
+def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescription) -> MujocoWorld:
     names = tuple("floor" if index == 0 else model.body(index).name for index in range(model.nbody))
     joint_qpos, joint_dof, free = {}, {}, {}
     for body, _ in scene.walk():
@@ -127,7 +127,7 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
     ids = {name: index for index, name in enumerate(names)}
     pads = tuple((ids[PREFIX + pad], _slide_of(model, robot, pad, slides)) for pad in robot.gripper.pads)
     servo = model.actuator(FINGER_SERVO).id if fingers else -1
-    return World(
+    return MujocoWorld(
         model=model,
         data=data,
         robot=robot,
@@ -176,7 +176,7 @@ def _fingerprint(model: Any, scene: SceneDescription) -> bytes:
     return hashlib.sha256(rest.encode() + buffer.tobytes()).digest()[:16]
 
 
-def _start(world: World, scene: SceneDescription) -> None:
+def _start(world: MujocoWorld, scene: SceneDescription) -> None:
     data = world.data
     data.qpos[world.arm_qpos] = world.robot.home
     data.ctrl[: len(world.arm_qpos)] = world.robot.home

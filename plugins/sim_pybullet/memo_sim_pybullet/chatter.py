@@ -1,4 +1,4 @@
-"""What Bullet prints by itself: kept out of the standard output, since commands print JSON there."""
+"""Keeps what Bullet prints on its own out of standard output, where commands print JSON."""
 
 from __future__ import annotations
 

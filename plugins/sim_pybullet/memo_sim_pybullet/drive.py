@@ -17,7 +17,7 @@ import numpy as np
 
 from memo_core.scene.description import Latch
 from memo_core.scene.pose import Array
-from memo_sim_pybullet.world import World
+from memo_sim_pybullet.world import BulletWorld
 
 # The gripper's servo on the opening, critically damped for two fingers of 0.5 kg.
 _FINGER_STIFFNESS = 8000.0  # N/m
@@ -29,7 +29,7 @@ _CATCH_LAG = 0.02  # s, damping over stiffness of a catch
 class RobotDrive:
     """Servos of the arm and the gripper, with gravity compensated. ``push`` is called before every physics step."""
 
-    def __init__(self, client: Any, world: World) -> None:
+    def __init__(self, client: Any, world: BulletWorld) -> None:
         import pybullet
 
         self._client, self._body = client, world.robot_body
@@ -132,7 +132,7 @@ class _Spring:
 class SceneDrive:
     """Springs and catches. ``push`` is called before every physics step and costs nothing where there are none."""
 
-    def __init__(self, client: Any, world: World, latches: tuple[Latch, ...]) -> None:
+    def __init__(self, client: Any, world: BulletWorld, latches: tuple[Latch, ...]) -> None:
         import pybullet
 
         self._client, self._torque, self._velocity = client, pybullet.TORQUE_CONTROL, pybullet.VELOCITY_CONTROL

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import struct
-import tempfile
 import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,12 +15,13 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
-from memo_core.interfaces.robot import RobotDescription
 from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
 from memo_core.scene.description import Camera, SceneDescription
-from memo_core.scene.mechanisms import Mechanisms
+from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
+from memo_core.scratch import scratch_folder
 from memo_sim_pybullet.chatter import caught_output
 from memo_sim_pybullet.pictures import Pictures
 from memo_sim_pybullet.settings import PybulletSettings
@@ -31,7 +31,7 @@ _HEADER = struct.Struct("<8s16sII")  # magic, fingerprint, bytes of JSON, bytes 
 
 
 class PybulletSimulator(Simulator):
-    """One robot in one scene. After ``build``, ``client`` is Bullet's own, for whoever needs more."""
+    """One robot in one scene. After ``build``, ``client`` is Bullet's own, for code that needs more."""
 
     def __init__(self, settings: PybulletSettings | None = None) -> None:
         self.settings = settings or PybulletSettings()
@@ -265,7 +265,7 @@ class PybulletSimulator(Simulator):
             "step": self._arm.last_step(),
             "mechanisms": self.mechanisms.memory() if self._moving_parts else None,
         }
-        with tempfile.TemporaryDirectory(prefix="memo-") as folder:
+        with scratch_folder() as folder:
             file = os.path.join(folder, "world.bullet")
             self.client.saveBullet(file)
             world = Path(file).read_bytes()
@@ -286,7 +286,7 @@ class PybulletSimulator(Simulator):
         if len(checkpoint) != end + world:
             raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{end + world}")
         kept = json.loads(checkpoint[_HEADER.size : end])
-        with tempfile.TemporaryDirectory(prefix="memo-") as folder:
+        with scratch_folder() as folder:
             file = os.path.join(folder, "world.bullet")
             Path(file).write_bytes(checkpoint[end:])
             self.client.restoreState(fileName=file)
@@ -340,7 +340,7 @@ class PybulletSimulator(Simulator):
         if window is not None:
             window.close()
 
-    # -- for benchmarks ------------------------------------------------------------------------------------------------
+    # -- for `memo bench sim` ------------------------------------------------------------------------------------------
     def engine_controls(self) -> object:
         """What the engine was given with each step of the last tick: servos, in Bullet, are outside of it."""
         if self._moving_parts:

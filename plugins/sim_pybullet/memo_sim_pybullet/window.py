@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
 from memo_sim_pybullet.chatter import Diversion, caught_output
 from memo_sim_pybullet.settings import PybulletSettings

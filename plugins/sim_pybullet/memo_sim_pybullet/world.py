@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import attrs
 
-from memo_core.arm.fitting import check_fits, may_touch
-from memo_core.arm.urdf import read_urdf
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.robot import RobotDescription
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.urdf import read_urdf
+from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, joined_pairs
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
+from memo_core.scratch import scratch_folder
 from memo_sim_pybullet.chatter import caught_output
 from memo_sim_pybullet.friction import Frictions, frictions_of
 from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
@@ -47,7 +47,7 @@ class SceneJoint:
 
 
 @attrs.frozen(eq=False)
-class World:
+class BulletWorld:
     """``places`` maps names (scene bodies, ``robot/LINK``) to where they are; ``names`` is its inverse."""
 
     robot: RobotDescription
@@ -62,7 +62,9 @@ class World:
     tool: Place
 
 
-def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, settings: PybulletSettings) -> World:
+def build_world(
+    client: Any, scene: SceneDescription, robot: RobotDescription, settings: PybulletSettings
+) -> BulletWorld:
     """Build both descriptions in an empty client, robot at home, gripper open. Raises ``InvalidArgument``."""
     import pybullet
 
@@ -88,7 +90,7 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
     places: dict[str, Place] = {}
     names: dict[tuple[int, int], str] = {}
     indices: dict[str, tuple[int, int]] = {}
-    with tempfile.TemporaryDirectory(prefix="memo-") as folder:
+    with scratch_folder() as folder:
         for number, tree in enumerate(trees):
             text = urdf_text(tree, f"tree{number}")
             digest.update(text.encode())
@@ -96,7 +98,7 @@ def build_world(client: Any, scene: SceneDescription, robot: RobotDescription, s
             file.write_text(text, encoding="utf-8")
             body = _load(client, pybullet, file, tree)
             _index(client, body, tree, frictions, places, names, indices)
-    world = World(
+    world = BulletWorld(
         robot=robot,
         robot_body=places[ROBOT + urdf.root].body,
         fingerprint=digest.digest()[:16],
@@ -184,7 +186,7 @@ def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, frictions: 
     )
 
 
-def _weigh(client: Any, trees: list[Tree], world: World) -> None:
+def _weigh(client: Any, trees: list[Tree], world: BulletWorld) -> None:
     """Give every link its own inertia."""
     # Bullet's inverse dynamics, used for the robot's weight only, keeps the model of its first call and refuses the
     # armatures set below.
@@ -213,7 +215,9 @@ def _pads(robot: RobotDescription, urdf: Any, places: dict, indices: dict) -> tu
     return tuple(found)
 
 
-def _keep_apart(client: Any, world: World, scene: SceneDescription, settings: PybulletSettings, touching: set) -> None:
+def _keep_apart(
+    client: Any, world: BulletWorld, scene: SceneDescription, settings: PybulletSettings, touching: set
+) -> None:
     """Switch off collisions that the descriptions rule out; Bullet's own rules know nothing of them."""
     pairs = set(joined_pairs(scene))
     pairs |= _rigid_pairs(scene)
@@ -233,7 +237,7 @@ def _keep_apart(client: Any, world: World, scene: SceneDescription, settings: Py
                 client.setCollisionFilterPair(one.body, other.body, one.link, other.link, 0)
 
 
-def _sort_by_friction(client: Any, trees: list[Tree], world: World) -> None:
+def _sort_by_friction(client: Any, trees: list[Tree], world: BulletWorld) -> None:
     """Let the copies of smooth surfaces collide with what they are for."""
     links = [spec for tree in trees for spec in tree.links]
     smooth = [spec for spec in links if spec.meets == "smooth"]
@@ -247,7 +251,7 @@ def _sort_by_friction(client: Any, trees: list[Tree], world: World) -> None:
         client.setCollisionFilterPair(first.body, second.body, first.link, second.link, 0)
 
 
-def _both_fixed(world: World, one: str, other: str) -> bool:
+def _both_fixed(world: BulletWorld, one: str, other: str) -> bool:
     return world.places[one].link == world.places[other].link
 
 
@@ -259,7 +263,7 @@ def _rigid_pairs(scene: SceneDescription) -> set[tuple[str, str]]:
     return {(one, other) for one in group for other in group if one < other and group[one] == group[other]}
 
 
-def _set_up_joints(client: Any, pybullet: Any, world: World, scene: SceneDescription) -> None:
+def _set_up_joints(client: Any, pybullet: Any, world: BulletWorld, scene: SceneDescription) -> None:
     robot = world.robot_body
     for index, angle in zip(world.arm, world.robot.home, strict=True):
         client.resetJointState(robot, index, angle)

@@ -92,6 +92,9 @@ class FaissStore(VectorStore):
     def __len__(self) -> int:
         return len(self._ids)
 
+    def ids(self) -> np.ndarray:
+        return np.fromiter(self._ids, dtype=np.int64, count=len(self._ids))
+
     def generation(self) -> int | None:
         return self._generation
 

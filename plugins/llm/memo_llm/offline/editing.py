@@ -3,6 +3,7 @@ person is taken at their word. The caller orders them so that what ranks highest
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import attrs
@@ -43,6 +44,8 @@ def _reverse(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 def _pivot(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     edge = {"up": "top", "down": "bottom"}.get(edit.value, edit.value)
+    if edit.negated:
+        return recipe
     return attrs.evolve(_arc(recipe, edit, rough), pivot=edge)
 
 
@@ -50,52 +53,85 @@ def _way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     way = "out" if edit.value.startswith("away from") else edit.value
     if edit.negated:
         return recipe
+    if way == "in" and recipe.kind == "open":
+        return _first_in(recipe, edit, rough)  # what is to open is not shut by it: it is pushed first
     recipe = _with_path(recipe)
     if recipe.shape == "arc":
         return attrs.evolve(recipe, sense=-1 if way == "in" else 1, way=way)
+    if (
+        way in ("up", "down")
+        and recipe.kind in ("pick", "place")
+        and not edit.said.startswith(("lift", "raise", "pull"))
+    ):
+        return _offset(recipe, edit, rough)  # neither is done by leading something that way
+    if way == "in" and recipe.kind == "close":
+        return _all_the_way(recipe, edit, rough)
     distance = edit.amount.metres if edit.amount and edit.amount.exact else recipe.distance
     return attrs.evolve(recipe, way=way, distance=distance)
 
 
 def _farther(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if edit.amount and edit.amount.exact:
-        return attrs.evolve(
-            recipe, distance=recipe.distance + edit.amount.metres, deeper=_placed_deeper(recipe, edit, rough)
-        )
-    return _stretched(
-        recipe, edit.amount.factor if edit.amount else rough["further"], _placed_deeper(recipe, edit, rough), rough
-    )
-
-
-def _placed_deeper(recipe: Recipe, edit: Edit, rough: Rough) -> float:
-    """Where there is no path, "further" is about where the hand goes."""
-    if not recipe.changes_nothing_held:
-        return recipe.deeper
-    return recipe.deeper + (edit.amount.metres if edit.amount else rough["offset"])
+        return _lengthened(recipe, edit, edit.amount.metres, rough)
+    return _stretched(recipe, edit, edit.amount.factor if edit.amount else rough["further"], rough)
 
 
 def _all_the_way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    deeper = recipe.deeper + (rough["offset"] if recipe.changes_nothing_held else 0.0)
-    return _stretched(recipe, rough["all_the_way"], deeper, rough)
+    return recipe if edit.negated else _stretched(recipe, edit, rough["all_the_way"], rough)
 
 
 def _less_far(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    factor = 0.5 if "half" in edit.said else rough["less"]
-    deeper = recipe.deeper - (rough["offset"] if recipe.changes_nothing_held else 0.0)
-    return _stretched(recipe, factor, deeper, rough)
+    if edit.amount and edit.amount.exact:
+        return _lengthened(recipe, edit, -edit.amount.metres, rough)
+    return _stretched(recipe, edit, 0.5 if "half" in edit.said else rough["less"], rough)
 
 
-def _stretched(recipe: Recipe, factor: float, deeper: float, rough: Rough) -> Recipe:
-    widest = max(rough["widest_angle"], recipe.angle)
+def _lengthened(recipe: Recipe, edit: Edit, metres: float, rough: Rough) -> Recipe:
+    if recipe.changes_nothing_held:
+        return _reached(recipe, metres)
+    angle = recipe.angle if edit.base_degrees is None else edit.base_degrees
+    distance = recipe.distance if edit.base is None else edit.base
+    angle += math.degrees(metres / rough["door_radius"])
     return attrs.evolve(
-        recipe, distance=recipe.distance * factor, angle=min(recipe.angle * factor, widest), deeper=deeper
+        recipe,
+        distance=max(0.005, distance + metres),
+        angle=max(5.0, min(angle, max(rough["widest_angle"], recipe.angle))),
     )
+
+
+def _stretched(recipe: Recipe, edit: Edit, factor: float, rough: Rough) -> Recipe:
+    if recipe.changes_nothing_held:  # where there is no path, "further" is about where the hand goes
+        return _reached(recipe, rough["offset"] if factor > 1 else -rough["offset"])
+    angle = recipe.angle if edit.base_degrees is None else edit.base_degrees
+    distance = recipe.distance if edit.base is None else edit.base
+    turn = (recipe.turn or 90.0) if edit.base_degrees is None else math.copysign(edit.base_degrees, recipe.turn or 1.0)
+    widest = max(180.0 if recipe.kind == "pour" else rough["widest_angle"], recipe.angle)
+    return attrs.evolve(
+        recipe,
+        distance=distance * factor,
+        angle=min(angle * factor, widest),
+        turn=turn * factor if "turn" in recipe.steps else recipe.turn,
+        push=recipe.push * factor,
+    )
+
+
+def _reached(recipe: Recipe, metres: float) -> Recipe:
+    """Farther from the robot, or deeper along an approach that is not from above."""
+    if recipe.approach == "top":
+        x, y, z = recipe.offset
+        return attrs.evolve(recipe, offset=(x + metres, y, z))
+    return attrs.evolve(recipe, deeper=recipe.deeper + metres)
 
 
 def _angle(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if edit.degrees is None:
         return recipe
-    return attrs.evolve(recipe, angle=edit.degrees)
+    if recipe.kind == "pour":
+        return attrs.evolve(recipe, angle=edit.degrees)
+    if "turn" in recipe.steps:
+        return attrs.evolve(recipe, turn=math.copysign(edit.degrees, recipe.turn or 1.0))
+    # Nobody says degrees of what slides.
+    return attrs.evolve(recipe, angle=edit.degrees, shape="arc" if recipe.kind == "open" else recipe.shape)
 
 
 def _offset(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -105,8 +141,14 @@ def _offset(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     direction = _BASE.get("towards" if edit.value == "out" else edit.value)
     if direction is None:
         direction = _BASE["down" if edit.said.endswith(("below", "under")) else "up"]
-    (x, y, z), (dx, dy, dz) = recipe.offset, direction
-    return attrs.evolve(recipe, offset=(x + metres * dx, y + metres * dy, z + metres * dz))
+    if edit.value == "up" and recipe.kind == "pick" and edit.said.startswith(("lift", "raise", "carry")):
+        return attrs.evolve(recipe, distance=(recipe.distance if edit.base is None else edit.base) + metres)
+    # Said relative to an attempt whose place is known, the remark is about where that was, not about where we are now.
+    start = tuple(
+        edit.base * d if edit.base is not None and d else now for now, d in zip(recipe.offset, direction, strict=True)
+    )
+    x, y, z = (round(s + metres * d, 4) for s, d in zip(start, direction, strict=True))
+    return attrs.evolve(recipe, offset=(x, y, z))
 
 
 def _hold_at(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -128,12 +170,16 @@ def _approach(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _tilt(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind == "pour":
+        return attrs.evolve(recipe, angle=edit.degrees) if edit.degrees is not None else _farther(recipe, edit, rough)
     degrees = edit.degrees if edit.degrees is not None else rough["tilt"]
     upwards = edit.value in ("up", "out", "towards", "less")
     return attrs.evolve(recipe, tilt=0.0 if edit.negated else recipe.tilt + (-degrees if upwards else degrees))
 
 
 def _turn_hand(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind == "pour" and edit.degrees is not None:
+        return attrs.evolve(recipe, angle=edit.degrees)
     degrees = edit.degrees if edit.degrees is not None else 90.0
     counter = edit.value == "left" or edit.value.startswith(("counter", "anti"))
     if edit.negated:
@@ -142,12 +188,15 @@ def _turn_hand(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind == "pour":
+        return _turn_hand(recipe, edit, rough)
     degrees = edit.degrees if edit.degrees is not None else 90.0
-    counter = edit.value == "left" or edit.value.startswith(("counter", "anti"))
+    counter = edit.value == "left" or edit.value.startswith(("counter", "anti")) or "unscrew" in edit.said
     steps = recipe.steps
     if "turn" not in steps:
         at = steps.index("path") if "path" in steps else _after_grip(steps)
         steps = (*steps[:at], "turn", *steps[at:])
+    # Clockwise is as one sees it who looks along the hand, which is right-handed about the way it points.
     return attrs.evolve(recipe, steps=steps, turn=0.0 if edit.negated else (-degrees if counter else degrees))
 
 
@@ -227,7 +276,66 @@ def _back_off_before(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 def _force(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     gentle = edit.value in GENTLE
+    if recipe.kind == "place":
+        return recipe  # what is held already is not gripped anew
+    if "close-hand" not in recipe.steps[_after_approach(recipe.steps) :] and "path" in recipe.steps:
+        # Nothing is gripped: what pushes pushes farther, or less far.
+        return _stretched(recipe, edit, rough["less"] if gentle != edit.negated else rough["further"], rough)
     return attrs.evolve(recipe, force=rough["gentle_force"] if gentle != edit.negated else rough["firm_force"])
+
+
+def _after_approach(steps: tuple[str, ...]) -> int:
+    return steps.index("approach") + 1 if "approach" in steps else 0
+
+
+def _first_in(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return _first(recipe, "in", edit.amount.metres if edit.amount and edit.amount.exact else rough["push_in"])
+
+
+def _first_up(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return _first(recipe, "up", edit.amount.metres if edit.amount and edit.amount.exact else rough["lift"])
+
+
+def _first(recipe: Recipe, way: str, metres: float) -> Recipe:
+    kept = tuple(move for move in recipe.first if move[0] != way)
+    return attrs.evolve(_with_path(recipe), first=(*kept, (way, metres)))
+
+
+def _ease(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, eased="path" in recipe.steps and not edit.negated)
+
+
+def _press_turn(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    steps = recipe.steps
+    if "turn" not in steps:
+        at = _after_grip(steps)
+        steps = (*steps[:at], "turn", *steps[at:])
+    return attrs.evolve(recipe, steps=steps, turn=recipe.turn or 90.0, press=rough["press"])
+
+
+def _press_part(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.negated:
+        return recipe
+    steps = ("close-hand", "approach", "path", "back-off", "look")
+    return attrs.evolve(
+        recipe, kind="press", steps=steps, hold_at=edit.value, shape="straight", way="in", distance=rough["press_in"]
+    )
+
+
+def _hold_for(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, hold=edit.seconds if edit.seconds is not None else rough["hold"])
+
+
+def _shake(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind not in ("pick", "pour"):
+        return recipe
+    return attrs.evolve(recipe, shakes=0 if edit.negated else max(1, min(10, edit.count)))
+
+
+def _set_down(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind != "place":
+        return _farther(recipe, edit, rough)  # let go too early: what was led was not led far enough
+    return attrs.evolve(recipe, gap=0.0)
 
 
 def _speed(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -236,6 +344,8 @@ def _speed(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _repeat(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind in ("open", "pull") and edit.count == 2 and not edit.negated:
+        return _ease(recipe, edit, rough)  # what is half open is not taken hold of where it was
     return attrs.evolve(recipe, repeat=1 if edit.negated else max(1, min(10, edit.count)))
 
 
@@ -300,6 +410,14 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "repeat": _repeat,
     "centre": _centre,
     "look": _look,
+    "first-in": _first_in,
+    "first-up": _first_up,
+    "ease": _ease,
+    "press-turn": _press_turn,
+    "hold-for": _hold_for,
+    "press-part": _press_part,
+    "shake": _shake,
+    "set-down": _set_down,
     "stiff-hand": _stiff,
     "follow-hand": _follow,
 }

@@ -1,26 +1,63 @@
-"""Phase 3: a person's words as short notes. What is understood is said again plainly, the rest kept as it was."""
+"""Phase 3: a person's words as short notes. What is surely understood is said again plainly; the rest is asked."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 
 import attrs
 
+from memo_core.interfaces.llm import LanguageModelError
+from memo_core.scene.graph import SceneGraph
+from memo_llm.offline.editing import apply
 from memo_llm.offline.prompt import Prompt
-from memo_llm.offline.reading import Edit, read_sentence
+from memo_llm.offline.reading import Edit, Reading, read_sentence
+from memo_llm.offline.recipe import Habits, Recipe
+from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, than_that
+from memo_llm.offline.rendering import render
 from memo_llm.offline.vocabulary import Vocabulary
 
 _EVERYWHERE = re.compile(r"\b(always|never|every time|whenever|in general|generally|anything|any \w+|all \w+s)\b")
 _FILLERS = re.compile(
     r"^(?:(?:no|well|hm+|hey|ok(?:ay)?|please|and|so|but|then)[, ]+)+|[, ]+(?:please|ok(?:ay)?)$", re.I
 )
-_EXCLAIMED = re.compile(r"(?:(?:oh|no|nope|hey|wait|well|hm+|ok(?:ay)?|please)\b[,! ]*)+\.", re.I)
 _MUST = re.compile(
     r"^(?:you(?:'ve| have)? (?:got to|have to|need to|must|should|can|could|to)|you'd better|try to|i want you to) ",
     re.I,
 )
-_LINK = {"left": "to the left", "right": "to the right", "up": "higher", "down": "lower", "out": "towards the robot"}
+_LINK = {
+    "left": "to the left",
+    "right": "to the right",
+    "up": "higher",
+    "down": "lower",
+    "out": "towards the robot",
+    "towards": "nearer to yourself",
+    "away": "farther away",
+}
+# Edits that say how something is to be: following one changes nothing where it is so already.
+_STATES = frozenset(
+    [
+        "straight",
+        "arc",
+        "hold-at",
+        "approach",
+        "release",
+        "hold-on",
+        "open-first",
+        "close-first",
+        "centre",
+        "stiff-hand",
+        "fingers",
+        "look",
+        "tilt",
+        "turn-hand",
+        "back-off",
+    ]
+)
+
+_OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
+_OF_ANY_MOTION = frozenset({"offset", "speed", "force"})
 
 
 @attrs.frozen
@@ -29,46 +66,196 @@ class NotesAnswer:
     not_understood: tuple[str, ...]
 
 
-def note(prompt: Prompt, vocabulary: Vocabulary) -> NotesAnswer:
-    """Corrections and general statements. Raises ``LanguageModelError`` naming what the prompt lacks."""
+@attrs.frozen
+class Heard:
+    """What was made of a person's words. ``question``: what has to be asked before anything follows from them."""
+
+    recipe: Recipe | None  # the plain way to do what was spoken of; None for a verb that is not known
+    sentences: tuple[str, ...]
+    readings: tuple[Reading, ...]
+    edits: tuple[Edit, ...]
+    question: str
+
+    @property
+    def not_understood(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(part for reading in self.readings for part in reading.not_understood))
+
+
+def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
+    """What a person means who said ``words`` of the prompt's subtask."""
+    action, objects = prompt.subtask
+    known = [node.label for node in scene.nodes] + list(objects)
+    recipe = habits.recipe(action, objects)
+    kind = recipe.kind if recipe is not None else ""
+    sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip())
+    readings = tuple(read_sentence(sentence, vocabulary, known, kind) for sentence in sentences)
+    edits = _settled([edit for reading in readings for edit in reading.edits], kind)
+    effective = recipe is not None and _effective(edits, recipe, habits, prompt, scene)
+    question = _question(words, readings, edits, recipe, effective, vocabulary)
+    return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
+    """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
+    prompt lacks."""
     words = prompt.quoted("what the person said")
     scene = prompt.scene()
-    _, objects = prompt.subtask
-    known = [node.label for node in scene.nodes] + list(objects)
+    heard = hear(words, prompt, scene, habits, vocabulary)
+    plans = _plans(words, heard, prompt)
+    if plans:
+        return _answer(heard, plan=plans)
+    if heard.question:
+        # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
+        return _answer(heard, unclear=heard.question)
+    attempt = _attempt(heard, prompt, scene)
     corrections: list[str] = []
     general: list[str] = []
-    missed: list[str] = []
-    understood = False
-    for sentence in re.split(r"(?<=[.!?])\s+|\n+", words.strip()):
-        reading = read_sentence(sentence, vocabulary, known)
-        missed += reading.not_understood
-        notes = [said for edit in reading.edits if (said := _said(edit))]
-        understood = understood or bool(notes)
-        if not notes and sentence.strip():
+    for sentence, reading in zip(heard.sentences, heard.readings, strict=True):
+        notes = [said for edit in reading.edits if edit in heard.edits and (said := _said(edit, heard.recipe, attempt))]
+        if not notes and len(sentence.split()) > 2 and not vocabulary.praises(sentence):
             notes = [_plainly(sentence)]
-        (general if _EVERYWHERE.search(sentence.lower()) and reading.edits else corrections).extend(notes)
+        everywhere = _EVERYWHERE.search(sentence.lower()) and reading.edits
+        (general if everywhere else corrections).extend(notes)
         general += [edit.phrase.general for edit in reading.edits if edit.phrase is not None and edit.phrase.general]
-    if not understood and not general:
-        # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
-        why = f"none of it is understood: {' '.join(words.split())[:300]}"
-        answer = {"corrections": [], "general": [], "unclear": why}
-        return NotesAnswer(json.dumps(answer, ensure_ascii=False), tuple(dict.fromkeys(missed)))
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
-    if len(corrections) + len(general) > 1:
-        corrections = [said for said in corrections if not _EXCLAIMED.fullmatch(said)]
-    answer = {"corrections": list(dict.fromkeys(corrections)), "general": list(dict.fromkeys(general)), "unclear": ""}
-    return NotesAnswer(json.dumps(answer, ensure_ascii=False), tuple(dict.fromkeys(missed)))
+    return _answer(heard, corrections, general)
 
 
-def _said(edit: Edit) -> str:
+def _answer(
+    heard: Heard,
+    corrections: Iterable[str] = (),
+    general: Iterable[str] = (),
+    plan: Iterable[str] = (),
+    unclear: str = "",
+) -> NotesAnswer:
+    lists = {"corrections": corrections, "general": general, **({"plan": plan} if plan else {})}
+    answer: dict[str, object] = {name: list(dict.fromkeys(notes)) for name, notes in lists.items()}
+    return NotesAnswer(json.dumps(answer | {"unclear": unclear}, ensure_ascii=False), heard.not_understood)
+
+
+def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
+    """Notes about the plan, where the prompt asks for them and the words say what is to be done before."""
+    asked_for = '"plan"' in prompt.section("answer")
+    if not asked_for or not any(edit.kind == "plan" for edit in heard.edits):
+        return []
+    return [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
+
+
+# -- what is asked back -----------------------------------------------------------------------------------------------
+
+
+def _question(
+    words: str,
+    readings: Iterable[Reading],
+    edits: list[Edit],
+    recipe: Recipe | None,
+    effective: bool,
+    vocabulary: Vocabulary,
+) -> str:
+    """What has to be asked before anything is noted; "" where the words are surely understood."""
+    quoted = " ".join(words.split())[:200]
+    if not edits:
+        if vocabulary.praises(words):
+            return f"that sounds as if it was right as it was; was it? You said: {quoted}"
+        return (
+            "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
+            f"None of it is understood: {quoted}"
+        )
+    if any(edit.kind == "plan" for edit in edits):
+        return f"is that a step of its own, to be done before this one? You said: {quoted}"
+    swung = [edit for edit in edits if edit.kind in _OF_DOORS]
+    if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
+        return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
+    understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
+    opposed = _opposed(edits, vocabulary)
+    if opposed:
+        return f"which of the two is meant: {opposed}? You said: {quoted}"
+    unsure = [part for reading in readings if reading.edits for part in reading.unsure]
+    if unsure:
+        return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
+    if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):
+        return f"I do not know this action; which way should the hand move for: {understood} You said: {quoted}"
+    if recipe is not None and not effective:
+        return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
+    return ""
+
+
+def _settled(edits: list[Edit], kind: str) -> list[Edit]:
+    """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
+    kinds = {edit.kind for edit in edits}
+    if any(edit.kind == "angle" and edit.degrees is not None for edit in edits):
+        edits = [edit for edit in edits if edit.kind not in LENGTHS]
+    if any(edit.kind == "pivot" and not edit.negated for edit in edits):  # the edge says which way round
+        edits = [edit for edit in edits if edit.kind != "reverse"]
+    measured = {(edit.kind, edit.value) for edit in edits if edit.amount is not None and edit.amount.exact}
+    edits = [
+        edit
+        for edit in edits
+        if (edit.kind, edit.value) not in measured or (edit.amount is not None and edit.amount.exact)
+    ]
+    if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
+        edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
+    if "fingers" in kinds:  # how they lie in the end; a turn said beside it is the way there
+        edits = [edit for edit in edits if edit.kind != "turn-hand"]
+    return edits
+
+
+def _effective(edits: list[Edit], recipe: Recipe, habits: Habits, prompt: Prompt, scene: SceneGraph) -> bool:
+    """Whether the hand will do anything differently, or says how it does it already."""
+    changed = recipe
+    for edit in edits:
+        changed = apply(changed, edit, habits.rough)
+    if any(edit.kind in _STATES and not _idle(edit) for edit in edits):
+        return True
+    subtask = prompt.section("subtask")
+    return render(changed, subtask, scene, prompt.task, []) != render(recipe, subtask, scene, prompt.task, [])
+
+
+def _idle(edit: Edit) -> bool:
+    """Whether nothing follows from an edit: "not from the left" does not say from where."""
+    return edit.negated and edit.kind in ("hold-at", "release", "hold-on", "fingers", "centre", "approach")
+
+
+def _opposed(edits: list[Edit], vocabulary: Vocabulary) -> str:
+    """Two edits that cannot both be meant, in words; "" where there are none."""
+    for i, one in enumerate(edits):
+        for other in edits[i + 1 :]:
+            if one.kind != other.kind or one.negated or other.negated:
+                continue
+            opposite = vocabulary.opposites.get(one.value) == other.value != ""
+            if opposite and one.kind in ("offset", "force", "speed", "pivot"):
+                return f"{_said(one, None, None)} {_said(other, None, None)}"
+    return ""
+
+
+# -- what is noted -----------------------------------------------------------------------------------------------------
+
+
+def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph) -> Attempted:
+    """What the attempt did, where a remark is relative to that."""
+    if heard.recipe is None or not any(edit.kind in (*PLACES, *LENGTHS) for edit in heard.edits):
+        return Attempted()
+    try:
+        code = prompt.code("code")
+    except LanguageModelError:  # it was said of something else than code
+        return Attempted()
+    habit = render(heard.recipe, prompt.section("subtask"), scene, prompt.task, [])
+    return attempted(code, habit, heard.recipe, scene)
+
+
+def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
     """The edit in plain words, amounts as the person named them."""
     if edit.phrase is None or not edit.phrase.say:
         return ""
     amount = edit.amount.words if edit.amount else ""
     angle = f"{edit.degrees:g} degrees" if edit.degrees is not None else ""
+    seconds = f"{edit.seconds:g} seconds" if edit.seconds is not None else "a while"
+    times = f"{edit.count} times"
     value = _LINK.get(edit.value, edit.value) if edit.kind == "offset" else edit.value
-    text = edit.phrase.say.format(value=value, amount=amount, angle=angle)
+    if edit.kind == "pivot":
+        value = {"up": "top", "down": "bottom"}.get(value, value)
+    text = edit.phrase.say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
     text = (
         re.sub(r"\s+(?=[.,])", "", " ".join(text.split())).replace(" by.", ".").replace(" from.", " from another side.")
     )
@@ -76,6 +263,10 @@ def _said(edit: Edit) -> str:
         text = text.removesuffix(".") + f" {edit.value}."
     if edit.negated:
         text = "Do not " + text[0].lower() + text[1:]
+    elif recipe is not None and attempt is not None and (than := than_that(edit, recipe, attempt)):
+        if than.startswith(" than") and edit.kind == "offset" and text.endswith(("to the left.", "to the right.")):
+            text = text.replace(" to the ", " further to the ").replace(" more further", " further")
+        text = text.removesuffix(".") + than + "."
     return text
 
 

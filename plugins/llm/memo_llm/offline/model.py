@@ -61,10 +61,13 @@ class OfflineModel(LanguageModel):
             code = write_code(prompt, self._habits, self._vocabulary)
             return f"```python\n{code.text}```", code.not_understood
         if phase == "feedback":
-            noted = note(prompt, self._vocabulary)
+            noted = note(prompt, self._habits, self._vocabulary)
             return noted.text, noted.not_understood
         if phase == "cluster":
             condensed = condense(prompt, self._vocabulary)
             return condensed.text, condensed.not_understood
+        if phase == "merge":
+            # Each of its programs does the whole subtask, from wherever things are: the last is the one that worked.
+            return f"```python\n{prompt.last_code('programs')}\n```", ()
         template = generalise(prompt)
         return template.text, template.not_understood

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from memo_llm.offline.code_builder import Sheet
 from memo_llm.offline.directions import BASE_WAYS, heading_of
 from memo_llm.offline.recipe import Recipe
-from memo_llm.offline.sheet import Sheet
 from memo_llm.offline.surroundings import Surroundings
 
 
@@ -106,6 +106,8 @@ def _steps(recipe: Recipe, sheet: Sheet, sideways: bool, clearance: str) -> None
     at = "target"
     for step in recipe.steps:
         if step == "open-hand":
+            if recipe.hold:
+                sheet.add(f"wait({sheet.constant('HOLD', recipe.hold, 'seconds before it is let go')})")
             sheet.add(f"open_gripper({opening})")
         elif step == "close-hand":
             sheet.add("close_gripper()")

@@ -8,7 +8,7 @@ from collections import Counter
 import attrs
 
 from memo_core.scene.graph import Node, SceneGraph
-from memo_llm.offline.prompt import Prompt, read_subtask
+from memo_llm.offline.prompt import Prompt, read_subtask, unreadable
 from memo_llm.offline.surroundings import descendants, doors, find, last_word, space_of, states
 
 _OPEN = r"open(?: up)?|pull open|swing open|slide open"
@@ -17,7 +17,9 @@ _PUT = r"put|place|store|insert|move|bring|set|lay|drop|return|stow"
 _PICK = r"pick up|pick|take out|take|grab|grasp|fetch|get|lift|remove|hand over"
 _STACK = r"stack|pile(?: up)?|build a tower (?:of|from|with)"
 _INTO = r"in|into|inside|inside of|on|onto|on top of|to|at"
-_LETTERS = "abcdefghijklmnopqrstuvwxyz "
+_PARTICLES = "on|off|up|down|out|in|away|over|back|open|shut"
+_WITH = "with|into|onto|in|on|to|over|from|at|against"
+_ALWAYS_THERE = ("table", "floor", "robot", "arm", "hand", "gripper")
 MOST_LOOKS = 6  # closed things opened in search of something
 
 
@@ -39,7 +41,8 @@ class Plan:
 
 
 def plan(prompt: Prompt) -> Plan:
-    """The next subtask or DONE. Raises ``LanguageModelError`` for a prompt that lacks a section."""
+    """The next subtask or DONE. Raises ``LanguageModelError`` for a prompt that lacks a section, and for a task whose
+    words name nothing that is to be seen."""
     scene = prompt.scene()
     done = [read_subtask(line) for line in prompt.bullets("done")]
     wishes, unread = read_task(prompt.task, scene)
@@ -47,8 +50,23 @@ def plan(prompt: Prompt) -> Plan:
     for wish in wishes:
         step = _next(wish, scene, done, prompt.task)
         if step:
-            return Plan(step, unread)
+            return Plan(_usable(step, scene, prompt.task), unread)
+    if unread and not wishes:
+        raise unreadable(f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing")
     return Plan("DONE", unread)
+
+
+def _usable(step: str, scene: SceneGraph, task: str) -> str:
+    """The step, where all that it names is to be seen. Raises ``LanguageModelError`` saying to people what is not."""
+    action, objects = read_subtask(step)
+    unseen = [name for name in objects if name not in _ALWAYS_THERE and find(scene, name) is None]
+    if not unseen:
+        return step
+    seen = ", ".join(node.label for node in scene.nodes if node.kind in ("object", "fixture"))
+    raise unreadable(
+        f"for {task!r} it would {action} {unseen[0]!r}, and nothing by that name is to be seen; there are {seen}. "
+        "It knows nothing but names and verbs: another language model may know what is meant"
+    )
 
 
 def read_task(task: str, scene: SceneGraph) -> tuple[list[Wish], tuple[str, ...]]:
@@ -98,9 +116,11 @@ def _wish(clause: str, before: list[Wish]) -> Wish | None:
             kind = "in" if relation.startswith("in") else "on" if relation.startswith("on") else ""
             what = groups.get("what") or groups.get("what2") or ""
             return Wish(verb, thing(what), thing(groups.get("where") or ""), kind, clause.split(" ")[0])
-    words = clause.split(" ")
-    if len(words) > 1 and set(words[0]) <= set(_LETTERS):
-        return Wish("other", thing(" ".join(words[1:])), "", "", words[0])
+    match = re.fullmatch(
+        rf"(?P<verb>[a-z]+(?: (?:{_PARTICLES}))?)(?: (?P<what>.+?))?(?: (?:{_WITH}) (?P<where>.+))?", clause
+    )
+    if match and match.group("what"):
+        return Wish("other", thing(match.group("what")), thing(match.group("where") or ""), "", match.group("verb"))
     return None
 
 
@@ -117,7 +137,8 @@ def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]
         return _away_step(wish, scene, done)
     if wish.verb == "stack":
         return _stack_step(wish, scene, done)
-    step = _call(wish.spoken, wish.what if find(scene, wish.what) is None else find(scene, wish.what).label)  # type: ignore[union-attr]
+    named = [node.label for name in (wish.what, wish.where) if name and (node := find(scene, name)) is not None]
+    step = _call(wish.spoken, *(named or [wish.what]))
     return "" if read_subtask(step) in done else step
 
 

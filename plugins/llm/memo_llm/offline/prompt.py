@@ -16,6 +16,7 @@ BACKEND = "offline"
 
 PHASE_TITLES = {  # words of a prompt's title, phase
     "condense": "cluster",
+    "merge": "merge",
     "plan": "plan",
     "write": "code",
     "code": "code",
@@ -35,6 +36,16 @@ class Entry:
 
     text: str
     key: str = ""
+
+
+@attrs.frozen
+class Corrected:
+    """One attempt that was found fault with: the person's words, the notes made of them, and the code ("" where the
+    prompt shows none)."""
+
+    words: str
+    notes: list[Entry]
+    code: str = ""
 
 
 @attrs.frozen(eq=False)
@@ -68,7 +79,7 @@ class Prompt:
 
     @property
     def phase(self) -> str:
-        """plan, code, feedback or template, by the title's words. Raises ``LanguageModelError``."""
+        """plan, code, feedback, template, merge or cluster, by the title's words. Raises ``LanguageModelError``."""
         words = re.findall(r"[a-z]+", self.title)
         # "Turn code that worked into a template" also says code: the last telling word decides.
         found = [PHASE_TITLES[word] for word in words if word in PHASE_TITLES]
@@ -115,15 +126,37 @@ class Prompt:
 
     def code(self, *words: str) -> str:
         """The first code block of a section. Raises ``LanguageModelError``."""
-        match = re.search(r"```(?:python)?[ \t]*\n(.*?)^```", self.section(*words) + "\n", re.S | re.M)
-        if match is None:
+        return self._codes(*words)[0]
+
+    def last_code(self, *words: str) -> str:
+        """The last Python block of a section. Raises ``LanguageModelError``."""
+        return self._codes(*words)[-1]
+
+    def _codes(self, *words: str) -> list[str]:
+        blocks = re.findall(r"^```(\w*)[ \t]*\n(.*?)^```", self.section(*words) + "\n", re.S | re.M)
+        codes = [code.rstrip("\n") for language, code in blocks if language in ("", "python")]
+        python = [code.rstrip("\n") for language, code in blocks if language == "python"]
+        if not codes:
             raise unreadable(f"the section '## {words[0].capitalize()}' has no code block")
-        return match.group(1).rstrip("\n")
+        return python or codes
+
+    def corrected(self) -> list[Corrected]:
+        """The attempts of this run that a person found fault with, newest first."""
+        blocks: list[list[str]] = []
+        fenced = False
+        for line in self.sections.get("just corrected", "").splitlines():
+            fenced ^= line.startswith("```")
+            if line.startswith("### ") and not fenced:
+                blocks.append([])
+            elif blocks:
+                blocks[-1].append(line)
+        return [_corrected("\n".join(block)) for block in reversed(blocks)]
 
     def attempts(self) -> int:
-        """How many attempts at this subtask the prompt shows."""
+        """How many attempts at this subtask the prompt shows from which nothing was noted that could be followed."""
         heads = [text for heading, text in self.sections.items() if heading.startswith("earlier attempts")]
-        return sum(line.startswith("### ") for text in heads for line in text.splitlines())
+        ended = sum(line.startswith("### ") for text in heads for line in text.splitlines())
+        return ended + sum(not one.notes for one in self.corrected())
 
     def scene(self) -> SceneGraph:
         """The scene as far as its table and sentences tell. Raises ``LanguageModelError``."""
@@ -142,6 +175,19 @@ def read_subtask(text: str) -> tuple[str, tuple[str, ...]]:
 def _entry(line: str) -> Entry:
     match = re.match(r"\[([^\]]*)\]\s*(.*)", line, re.S)
     return Entry(match.group(2), match.group(1)) if match else Entry(line)
+
+
+def _outside_fences(text: str) -> str:
+    """Without code blocks: what a program printed is no note."""
+    return re.sub(r"^```.*?^```[^\n]*$", "", text, flags=re.S | re.M)
+
+
+def _corrected(block: str) -> Corrected:
+    code = re.search(r"^```python[ \t]*\n(.*?)^```", block, re.S | re.M)
+    lines = _outside_fences(block).splitlines()
+    words = "\n".join(line[2:] for line in lines if line.startswith("> "))
+    notes = [_entry(line[2:].strip()) for line in lines if line.startswith("- ")]
+    return Corrected(words, [note for note in notes if note.text != "nothing"], code.group(1) if code else "")
 
 
 # -- the scene --------------------------------------------------------------------------------------------------------

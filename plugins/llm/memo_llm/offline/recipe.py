@@ -19,7 +19,7 @@ class Recipe:
     """How one subtask is done. Lengths in metres, angles in degrees. Directions are words whose meaning the code works
     out when it runs: ``out`` and ``in`` belong to the thing; ``up``, ``left``, ``towards`` (the robot) to the base."""
 
-    kind: str  # open, close, pick, place, push, pull, turn
+    kind: str  # open, close, pick, place, push, pull, turn, pour; press: a part of it, whatever the subtask
     thing: str
     place: str | None = None
     steps: tuple[str, ...] = ()
@@ -45,6 +45,12 @@ class Recipe:
     repeat: int = 1
     force: float | None = None
     speed: float | None = None
+    push: float = 0.025  # between two looks, where something is pushed until it is shut
+    first: tuple[tuple[str, float], ...] = ()  # (way, metres) of what is held, before its path
+    eased: bool = False  # after the path: back a little and once more
+    press: float = 0.0  # newtons along the approach while turning
+    hold: float = 0.0  # seconds that the hand stays before it lets go or leaves
+    shakes: int = 0  # up and down, of what is held
     gap: float = 0.008  # that a thing is let fall
     over: float = 0.04  # above its place on the way into something that opens to the side
 

@@ -8,11 +8,14 @@ import textwrap
 import attrs
 
 from memo_core.scene.graph import SceneGraph
+from memo_llm.offline.code_builder import Sheet
 from memo_llm.offline.directions import BASE_WAYS, REVERSED, heading_of
 from memo_llm.offline.placing import write_placing
+from memo_llm.offline.pouring import write_pouring
 from memo_llm.offline.recipe import Recipe
-from memo_llm.offline.sheet import Sheet
 from memo_llm.offline.surroundings import Surroundings
+
+BESIDE = " if abs(heading[2]) < 0.7 else top_orientation()"  # a lid without a handle may face upwards
 
 
 def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: list[str]) -> str:
@@ -25,6 +28,8 @@ def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: 
         return _looking_for(recipe, sheet)
     if recipe.kind == "place":
         write_placing(recipe, around, sheet)
+    elif recipe.kind == "pour":
+        write_pouring(recipe, around, sheet)
     else:
         _gripping(recipe, around, sheet, task)
     return sheet.code(recipe.repeat)
@@ -46,7 +51,10 @@ def _looking_for(recipe: Recipe, sheet: Sheet) -> str:
 
 
 def _gripping(recipe: Recipe, around: Surroundings, sheet: Sheet, task: str) -> None:
-    if recipe.kind in ("open", "close", "pull", "push") and (around.door or around.handle):
+    part = around.part(recipe.hold_at)
+    if recipe.kind == "press" and part is not None:
+        _press_part(recipe, around, part.label, sheet)
+    elif recipe.kind in ("open", "close", "pull", "push", "press") and (around.door or around.handle):
         _hold_door(recipe, around, sheet)
     else:
         _hold_object(recipe, around, sheet, task)
@@ -58,10 +66,25 @@ def _gripping(recipe: Recipe, around: Surroundings, sheet: Sheet, task: str) -> 
     if recipe.hand_turn:
         turn = sheet.constant("HAND_TURN", recipe.hand_turn, "degrees, about the way the hand points")
         sheet.add(f"hold = turn_orientation(hold, heading, math.radians({turn}))")
-    if recipe.steps[:1] == ("close-hand",):
+    if recipe.steps[:1] == ("close-hand",) and recipe.kind != "press":
         sheet.add("grasp = along(grasp, opposite(heading), 0.02)  # closed fingers push from outside")
     _path(recipe, around, sheet)
     _steps(recipe, around, sheet)
+
+
+def _press_part(recipe: Recipe, around: Surroundings, part: str, sheet: Sheet) -> None:
+    """``out``, ``grasp``, ``heading`` and ``hold`` for a button on the face of a thing."""
+    assert around.thing is not None
+    sheet.constant("THING", around.thing.label)
+    sheet.constant("HELD", part)
+    sheet.add(
+        "# Which way the part faces: it sticks out of the thing on that side.",
+        "out = facing(THING, get_position(HELD))",
+        "grasp = get_position(HELD)",
+        "grasp = along(grasp, out, extent(HELD, out) / 2)",
+        "heading = opposite(out)",
+        'hold = top_orientation() if out[2] > 0.7 else side_orientation(heading, "horizontal")',
+    )
 
 
 def _hold_door(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
@@ -76,7 +99,7 @@ def _hold_door(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
         sheet.add("out = facing(DOOR, get_position(HANDLE))")
     else:
         owner = sheet.constant("OWNER", (around.owner or door).label)
-        sheet.add(f"out = level(between(get_position({owner}), get_position(DOOR)))")
+        sheet.add(f"out = facing({owner}, get_position(DOOR))")
     if held is not None and held is around.handle:
         sheet.add("grasp = get_position(HANDLE)")
     elif held is not None:
@@ -151,7 +174,8 @@ def _hold(recipe: Recipe, sheet: Sheet, bar: str) -> None:
             sheet.add("# The fingers close across the bar.")
             sheet.add(f'fingers = "horizontal" if abs({bar}[2]) > 0.7 else "vertical"')
             fingers = "fingers"
-        sheet.add(f"hold = side_orientation(heading, {fingers})")
+        beside = "" if "HANDLE" in sheet.constants or "DOOR" not in sheet.constants else BESIDE
+        sheet.add(f"hold = side_orientation(heading, {fingers}){beside}")
     _tilted(recipe, sheet)
 
 
@@ -215,7 +239,7 @@ def _path(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
         return
     way = _way(recipe, has_out)
     if _pushes_shut(recipe, sheet):
-        sheet.constant("PUSH", 0.025, "metres between two looks")
+        sheet.constant("PUSH", recipe.push, "metres between two looks")
     else:
         distance = sheet.constant("DISTANCE", recipe.distance, "metres")
         sheet.add(f"path = [[along(grasp, {way}, {distance}), hold]]")
@@ -276,8 +300,12 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     has_out = any(line.startswith("out =") for line in sheet.body)
     moved = False
     at = "grasp"
+    waits, waits_after = recipe.hold > 0, recipe.steps.index("approach") if "approach" in recipe.steps else 0
     for i, step in enumerate(recipe.steps):
         later = recipe.steps[i + 1 :]
+        if waits and i > waits_after and step in ("open-hand", "back-off", "look"):
+            sheet.add(f"wait({sheet.constant('HOLD', recipe.hold, 'seconds before it is let go')})")
+            waits = False
         if step == "open-hand":
             sheet.add(f"open_gripper({opening})")
         elif step == "close-hand":
@@ -303,20 +331,56 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
             )
         elif step == "path":
             then = ", then=[[after, path[-1][1]]]" if "after = " in "\n".join(sheet.body) else ""
-            sheet.add(f"follow_path(path{then}{speed})")
+            if "turn" in recipe.steps[:i]:
+                sheet.add(
+                    "path = [[point, get_gripper_orientation()] for point, turned_to in path]  # as it is turned now"
+                )
+            _first_moves(recipe, sheet, has_out, speed)
+            if recipe.eased:
+                _eased(recipe, sheet, has_out, then, speed)
+            else:
+                sheet.add(f"follow_path(path{then}{speed})")
             at, moved = "path[-1][0]", True
         elif step == "turn":
             turn = sheet.constant("TURN", recipe.turn or 90.0, "degrees about the way the hand points")
-            sheet.add(f"rotate_gripper(math.radians({turn}))")
+            push = f", push={sheet.constant('PRESS', recipe.press, 'newtons while it turns')}" if recipe.press else ""
+            sheet.add(f"rotate_gripper(math.radians({turn}){push})")
         elif step == "back-off":
             direction = "leaving" if moved else "heading"
             sheet.add(f"follow_path([along({at}, opposite({direction}), {clearance})])")
         elif step == "look":
             sheet.add("look()")
+    if recipe.shakes:
+        sheet.add(*_shaking(recipe, sheet))
     if recipe.kind == "pick":
         sheet.add(
             "if not is_holding():", '    print("nothing is held: the fingers are", get_gripper_width(), "m apart")'
         )
+
+
+def _first_moves(recipe: Recipe, sheet: Sheet, has_out: bool, speed: str) -> None:
+    """What is done to the held thing before its path: pushed in, or lifted and kept so."""
+    for way, metres in recipe.first:
+        name = sheet.constant(f"FIRST_{way.upper()}", metres, "metres, before anything else")
+        direction = BASE_WAYS.get(way) or ("opposite(out)" if has_out else "heading")
+        sheet.add(f"follow_path([[along(grasp, {direction}, {name}), hold]]{speed})")
+        if way == "up":
+            sheet.add(f"path = [[along(point, {direction}, {name}), turned_to] for point, turned_to in path]")
+
+
+def _eased(recipe: Recipe, sheet: Sheet, has_out: bool, then: str, speed: str) -> None:
+    """Along the path, back a little where it ends or sticks, and once more."""
+    ease = sheet.constant("EASE", 0.03, "metres to let it come back before it is led on")
+    sheet.add(
+        "try:",
+        f"    follow_path(path{then}{speed})",
+        "except MotionError as error:",
+        '    print("it sticks:", error)',
+        "stuck = get_gripper_position()",
+        "back = unit(between(stuck, grasp))",
+        f"follow_path([[along(stuck, back, {ease}), get_gripper_orientation()]]{speed})",
+        f"follow_path([point for point in path if dot(between(stuck, point[0]), back) < 0.01]{then}{speed})",
+    )
 
 
 def _approach_lines(recipe: Recipe, sheet: Sheet, leads_on: bool, speed: str) -> None:
@@ -344,6 +408,15 @@ def _approach_lines(recipe: Recipe, sheet: Sheet, leads_on: bool, speed: str) ->
         sheet.add(f"follow_path([[grasp, hold]], then=path{speed})")
     else:
         sheet.add(f"move_to(start, hold, then=[[grasp, hold]]{speed})", f"follow_path([[grasp, hold]]{speed})")
+
+
+def _shaking(recipe: Recipe, sheet: Sheet) -> list[str]:
+    shakes = sheet.constant("SHAKES", recipe.shakes, "times up and down")
+    return [
+        "here, hold = get_gripper_position(), get_gripper_orientation()",
+        f"for shake in range({shakes}):",
+        "    follow_path([[along(here, [0.0, 0.0, 1.0], 0.05), hold], [here, hold]], speed=1.0)",
+    ]
 
 
 # -- putting down -----------------------------------------------------------------------------------------------------

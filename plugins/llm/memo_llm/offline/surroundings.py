@@ -20,12 +20,38 @@ def last_word(label: str) -> str:
     return words[-1] if words else ""
 
 
+SIDES = {  # of several alike, the one that is meant: axis and sign in the base frame
+    "left": (1, 1),
+    "leftmost": (1, 1),
+    "right": (1, -1),
+    "rightmost": (1, -1),
+    "front": (0, -1),
+    "near": (0, -1),
+    "nearest": (0, -1),
+    "closest": (0, -1),
+    "back": (0, 1),
+    "far": (0, 1),
+    "farthest": (0, 1),
+    "upper": (2, 1),
+    "top": (2, 1),
+    "lower": (2, -1),
+    "bottom": (2, -1),
+}
+
+
 def find(scene: SceneGraph, name: str) -> Node | None:
-    """A node by its name; failing that, the only one whose name ends or begins with it."""
+    """A node by its name; failing that, the only one whose name ends or begins with it; of several that are alike the
+    one on the side that is named ("the left jar")."""
     try:
         return scene.node(name)
     except UnknownName:
         pass
+    side, _, kind = name.lower().partition(" ")
+    if side in SIDES and kind:
+        axis, sign = SIDES[side]
+        alike = [n for n in scene.nodes if n.kind == "object" and last_word(n.label) == last_word(kind)]
+        if len(alike) > 1:
+            return max(alike, key=lambda n: sign * n.pose.position[axis])
     wanted = name.lower().split()
     close = [
         n

@@ -118,10 +118,15 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> lis
     if arguments is None:
         return []
     call = f"{function.name}({', '.join(f'{k}={v!r}' for k, v in arguments.items())})"
+    return imagined(f"{template.text}\n\n{call}\n", scene)
+
+
+def imagined(code: str, scene: SceneGraph) -> list[Event]:
+    """What the hand would do if the code ran on the scene."""
     hand = ImaginedHand(scene)
     with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
         # What fails half-way was still going somewhere: the events up to there count.
-        sandbox.run(f"{template.text}\n\n{call}\n", hand, stopped=lambda: False)
+        sandbox.run(code, hand, stopped=lambda: False)
     return hand.events
 
 
@@ -184,7 +189,7 @@ def _counterpart(said: str, parameter: str, old: list[str], new: tuple[str, ...]
 
 
 def _shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe:
-    held, gripped = _held_path(events)
+    _, gripped = _held_path(events)
     before = events[:gripped]
     opened = [event for event in before if event.kind == "open"]
     changes: dict[str, object] = {}
@@ -194,8 +199,16 @@ def _shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe
     elif "open-hand" in recipe.steps[:1]:
         changes["steps"] = recipe.steps[1:]
     recipe = attrs.evolve(recipe, **changes)  # type: ignore[arg-type]
-    if len(held) < 2 or recipe.kind in ("place", "pick"):
+    if recipe.kind in ("place", "pick"):
         return recipe
+    return path_shaped(recipe, events, around) or recipe
+
+
+def path_shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe | None:
+    """The recipe with the shape, sense and length of the path that something held is led along; None without one."""
+    held, _ = _held_path(events)
+    if len(held) < 2:
+        return None
     points = np.array([pose.position for pose in held])
     turned = quaternion_angle(held[0].orientation, held[-1].orientation)
     if _bend(points) <= STRAIGHT:

@@ -11,14 +11,18 @@ import attrs
 import yaml
 
 from memo_core.errors import InvalidArgument
+from memo_llm.offline.spelling import number
 
-_UNITS = {"cm": 0.01, "centi": 0.01, "mm": 0.001, "milli": 0.001, "inch": 0.0254, "m": 1.0, "meter": 1.0, "metre": 1.0}
+_UNITS = {"cm": 0.01, "mm": 0.001, "inch": 0.0254, "m": 1.0}
 
 
 @attrs.frozen
 class Phrase:
     """A group of phrasings that mean one edit. ``opposite`` is the edit that "don't" makes of it, ``general`` a
-    statement that holds for other objects too, made when one of its phrasings explains why (``lesson``)."""
+    statement that holds for other objects too, made when one of its phrasings explains why (``lesson``). ``whole``:
+    read before a sentence is taken apart. ``value`` is what is meant where no words name it, ``values`` a table that is
+    looked into first, ``flip`` says that a fault is named and its opposite meant. ``only``: the kinds of subtask that
+    it is about; none: all."""
 
     edit: str
     patterns: tuple[re.Pattern[str], ...]
@@ -26,12 +30,17 @@ class Phrase:
     general: str = ""
     general_say: str = ""
     opposite: str = ""
+    whole: bool = False
+    value: str = ""
+    values: dict[str, str] = attrs.field(factory=dict, hash=False)
+    flip: bool = False
+    only: tuple[str, ...] = ()
 
 
 @attrs.frozen
 class Amount:
     """What "3 cm", "a bit" or "much" is: metres, and the factor the same word means for a path's length. ``words`` are
-    as said; ``exact`` where a number was said."""
+    how a note says it; ``exact`` where a number was said."""
 
     metres: float
     factor: float
@@ -48,6 +57,8 @@ class Vocabulary:
     numbers: dict[str, float]
     negations: re.Pattern[str]
     complaints: re.Pattern[str]
+    praise: tuple[re.Pattern[str], ...]
+    opposites: dict[str, str]
     scopes: tuple[re.Pattern[str], ...]
     fillers: frozenset[str]
 
@@ -63,6 +74,10 @@ class Vocabulary:
             "numbers",
             "negations",
             "complaints",
+            "praise",
+            "opposites",
+            "positions",
+            "approaches",
             "scopes",
             "fillers",
             "phrases",
@@ -73,13 +88,14 @@ class Vocabulary:
         amounts = {str(k): (float(v[0]), float(v[1])) for k, v in data["amounts"].items()}
         angles = {str(k): float(v) for k, v in data["angles"].items()}
         spelled = "|".join(sorted(map(re.escape, numbers), key=len, reverse=True))
-        number = rf"(?:\d+(?:[.,]\d+)?|half an?|an? (?:few|couple of)|{spelled})"
-        unit = r"(?:cms?|centi\w+|mms?|milli\w+|inch(?:es)?|m|met(?:er|re)s?)"
+        number = r"\d+(?:\.\d+)?"  # see memo_llm.offline.spelling
+        unit = r"(?:cm|mm|inch|m)"
         rough = "|".join(sorted(map(re.escape, amounts), key=len, reverse=True))
         named = "|".join(sorted(map(re.escape, angles), key=len, reverse=True))
         groups = {
             "amount": rf"(?:(?:by |about |around |some )*(?:{number} ?{unit}\b|(?:{rough})\b))",
-            "angle": rf"(?:(?:by |about |around |some )*(?:{number} ?(?:deg\w*|°)|(?:{named})\b))",
+            "angle": rf"(?:(?:by |about |around |some )*(?:{number} degrees|(?:{named})\b))",
+            "times": rf"(?:once|twice|thrice|(?:{spelled}|\d+|a few|a couple of|several) (?:more )?times)",
         }
         for name, pattern in data["words"].items():
             groups[name] = _fill(f"(?:{pattern})", groups, f"words.{name}")
@@ -89,14 +105,28 @@ class Vocabulary:
             if not isinstance(item, dict) or not {"edit", "match", "say"} <= set(item):
                 raise InvalidArgument(f"llm.vocabulary: {where}", "edit, match and say are needed")
             patterns = tuple(_compile(_fill(pattern, groups, where), where) for pattern in item["match"])
-            general = item.get("general", "")
-            said = item.get("general_say", "")
-            phrases.append(Phrase(item["edit"], patterns, item["say"], general, said, item.get("opposite", "")))
+            phrases.append(
+                Phrase(
+                    item["edit"],
+                    patterns,
+                    item["say"],
+                    item.get("general", ""),
+                    item.get("general_say", ""),
+                    item.get("opposite", ""),
+                    whole=bool(item.get("whole")),
+                    value=item.get("value", ""),
+                    values=_table(data, item.get("lookup", ""), where),
+                    flip=bool(item.get("flip")),
+                    only=tuple(item.get("only", ())),
+                )
+            )
         values = {spelling: value for value, spellings in data["values"].items() for spelling in spellings}
         fillers = frozenset(data["fillers"].split())
         denials = (_any_of(data["negations"]), _any_of(data["complaints"]))
+        praise = tuple(_compile(pattern, "praise") for pattern in data["praise"])
+        opposites = {**data["opposites"], **{value: key for key, value in data["opposites"].items()}}
         scopes = tuple(_compile(pattern, "scopes") for pattern in data["scopes"])
-        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, scopes, fillers)
+        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, praise, opposites, scopes, fillers)
 
     def scope(self, text: str) -> tuple[str, str]:
         """What a statement is about: (noun in the singular, beginning of a verb), each "" where it does not say."""
@@ -108,14 +138,23 @@ class Vocabulary:
                 return noun.removesuffix("s") if len(noun) > 3 else noun, found.get("verb") or ""
         return "", ""
 
+    def praises(self, text: str) -> bool:
+        """Whether words approve of what was done."""
+        plain = " ".join(re.sub(r"[^\w' ]", " ", text.lower().replace("’", "'")).split())
+        if any(word in plain.split() for word in ("but", "not", "wrong", "except", "however")) and not re.search(
+            r"not (?:so |too |at all |half )?bad|no complaints|couldn't", plain
+        ):
+            return False
+        return any(pattern.search(plain) for pattern in self.praise)
+
     def amount(self, text: str) -> Amount | None:
         """The first amount of length in a text."""
-        text = re.sub(r"far enough|all the way|(?:other|wrong|opposite|another|same) way|too far", "", text)
-        match = re.search(
-            r"(\d+(?:[.,]\d+)?|half an?|an? few|a couple of|[a-z-]+) ?(cm|centi|mm|milli|inch|m\b|meter|metre)", text
+        text = re.sub(
+            r"far enough|all the way|(?:other|wrong|opposite|another|same) way|too far|(?:way|much) too", "", text
         )
-        if match and (value := self._number(match.group(1))) is not None:
-            return Amount(value * _UNITS[match.group(2)], 1.0, match.group(0), True)
+        match = re.search(r"(\d+(?:\.\d+)?) (cm|mm|inch|m)\b", text)
+        if match:
+            return Amount(float(match.group(1)) * _UNITS[match.group(2)], 1.0, match.group(0), True)
         for words in sorted(self.amounts, key=len, reverse=True):
             if re.search(rf"\b{re.escape(words)}\b", text):
                 return Amount(*self.amounts[words], words, False)
@@ -123,9 +162,9 @@ class Vocabulary:
 
     def angle(self, text: str) -> float | None:
         """The first angle in a text, in degrees."""
-        match = re.search(r"(\d+(?:[.,]\d+)?|[a-z-]+) ?(?:deg|°)", text)
-        if match and (value := self._number(match.group(1))) is not None:
-            return value
+        match = re.search(r"(\d+(?:\.\d+)?) degrees", text)
+        if match:
+            return float(match.group(1))
         for words in sorted(self.angles, key=len, reverse=True):
             if re.search(rf"\b{re.escape(words)}\b", text):
                 return self.angles[words]
@@ -135,21 +174,17 @@ class Vocabulary:
         """How often: "twice" 2, "three times" 3, "again" 2."""
         if "thrice" in text:
             return 3
-        match = re.search(r"(\w+) times", text)
-        value = self._number(match.group(1)) if match else None
+        match = re.search(r"(\w+) (?:more )?(?:good |hard )?(?:times|shakes)", text)
+        value = number(match.group(1)) if match else None
         return max(1, int(value)) if value is not None else 2
 
-    def _number(self, word: str) -> float | None:
-        if word.startswith("half"):
-            return 0.5
-        if word.endswith(("few", "couple of")):
-            return 2.0
-        if word in self.numbers:
-            return self.numbers[word]
-        try:
-            return float(word.replace(",", "."))
-        except ValueError:
-            return None
+    def seconds(self, text: str) -> float | None:
+        """The first duration in a text, in seconds."""
+        match = re.search(r"(\d+(?:\.\d+)?) seconds", text)
+        if match:
+            return float(match.group(1))
+        match = re.search(r"count to (\w+)", text)
+        return number(match.group(1)) if match else None
 
 
 def read_yaml(path: str, name: str, setting: str) -> dict[str, Any]:
@@ -165,6 +200,15 @@ def read_yaml(path: str, name: str, setting: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InvalidArgument(setting, f"{path or name} holds no mapping", f"the keys of {name}")
     return data
+
+
+def _table(data: dict[str, Any], name: str, where: str) -> dict[str, str]:
+    """Spelling -> value of one of the vocabulary's tables."""
+    if not name:
+        return {}
+    if not isinstance(data.get(name), dict):
+        raise InvalidArgument(f"llm.vocabulary: {where}", f"no table named {name!r}", "positions, approaches")
+    return {spelling: value for value, spellings in data[name].items() for spelling in spellings}
 
 
 def _fill(pattern: str, groups: dict[str, str], where: str) -> str:

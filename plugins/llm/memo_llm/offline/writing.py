@@ -6,9 +6,11 @@ import attrs
 
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
-from memo_llm.offline.prompt import Prompt, unreadable
-from memo_llm.offline.reading import read_sentence
+from memo_llm.offline.feedback import hear
+from memo_llm.offline.prompt import Corrected, Entry, Prompt, unreadable
+from memo_llm.offline.reading import Edit, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
+from memo_llm.offline.relative import LENGTHS, PLACES, attempted, based, measured_from, not_outdated, taken_apart
 from memo_llm.offline.rendering import render
 from memo_llm.offline.surroundings import descendants, find
 from memo_llm.offline.templates import adopt
@@ -37,23 +39,66 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
     recipe = _adopted(recipe, prompt, scene, missed)
     corrections = prompt.entries("corrections")
     known = [node.label for node in scene.nodes] + [*objects, action, *(entry.key for entry in corrections)]
-    followed: list[str] = []
+    told: list[tuple[str, Edit]] = []
     # Lists come best first: the best is applied last, and corrections after general statements.
     for entry in [*reversed(prompt.entries("general")), *reversed(corrections)]:
-        if not _concerns(entry.text, recipe, scene, vocabulary):
+        told += _told(entry, known, recipe, scene, vocabulary, missed)
+    for one in reversed(prompt.corrected()):
+        told += _just_said(one, known, recipe, prompt, scene, habits, vocabulary, missed)
+    followed: list[str] = []
+    counts = not_outdated([edit for _, edit in told], habits.rough)
+    for text, edit in told:
+        if not any(edit is one for one in counts):
             continue
-        reading = read_sentence(entry.text, vocabulary, known)
-        before = recipe
-        for edit in reading.edits:
-            recipe = apply(recipe, edit, habits.rough)
-        if recipe != before:
-            followed.append(entry.text)
-        missed += reading.not_understood
+        before, recipe = recipe, apply(recipe, edit, habits.rough)
+        if recipe != before and text not in followed:
+            followed.append(text)
     not_understood = tuple(dict.fromkeys(missed))
     # Nothing here counts the attempts: code that is the same again must read the same, for that says "no other idea".
     remarks = [f"As told: {text}" for text in reversed(followed)]
     remarks += [f"Not understood: {words}" for words in not_understood]
     return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
+
+
+def _told(
+    entry: Entry, known: list[str], recipe: Recipe, scene: SceneGraph, vocabulary: Vocabulary, missed: list[str]
+) -> list[tuple[str, Edit]]:
+    """A note's edits, each with the note, where it is about this subtask."""
+    if not _concerns(entry.text, recipe, scene, vocabulary):
+        return []
+    said, relative_to = taken_apart(entry.text)
+    reading = read_sentence(said, vocabulary, known, recipe.kind)
+    missed += reading.not_understood
+    return [(entry.text, edit) for edit in based(reading.edits, relative_to)]
+
+
+def _just_said(
+    one: Corrected,
+    known: list[str],
+    recipe: Recipe,
+    prompt: Prompt,
+    scene: SceneGraph,
+    habits: Habits,
+    vocabulary: Vocabulary,
+    missed: list[str],
+) -> list[tuple[str, Edit]]:
+    """What follows from a correction of this run: from its notes, and where none were made from the words, if they are
+    surely understood. What is relative is relative to that attempt's code."""
+    if one.notes:
+        told = [pair for note in reversed(one.notes) for pair in _told(note, known, recipe, scene, vocabulary, missed)]
+    else:
+        heard = hear(one.words, prompt, scene, habits, vocabulary)
+        if heard.question:
+            missed.append(one.words)
+            return []
+        told = [(one.words, edit) for edit in heard.edits]
+    relative = any(edit.kind in (*PLACES, *LENGTHS) for _, edit in told)
+    plain = habits.recipe(*prompt.subtask)
+    if not (relative and one.code and plain is not None):
+        return told
+    habit = render(plain, prompt.section("subtask"), scene, prompt.task, [])
+    attempt = attempted(one.code, habit, plain, scene)
+    return [(text, edit) for text, one_edit in told for edit in measured_from([one_edit], plain, attempt)]
 
 
 def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabulary) -> bool:

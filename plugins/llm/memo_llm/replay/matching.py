@@ -103,9 +103,15 @@ def _situation(request: Request) -> str:
     for heading, text in sorted(prompt.sections.items()):
         first = heading.split(" ")[0]
         lines = [line for line in text.splitlines() if line.startswith("- ")]
-        if first in ("task", "subtask", "what", "code", "about", "notes"):
+        if first in ("task", "subtask", "what", "about", "notes"):
             about.append((first, text))
-        elif first in ("corrections", "general"):
+        elif first in ("code", "programs"):
+            about.append((first, [one.strip() for one in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)]))
+        elif first == "corrections":  # what was noted in this run stood among them once
+            noted = [note for one in prompt.corrected() for note in one.notes]
+            said = {*lines, *(f"- [{note.key}] {note.text}" for note in noted)} - {"- none"}
+            about.append((first, sorted(said)))
+        elif first == "general":
             about.append((first, lines))
         elif first == "done":
             about.append((first, [line.split(":")[0] for line in lines]))

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import Body, Colour, Vector
 from memo_core.scene.mechanisms import Mechanism
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import DARK, STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle
@@ -22,7 +22,7 @@ OPENING = math.radians(88)
 class OpenADoor(OpenAThing):
     """Success: the door stands open so far that a hand reaches straight in, still and let go."""
 
-    mover, motion, still, looked_at = "door", "hinge", judging.AT_REST_RAD_S, 0.25
+    mover, motion, still, looked_at = "door", "hinge", predicates.AT_REST_RAD_S, 0.25
     size: Vector = (0.30, 0.36, 0.34)  # depth, width, height
     place: tuple[float, float] = (0.70, 0.0)
     hinge = DoorHinge("left", math.radians(110))
@@ -36,8 +36,8 @@ class OpenADoor(OpenAThing):
 
     def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
         angle = world.joint_position(self.joint)
-        width = judging.passage(angle, self.size[1] - 2 * WALL, self.size[1])
-        wide = width >= judging.HAND_PASSAGE_M
+        width = predicates.passage(angle, self.size[1] - 2 * WALL, self.size[1])
+        wide = width >= predicates.HAND_PASSAGE_M
         how = f"lets {'' if wide else 'only '}{max(width, 0):.2f} m through"
         return wide, "is shut" if angle < math.radians(3) else how, {"door_rad": angle, "passage_m": width}
 
@@ -51,6 +51,7 @@ class OpenTheCupboard(OpenADoor):
 
     name = "open-the-cupboard"
     instruction = "open the cupboard"
+    goal = ("the cupboard door is wide open", "the hand has let go of the cupboard handle")
     quirk = "push in first"
     lesson = "Push the cupboard door in first, then it springs open by itself."
     thing = "cupboard"
@@ -74,6 +75,7 @@ class OpenTheLocker(OpenADoor):
 
     name = "open-the-locker"
     instruction = "open the locker"
+    goal = ("the locker door is wide open", "the hand has let go of the locker handle")
     quirk = "lift the handle"
     lesson = "You have to lift the locker's handle up before you pull the door."
     thing = "locker"
@@ -95,6 +97,7 @@ class OpenTheWardrobe(OpenADoor):
 
     name = "open-the-wardrobe"
     instruction = "open the wardrobe"
+    goal = ("the wardrobe door is wide open", "the hand has let go of the wardrobe handle")
     split = "held-out"
     quirk = "sticks half-way"
     lesson = "The wardrobe door sticks halfway, let it come back a little and pull a second time."
@@ -118,6 +121,7 @@ class OpenTheMedicineCabinet(OpenADoor):
 
     name = "open-the-medicine-cabinet"
     instruction = "open the medicine cabinet"
+    goal = ("the medicine cabinet door is wide open", "the hand has let go of the medicine cabinet handle")
     quirk = "hinge on the handle's side"
     lesson = "The hinge is on the same side as the handle, so swing it around that edge."
     thing = "medicine cabinet"
@@ -134,6 +138,7 @@ class OpenTheFreezer(OpenTheMedicineCabinet):
 
     name = "open-the-freezer"
     instruction = "open the freezer"
+    goal = ("the freezer door is wide open", "the hand has let go of the freezer handle")
     split = "held-out"
     thing = "freezer"
     size = (0.30, 0.36, 0.50)

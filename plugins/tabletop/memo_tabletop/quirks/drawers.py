@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import Body, Vector
 from memo_core.scene.mechanisms import Mechanism
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle, with_mover
@@ -25,7 +25,7 @@ TRAVEL = 0.18  # m
 class OpenADrawer(OpenAThing):
     """Success: the drawer is out so far that a hand reaches into it, still and let go."""
 
-    mover, motion, still, looked_at = "drawer", "slide", judging.AT_REST_M_S, 0.15
+    mover, motion, still, looked_at = "drawer", "slide", predicates.AT_REST_M_S, 0.15
     verbs = ("OPEN", "PULL_OUT", "PULL")
     size: Vector = (0.28, 0.30, 0.16)  # depth, width, height
     place: tuple[float, float] = (0.66, 0.10)
@@ -62,6 +62,7 @@ class OpenTheDresser(OpenADrawer):
 
     name = "open-the-dresser"
     instruction = "open the dresser"
+    goal = ("the dresser drawer is wide open", "the hand has let go of the dresser handle")
     quirk = "sticks half-way"
     lesson = "The dresser drawer sticks halfway, ease off and pull it a second time."
     thing = "dresser"
@@ -79,6 +80,7 @@ class OpenTheWorkbench(OpenADrawer):
 
     name = "open-the-workbench"
     instruction = "open the workbench"
+    goal = ("the workbench drawer is wide open", "the hand has let go of the workbench handle")
     split = "held-out"
     quirk = "lift the handle"
     lesson = "Lift the workbench handle up first and keep it up while you pull."
@@ -100,6 +102,7 @@ class OpenTheNightstand(OpenADrawer):
 
     name = "open-the-nightstand"
     instruction = "open the nightstand"
+    goal = ("the nightstand drawer is wide open", "the hand has let go of the nightstand handle")
     split = "held-out"
     quirk = "push in first"
     lesson = "Push the nightstand drawer in a little and it pops out by itself."

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from memo_tabletop.quirks.buttons import OpenTheRiceCooker, OpenTheSafe
+from memo_tabletop.quirks.crushable import PutTheCanOnTheTray, PutTheCartonOnTheBoard
+from memo_tabletop.quirks.dispensers import PepperTheSoup, SugarTheCake
 from memo_tabletop.quirks.doors import (
     OpenTheCupboard,
     OpenTheFreezer,
@@ -11,9 +13,7 @@ from memo_tabletop.quirks.doors import (
     OpenTheWardrobe,
 )
 from memo_tabletop.quirks.drawers import OpenTheDresser, OpenTheNightstand, OpenTheWorkbench
-from memo_tabletop.quirks.shaken import PepperTheSoup, SugarTheCake
 from memo_tabletop.quirks.task import QuirkTask
-from memo_tabletop.quirks.thin import PutTheCanOnTheTray, PutTheCartonOnTheBoard
 from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
 
 

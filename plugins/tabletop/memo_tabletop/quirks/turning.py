@@ -12,11 +12,11 @@ from memo_core.interfaces.task import Outcome
 from memo_core.scene.description import Body, Colour, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.mechanisms import Above, AllOf, Below, Lock, Locked, Mechanism, Spring
 from memo_core.scene.pose import Pose
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import DARK, STEEL, WHITE
+from memo_tabletop.objects import cameras
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.task import QuirkTask
-from memo_tabletop.things import cameras
 
 DEPTH = 0.006  # m a cap or knob goes down
 PUSHED = -0.004  # m from where on it turns
@@ -96,6 +96,7 @@ class OpenTheMedicineBottle(PressToTurn):
 
     name = "open-the-medicine-bottle"
     instruction = "open the medicine bottle"
+    goal = ("the medicine bottle cap is off the medicine bottle",)
     lesson = "Press the cap of the medicine bottle down while you turn it."
     thing = "medicine bottle"
     turner = "cap"
@@ -124,10 +125,12 @@ class OpenTheMedicineBottle(PressToTurn):
         up = world.joint_position(f"{self.thing}/press")
         turned = math.degrees(self.turned(world))
         conditions = ((up >= CAP_OFF_M, f"the cap is on the bottle, turned by {turned:.0f} degrees"),)
-        return judging.judge("the cap is off the bottle", conditions, {"cap_m": up, "turned_rad": self.turned(world)})
+        return predicates.judge(
+            "the cap is off the bottle", conditions, {"cap_m": up, "turned_rad": self.turned(world)}
+        )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] in ("OPEN", "REMOVE", "TAKE_OFF") else None
+        return self.check(world, {}) if predicates.read_subtask(subtask)[0] in ("OPEN", "REMOVE", "TAKE_OFF") else None
 
     def code(self, push: float) -> str:
         name = f"{self.thing} cap"
@@ -139,6 +142,7 @@ class TurnOnTheHeater(PressToTurn):
 
     name = "turn-on-the-heater"
     instruction = "turn on the heater"
+    goal = ("the heater knob is turned", "the hand has let go of the heater knob")
     split = "held-out"
     lesson = "The heater's knob only turns while you push it down."
     thing = "heater"
@@ -172,12 +176,14 @@ class TurnOnTheHeater(PressToTurn):
         turned = self.turned(world)
         conditions = (
             (turned >= TURNED_RAD - 0.1, f"the knob is turned by only {math.degrees(turned):.0f} degrees"),
-            (judging.released(world, f"{self.thing}/turner"), "the robot still touches the knob"),
+            (predicates.released(world, f"{self.thing}/turner"), "the robot still touches the knob"),
         )
-        return judging.judge("the heater is on", conditions, {"turned_rad": turned})
+        return predicates.judge("the heater is on", conditions, {"turned_rad": turned})
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] in ("TURN_ON", "TURN", "SWITCH_ON") else None
+        return (
+            self.check(world, {}) if predicates.read_subtask(subtask)[0] in ("TURN_ON", "TURN", "SWITCH_ON") else None
+        )
 
     def code(self, push: float) -> str:
         name = f"{self.thing} knob"

@@ -7,10 +7,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps
+from memo_tabletop.objects import PLATE_RADIUS, apple, banana, cameras, plate
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PLATE_RADIUS, apple, banana, cameras, plate
 
 WELL_ON = 0.7  # of the plate's radius: from there on it hangs over the rim
 
@@ -20,6 +20,7 @@ class PutTheBananaOnThePlate(Task):
 
     name = "put-the-banana-on-the-plate"
     instruction = "put the banana on the plate"
+    goal = ("the banana is on the plate", "the hand has let go of the banana")
     kind = "SR"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -39,28 +40,28 @@ class PutTheBananaOnThePlate(Task):
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         mishaps = monitors["mishaps"]
         assert isinstance(mishaps, Mishaps)
-        away = judging.level_distance(world, "banana", "plate")
-        return judging.judge(
+        away = predicates.level_distance(world, "banana", "plate")
+        return predicates.judge(
             "the banana lies on the plate",
             [
-                (judging.touches(world, "banana", "plate"), "the banana does not touch the plate"),
+                (predicates.touches(world, "banana", "plate"), "the banana does not touch the plate"),
                 (away <= WELL_ON * PLATE_RADIUS, f"the banana's middle is {100 * away:.0f} cm from the plate's"),
-                (not judging.on_table(world, "banana"), "the banana leans on the table"),
-                (judging.upright(world, "plate"), "the plate does not lie flat"),
-                (judging.on_table(world, "plate"), "the plate does not lie on the table"),
-                *judging.let_go(world, "banana"),
+                (not predicates.on_table(world, "banana"), "the banana leans on the table"),
+                (predicates.upright(world, "plate"), "the plate does not lie flat"),
+                (predicates.on_table(world, "plate"), "the plate does not lie on the table"),
+                *predicates.let_go(world, "banana"),
             ],
             {"from_middle_m": away},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, ("banana", "apple"), names)
-        if action in judging.PLACING and names and names[0] == "banana":
-            near = judging.level_distance(world, "banana", "plate") <= WELL_ON * PLATE_RADIUS
-            done = near and judging.touches(world, "banana", "plate") and judging.released(world, "banana")
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("banana", "apple"), names)
+        if action in predicates.PLACING and names and names[0] == "banana":
+            near = predicates.level_distance(world, "banana", "plate") <= WELL_ON * PLATE_RADIUS
+            done = near and predicates.touches(world, "banana", "plate") and predicates.released(world, "banana")
             return Outcome(done, f"the banana {'lies' if done else 'does not lie'} on the plate")
         return None
 

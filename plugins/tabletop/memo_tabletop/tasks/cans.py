@@ -7,10 +7,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import HeldUp, Mishaps, Moved
+from memo_tabletop.objects import CAN_RADIUS, GREEN, RED, cameras, can
 from memo_tabletop.reference import solution
-from memo_tabletop.things import CAN_RADIUS, GREEN, RED, cameras, can
 
 CANS = (("red can", RED), ("green can", GREEN))
 HELD_HEIGHT_M = 0.10
@@ -55,6 +55,7 @@ class PickTheLeftCan(TwoCans):
 
     name = "pick-the-left-can"
     instruction = "pick the left can"
+    goal = ("the hand holds the left can up", "the right can has stayed where it was")
 
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         moved, mishaps = monitors["moved"], monitors["mishaps"]
@@ -62,11 +63,11 @@ class PickTheLeftCan(TwoCans):
         held = monitors[f"held up: {left}"]
         assert isinstance(moved, Moved) and isinstance(mishaps, Mishaps) and isinstance(held, HeldUp)
         seconds, lifted, pushed = held.seconds(world), held.lifted(world), moved.farthest(right)
-        return judging.judge(
+        return predicates.judge(
             f"the {left} has been held up for {seconds:.1f} s",
             [
                 (pushed < OTHER_STAYS_M, f"the other can, the {right}, was moved by {100 * pushed:.0f} cm"),
-                (judging.held(world, left), f"the {left}, which stood on the left, is not held clear of everything"),
+                (predicates.held(world, left), f"the {left}, which stood on the left, is not held clear of everything"),
                 (lifted >= HELD_HEIGHT_M, f"the {left} is only {100 * lifted:.0f} cm up"),
                 (seconds >= HELD_S, f"the {left} has been held up for only {seconds:.1f} s"),
             ],
@@ -75,8 +76,8 @@ class PickTheLeftCan(TwoCans):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        return judging.picked(world, tuple(n for n, _ in CANS), names) if action in judging.PICKING else None
+        action, names = predicates.read_subtask(subtask)
+        return predicates.picked(world, tuple(n for n, _ in CANS), names) if action in predicates.PICKING else None
 
     @property
     def reference_solution(self) -> str:
@@ -89,36 +90,42 @@ class MoveTheRightCanToTheLeftCan(TwoCans):
 
     name = "move-the-right-can-to-the-left-can"
     instruction = "move the right can to the left can"
+    goal = (
+        "the right can is next to the left can",
+        "the left can has stayed where it was",
+        "the left can and the right can stand upright",
+        "the hand has let go of the right can",
+    )
 
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         moved, mishaps = monitors["moved"], monitors["mishaps"]
         assert isinstance(moved, Moved) and isinstance(mishaps, Mishaps)
         left, right = self.sides(monitors)
-        gap = max(0.0, judging.level_distance(world, left, right) - 2 * CAN_RADIUS)
+        gap = max(0.0, predicates.level_distance(world, left, right) - 2 * CAN_RADIUS)
         pushed = moved.farthest(left)
-        return judging.judge(
+        return predicates.judge(
             f"the {right} stands {100 * gap:.0f} cm from the {left}",
             [
                 (pushed < LEFT_STAYS_M, f"the left can, the {left}, was moved by {100 * pushed:.0f} cm"),
-                *((judging.upright(world, n), f"the {n} does not stand upright") for n in (left, right)),
-                (judging.on_table(world, right), f"the {right} does not stand on the table"),
+                *((predicates.upright(world, n), f"the {n} does not stand upright") for n in (left, right)),
+                (predicates.on_table(world, right), f"the {right} does not stand on the table"),
                 (gap < TOGETHER_M, f"there are {100 * gap:.0f} cm between the cans"),
-                *judging.let_go(world, right),
-                *judging.let_go(world, left),
+                *predicates.let_go(world, right),
+                *predicates.let_go(world, left),
             ],
             {"gap_m": gap, "left_moved_m": pushed},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
+        action, names = predicates.read_subtask(subtask)
         cans = tuple(n for n, _ in CANS)
-        if action in judging.PICKING:
-            return judging.picked(world, cans, names)
-        if action in judging.PLACING and names and names[0] in cans:
-            near = judging.level_distance(world, *cans) - 2 * CAN_RADIUS < TOGETHER_M
-            stands = judging.upright(world, names[0]) and judging.on_table(world, names[0])
-            done = near and stands and judging.released(world, names[0])
+        if action in predicates.PICKING:
+            return predicates.picked(world, cans, names)
+        if action in predicates.PLACING and names and names[0] in cans:
+            near = predicates.level_distance(world, *cans) - 2 * CAN_RADIUS < TOGETHER_M
+            stands = predicates.upright(world, names[0]) and predicates.on_table(world, names[0])
+            done = near and stands and predicates.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'stands' if done else 'does not stand'} beside the other")
         return None
 

@@ -9,10 +9,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps
+from memo_tabletop.objects import BLUE, cameras, crumpled_paper, cup, cutlery, open_box, scatter
 from memo_tabletop.reference import solution
-from memo_tabletop.things import BLUE, cameras, crumpled_paper, cup, cutlery, open_box, scatter
 
 TUB, BIN = (0.24, 0.34, 0.10), (0.18, 0.20, 0.13)  # depth, width, height
 GREY = (0.35, 0.38, 0.40, 1.0)
@@ -35,6 +35,7 @@ class CleanUpTheTable(Task):
 
     name = "clean-up-the-table"
     instruction = "clean up the table"
+    goal = ("the fork, the spoon and the cup are in the tub", "the napkin is in the bin")
     kind = "LH"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -54,28 +55,28 @@ class CleanUpTheTable(Task):
         mishaps = monitors["mishaps"]
         assert isinstance(mishaps, Mishaps)
         away = {name: self._put_away(world, name) for name in WHERE}
-        return judging.judge(
+        return predicates.judge(
             "the dishes are in the tub, the napkin is in the bin",
             [
                 *((away[name], f"the {name} is not wholly in the {box}") for name, box in WHERE.items()),
-                *(condition for name in WHERE for condition in judging.let_go(world, name)),
+                *(condition for name in WHERE for condition in predicates.let_go(world, name)),
             ],
             {"away": float(sum(away.values()))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, tuple(WHERE), names)
-        if action in judging.PLACING and names and names[0] in WHERE:
-            done = self._put_away(world, names[0]) and judging.released(world, names[0])
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, tuple(WHERE), names)
+        if action in predicates.PLACING and names and names[0] in WHERE:
+            done = self._put_away(world, names[0]) and predicates.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in the {WHERE[names[0]]}")
         return None
 
     def _put_away(self, world: WorldState, name: str) -> bool:
         box = container(WHERE[name])
-        return judging.inside(world, box.name, box.cavities[0], thing(name))
+        return predicates.inside(world, box.name, box.cavities[0], thing(name))
 
     @property
     def reference_solution(self) -> str:

@@ -10,11 +10,11 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.appliances import BURNER, BURNER_RADIUS, STOVE_SIZE, stove
 from memo_tabletop.monitors import Mishaps, story_of
+from memo_tabletop.objects import PAN_APOTHEM, PAN_HEIGHT, cameras, food, pan
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PAN_APOTHEM, PAN_HEIGHT, cameras, food, pan
 
 ON_RAD = 0.35
 ON_BURNER = 0.7  # share of the burner's radius within which the pan's middle is
@@ -26,6 +26,7 @@ class CookTheFood(Task):
 
     name = "cook-the-food"
     instruction = "cook the food"
+    goal = ("the pan is on the stove", "the food is in the pan", "the stove knob is turned")
     kind = "SR"
 
     def __init__(self, knob_friction: float = 0.3) -> None:
@@ -52,22 +53,22 @@ class CookTheFood(Task):
             (self._on_burner(world), f"the pan does not stand on the burner but {off * 100:.0f} cm from its middle"),
             (self._in_pan(world), "the food is not in the pan"),
             (angle >= ON_RAD, f"the knob stands at {math.degrees(angle):.0f} degrees"),
-            *judging.let_go(world, "pan"),
-            *judging.let_go(world, "food"),
-            (judging.released(world, "stove/dial"), "the robot still touches the knob"),
+            *predicates.let_go(world, "pan"),
+            *predicates.let_go(world, "food"),
+            (predicates.released(world, "stove/dial"), "the robot still touches the knob"),
         )
-        return judging.judge("the food is in the pan on the burner, which is on", conditions, measures, mishaps)
+        return predicates.judge("the food is in the pan on the burner, which is on", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, ("pan", "food"), names)
-        if action in judging.PLACING and names and names[0] == "pan":
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("pan", "food"), names)
+        if action in predicates.PLACING and names and names[0] == "pan":
             off = self._off_burner(world)
-            done = self._on_burner(world) and judging.released(world, "pan")
+            done = self._on_burner(world) and predicates.released(world, "pan")
             return Outcome(done, f"the pan's middle is {off * 100:.0f} cm from the burner's", {"pan_to_burner_m": off})
-        if action in judging.PLACING and names and names[0] == "food":
-            done = self._in_pan(world) and judging.released(world, "food")
+        if action in predicates.PLACING and names and names[0] == "food":
+            done = self._in_pan(world) and predicates.released(world, "food")
             return Outcome(done, f"the food {'is' if done else 'is not'} in the pan")
         if action in TURNING:
             angle = world.joint_position("stove/knob")
@@ -84,9 +85,9 @@ class CookTheFood(Task):
     def _on_burner(self, world: WorldState) -> bool:
         at = world.body_pose("stove").inverse().apply(np.asarray(world.body_pose("pan").position))
         stands = (
-            judging.upright(world, "pan")
+            predicates.upright(world, "pan")
             and abs(at[2] - STOVE_SIZE[2]) < 0.02
-            and judging.touches(world, "pan", "stove")
+            and predicates.touches(world, "pan", "stove")
         )
         return stands and self._off_burner(world) <= ON_BURNER * BURNER_RADIUS
 
@@ -94,7 +95,7 @@ class CookTheFood(Task):
         """Whether it rests in the pan: it touches it, and its middle is over the pan's floor, hardly above the rim."""
         at = world.body_pose("pan").inverse().apply(np.asarray(world.body_pose("food").position))
         over = math.hypot(at[0], at[1]) < PAN_APOTHEM and 0.0 < at[2] < PAN_HEIGHT + 0.005
-        return over and judging.touches(world, "food", "pan")
+        return over and predicates.touches(world, "food", "pan")
 
     @property
     def reference_solution(self) -> str:

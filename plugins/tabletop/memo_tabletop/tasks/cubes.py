@@ -7,10 +7,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps, Standing
+from memo_tabletop.objects import BLUE, GREEN, RED, block, cameras, scatter
 from memo_tabletop.reference import solution
-from memo_tabletop.things import BLUE, GREEN, RED, block, cameras, scatter
 
 SIDE = 0.045  # m
 CUBES = (("red cube", RED), ("green cube", GREEN), ("blue cube", BLUE))
@@ -23,6 +23,7 @@ class StackTheCubes(Task):
 
     name = "stack-the-cubes"
     instruction = "stack the cubes"
+    goal = ("the red cube, the green cube and the blue cube stand in one tower",)
     kind = "LH"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -41,7 +42,7 @@ class StackTheCubes(Task):
         tower, mishaps = monitors["standing"], monitors["mishaps"]
         assert isinstance(tower, Standing) and isinstance(mishaps, Mishaps)
         stood = tower.seconds(world)
-        return judging.judge(
+        return predicates.judge(
             f"the tower has stood for {stood:.1f} s",
             [
                 (tower.seen["since"] is not None, "the cubes are not in one tower, let go"),
@@ -52,15 +53,15 @@ class StackTheCubes(Task):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
+        action, names = predicates.read_subtask(subtask)
         cubes = tuple(name for name, _ in CUBES)
-        if action in judging.PICKING:
-            return judging.picked(world, cubes, names)
-        if action in judging.PLACING and len(names) == 2 and set(names) <= set(cubes):
+        if action in predicates.PICKING:
+            return predicates.picked(world, cubes, names)
+        if action in predicates.PLACING and len(names) == 2 and set(names) <= set(cubes):
             upper, lower = names
-            rests = judging.touches(world, upper, lower)
+            rests = predicates.touches(world, upper, lower)
             above = world.body_pose(upper).position[2] - world.body_pose(lower).position[2] >= RISE
-            done = rests and above and judging.released(world, upper) and judging.at_rest(world, upper)
+            done = rests and above and predicates.released(world, upper) and predicates.at_rest(world, upper)
             return Outcome(done, f"the {upper} {'rests' if done else 'does not rest'} on the {lower}")
         return None
 

@@ -10,11 +10,11 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.monitors import Mishaps, story_of
+from memo_tabletop.objects import RED, block, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import RED, block, cameras
 
 SIZE = (0.28, 0.30, 0.16)  # depth, width, height
 PLINTH = 0.06  # m; lower, and a hand that closes vertically about the bar hits the table
@@ -27,6 +27,7 @@ class PutTheCubeAway(Task):
 
     name = "put-the-cube-away"
     instruction = "put the cube away"
+    goal = ("the cube is in the drawer", "the drawer is closed")
     kind = "LH"
 
     def __init__(self, handle_height: float = 0.08, handle_length: float = 0.12, bar_friction: float = 0.8) -> None:
@@ -52,30 +53,30 @@ class PutTheCubeAway(Task):
         conditions = (
             (self._inside(world), "the cube is not in the drawer"),
             (out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open"),
-            *judging.let_go(world, "cube"),
+            *predicates.let_go(world, "cube"),
         )
         story = story_of(monitors, world)
-        return judging.judge("the cube lies in the shut drawer", conditions, {"drawer_m": out}, story)
+        return predicates.judge("the cube lies in the shut drawer", conditions, {"drawer_m": out}, story)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
+        action, names = predicates.read_subtask(subtask)
         out = world.joint_position("chest/slide")
         measures = {"drawer_m": out}
         if action == "OPEN":
             return Outcome(out >= REACHED_INTO_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
-        if action in judging.CLOSING:
+        if action in predicates.CLOSING:
             return Outcome(out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
-        if action in judging.PICKING:
-            return judging.picked(world, ("cube",), names)
-        if action in judging.PLACING and names and names[0] == "cube":
-            done = self._inside(world) and judging.at_rest(world, "cube") and judging.released(world, "cube")
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("cube",), names)
+        if action in predicates.PLACING and names and names[0] == "cube":
+            done = self._inside(world) and predicates.at_rest(world, "cube") and predicates.released(world, "cube")
             return Outcome(done, f"the cube {'lies' if done else 'does not lie'} in the drawer", measures)
         return None
 
     def _inside(self, world: WorldState) -> bool:
         drawer = self._chest(np.random.default_rng(0)).bodies[0]
         cube = block("cube", "cube", (0, 0, 0), 0.0, (0.045, 0.045, 0.045), 0.08, RED)
-        return judging.inside(world, drawer.name, drawer.cavities[0], cube)
+        return predicates.inside(world, drawer.name, drawer.cavities[0], cube)
 
     @property
     def reference_solution(self) -> str:

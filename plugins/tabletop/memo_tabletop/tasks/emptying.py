@@ -12,18 +12,18 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_core.scene.hollow import shelf
 from memo_core.scene.pose import Pose
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps
+from memo_tabletop.objects import BLUE, CRUST, GREEN, YELLOW, apple, block, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import BLUE, CRUST, GREEN, YELLOW, apple, block, cameras
 
 BROWN = (0.50, 0.34, 0.20, 1.0)
 
 
 class TakeOut(Task):
-    """Success: everything that was inside stands or lies on the table outside, let go and at rest. The door may stay
-    as it is; who wants it shut says so."""
+    """Success: everything that was inside stands or lies on the table outside, set down rather than dropped, let go
+    and at rest. The door may stay as it is; who wants it shut says so."""
 
     furniture_name: str
     things: tuple[str, ...]
@@ -57,30 +57,31 @@ class TakeOut(Task):
         assert isinstance(mishaps, Mishaps)
         angle = world.joint_position(f"{self.furniture_name}/hinge")
         out = {name: self._outside(world, name) for name in self.things}
-        return judging.judge(
+        return predicates.judge(
             f"on the table, out of the {self.furniture_name}: {', '.join(self.things)}",
             [
                 *((out[name], f"the {name} is still in the {self.furniture_name}") for name in self.things),
-                *((judging.on_table(world, name), f"the {name} is not on the table") for name in self.things),
-                *(condition for name in self.things for condition in judging.let_go(world, name)),
+                *((predicates.on_table(world, name), f"the {name} is not on the table") for name in self.things),
+                *(("dropped" not in mishaps.befell(name), "not everything was set down") for name in self.things),
+                *(condition for name in self.things for condition in predicates.let_go(world, name)),
             ],
             {"door_rad": angle, "taken_out": float(sum(out.values()))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
+        action, names = predicates.read_subtask(subtask)
         if action == "OPEN":
             angle = world.joint_position(f"{self.furniture_name}/hinge")
             clear = self._described().cavities[0].size[1]
-            width = judging.passage(angle, clear, clear + 2 * WALL)
-            done = width >= judging.HAND_PASSAGE_M
+            width = predicates.passage(angle, clear, clear + 2 * WALL)
+            done = width >= predicates.HAND_PASSAGE_M
             return Outcome(done, f"the door stands at {math.degrees(angle):.0f} degrees", {"door_rad": angle})
-        if action in judging.PICKING:
-            return judging.picked(world, self.things, names)
-        if action in judging.PLACING and names and names[0] in self.things:
-            on = judging.on_table(world, names[0]) and self._outside(world, names[0])
-            done = on and judging.released(world, names[0])
+        if action in predicates.PICKING:
+            return predicates.picked(world, self.things, names)
+        if action in predicates.PLACING and names and names[0] in self.things:
+            on = predicates.on_table(world, names[0]) and self._outside(world, names[0])
+            done = on and predicates.released(world, names[0])
             return Outcome(done, f"the {names[0]} is {'' if done else 'not '}on the table")
         return None
 
@@ -91,7 +92,7 @@ class TakeOut(Task):
         """Whether its middle is not above the furniture's floor, that is neither in it nor on it."""
         furniture = self._described()
         frame = world.body_pose(self.furniture_name).inverse() * world.body_pose(name)
-        low, high = judging.spread(furniture, Pose())
+        low, high = predicates.spread(furniture, Pose())
         x, y, _ = frame.position
         return not (low[0] <= x <= high[0] and low[1] <= y <= high[1])
 
@@ -109,6 +110,11 @@ class EmptyTheFridge(TakeOut):
 
     name = "empty-the-fridge"
     instruction = "empty the fridge"
+    goal = (
+        "the milk and the juice are on the table",
+        "the hand has let go of the milk",
+        "the hand has let go of the juice",
+    )
     kind = "LH"
     furniture_name = "fridge"
     things = ("milk", "juice")
@@ -153,6 +159,11 @@ class EmptyTheCabinet(_Cabinet):
 
     name = "empty-the-cabinet"
     instruction = "empty the cabinet"
+    goal = (
+        "the tea box and the sugar box are on the table",
+        "the hand has let go of the tea box",
+        "the hand has let go of the sugar box",
+    )
     kind = "SR"
     split = "held-out"
     things = ("tea box", "sugar box")
@@ -173,6 +184,7 @@ class PlaceTheAppleOnTheTable(_Cabinet):
 
     name = "place-the-apple-on-the-table"
     instruction = "place the apple on the table"
+    goal = ("the apple is on the table", "the hand has let go of the apple")
     kind = "LH"
     split = "held-out"
     things = ("apple",)

@@ -12,11 +12,11 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.hollow import shelf
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps, story_of
+from memo_tabletop.objects import BLUE, block, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import BLUE, block, cameras
 
 SIZE = (0.30, 0.36, 0.50)  # depth, width, height
 SHELF = 0.22  # m, top of the shelf above the table
@@ -29,6 +29,7 @@ class OpenTheFridge(Task):
 
     name = "open-the-fridge"
     instruction = "open the fridge"
+    goal = ("the fridge door is wide open", "the hand has let go of the fridge handle")
     kind = "TR"
 
     def __init__(
@@ -57,17 +58,17 @@ class OpenTheFridge(Task):
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         angle = world.joint_position("fridge/hinge")
-        width = judging.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
+        width = predicates.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
         conditions = (
-            (width >= judging.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
-            (judging.released(world, "fridge/door"), "the robot still touches the door"),
-            (abs(world.joint_velocity("fridge/hinge")) < judging.AT_REST_RAD_S, "the door is still moving"),
+            (width >= predicates.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
+            (predicates.released(world, "fridge/door"), "the robot still touches the door"),
+            (abs(world.joint_velocity("fridge/hinge")) < predicates.AT_REST_RAD_S, "the door is still moving"),
         )
         done, measures = f"the fridge stands open, {width:.2f} m wide", {"door_rad": angle, "passage_m": width}
-        return judging.judge(done, conditions, measures, story_of(monitors, world))
+        return predicates.judge(done, conditions, measures, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if judging.read_subtask(subtask)[0] == "OPEN" else None
+        return self.check(world, {}) if predicates.read_subtask(subtask)[0] == "OPEN" else None
 
     @property
     def reference_solution(self) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.appliances import button_panel
 from memo_tabletop.furniture import DARK, GAP, PANEL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps
+from memo_tabletop.objects import cameras, food
 from memo_tabletop.reference import solution
-from memo_tabletop.things import cameras, food
 
 SIZE = (0.30, 0.36, 0.34)  # depth, width, height
 PANEL_WIDTH = 0.09  # m
@@ -32,6 +32,11 @@ class HeatTheFood(Task):
 
     name = "heat-the-food"
     instruction = "heat the food"
+    goal = (
+        "the food is in the microwave",
+        "the microwave door is closed",
+        "the microwave button was pressed while the microwave door was closed",
+    )
     kind = "SR"
 
     def __init__(self, handle_height: float = 0.20, hinge_friction: float = 1.0, bar_friction: float = 0.8) -> None:
@@ -65,7 +70,7 @@ class HeatTheFood(Task):
 
     def _inside(self, world: WorldState) -> bool:
         described = self._microwave(np.random.default_rng(0))
-        return judging.inside(world, "microwave", described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
+        return predicates.inside(world, "microwave", described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         door = world.joint_position("microwave/hinge")
@@ -78,24 +83,24 @@ class HeatTheFood(Task):
             (self._inside(world), "the food is not inside the microwave"),
             (door < SHUT_RAD, f"the door stands at {math.degrees(door):.0f} degrees"),
             (started.done, why),
-            *judging.let_go(world, "food"),
-            (judging.released(world, "microwave/button"), "the robot still touches the button"),
+            *predicates.let_go(world, "food"),
+            (predicates.released(world, "microwave/button"), "the robot still touches the button"),
         )
-        return judging.judge("the food is in the microwave, which was started", conditions, measures, mishaps)
+        return predicates.judge("the food is in the microwave, which was started", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
+        action, names = predicates.read_subtask(subtask)
         door = world.joint_position("microwave/hinge")
         measures, told = {"door_rad": door}, f"the door stands at {math.degrees(door):.0f} degrees"
         if action == "OPEN":
-            clear = judging.passage(door, SIZE[1] - 0.024, SIZE[1])
-            return Outcome(clear >= judging.HAND_PASSAGE_M, told, measures)
-        if action in judging.CLOSING:
+            clear = predicates.passage(door, SIZE[1] - 0.024, SIZE[1])
+            return Outcome(clear >= predicates.HAND_PASSAGE_M, told, measures)
+        if action in predicates.CLOSING:
             return Outcome(door < SHUT_RAD, told, measures)
-        if action in judging.PICKING:
-            return judging.picked(world, ("food",), names)
-        if action in judging.PLACING and names and names[0] == "food":
-            done = self._inside(world) and judging.released(world, "food") and judging.at_rest(world, "food")
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("food",), names)
+        if action in predicates.PLACING and names and names[0] == "food":
+            done = self._inside(world) and predicates.released(world, "food") and predicates.at_rest(world, "food")
             return Outcome(done, f"the food {'lies' if done else 'does not lie'} inside the microwave", measures)
         return None
 

@@ -9,10 +9,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps, Moved
+from memo_tabletop.objects import APPLE_RADIUS, BLUE, CAN_RADIUS, GREEN, apple, block, cameras, can, cup
 from memo_tabletop.reference import solution
-from memo_tabletop.things import APPLE_RADIUS, BLUE, CAN_RADIUS, GREEN, apple, block, cameras, can, cup
 
 RADII = {"apple": APPLE_RADIUS, "cup": 0.031, "can": CAN_RADIUS, "toy block": 0.0225}  # m, of their footprints
 STANDING = ("cup", "can")
@@ -35,6 +35,11 @@ class MoveTheLonelyObjectToTheOthers(Task):
 
     name = "move-the-lonely-object-to-the-others"
     instruction = "move the lonely object to the others"
+    goal = (
+        "the lonely object is next to the others",
+        "the lonely object is on the table",
+        "the others have stayed where they were",
+    )
     kind = "SR"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -62,7 +67,7 @@ class MoveTheLonelyObjectToTheOthers(Task):
         others = [name for name in RADII if name != lonely]
         gap = min(self._gap(world, lonely, other) for other in others)
         pushed = max(others, key=moved.farthest)
-        return judging.judge(
+        return predicates.judge(
             f"the {lonely} is {100 * gap:.0f} cm from the others",
             [
                 (
@@ -70,26 +75,30 @@ class MoveTheLonelyObjectToTheOthers(Task):
                     f"the {pushed} was moved by {100 * moved.farthest(pushed):.0f} cm",
                 ),
                 (gap < WITH_THE_OTHERS_M, f"the {lonely} is {100 * gap:.0f} cm from the nearest of the others"),
-                *((judging.upright(world, name), f"the {name} does not stand upright") for name in STANDING),
-                (judging.on_table(world, lonely), f"the {lonely} is not on the table"),
-                *judging.let_go(world, lonely),
+                *((predicates.upright(world, name), f"the {name} does not stand upright") for name in STANDING),
+                (predicates.on_table(world, lonely), f"the {lonely} is not on the table"),
+                *predicates.let_go(world, lonely),
             ],
             {"gap_m": gap, "others_moved_m": moved.farthest(pushed)},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, tuple(RADII), names)
-        if action in judging.PLACING and names and names[0] in RADII:
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, tuple(RADII), names)
+        if action in predicates.PLACING and names and names[0] in RADII:
             gap = min(self._gap(world, names[0], other) for other in RADII if other != names[0])
-            done = gap < WITH_THE_OTHERS_M and judging.on_table(world, names[0]) and judging.released(world, names[0])
+            done = (
+                gap < WITH_THE_OTHERS_M
+                and predicates.on_table(world, names[0])
+                and predicates.released(world, names[0])
+            )
             return Outcome(done, f"the {names[0]} is {100 * gap:.0f} cm from the nearest other", {"gap_m": gap})
         return None
 
     def _gap(self, world: WorldState, one: str, other: str) -> float:
-        return max(0.0, judging.level_distance(world, one, other) - RADII[one] - RADII[other])
+        return max(0.0, predicates.level_distance(world, one, other) - RADII[one] - RADII[other])
 
     @property
     def reference_solution(self) -> str:

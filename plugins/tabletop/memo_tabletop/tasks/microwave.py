@@ -18,6 +18,7 @@ class PutTheFoodInTheMicrowave(FoodInCabinet):
 
     name = "put-the-food-in-the-microwave"
     instruction = "put the food in the microwave"
+    goal = ("the food is in the microwave", "the microwave door is wide open", "the hand has let go of the food")
     kind = "TR"
     cabinet_name = "microwave"
 

@@ -19,6 +19,7 @@ class PutTheFoodInTheOven(FoodInCabinet):
 
     name = "put-the-food-in-the-oven"
     instruction = "put the food in the oven"
+    goal = ("the food is in the oven", "the oven door is wide open", "the hand has let go of the food")
     kind = "CR"
     split = "held-out"
     cabinet_name = "oven"

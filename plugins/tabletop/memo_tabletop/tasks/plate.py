@@ -11,10 +11,10 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Colour, Free, Geom, Material, SceneDescription, Vector
 from memo_core.scene.pose import Array, Pose
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps, Moved, Sampled
+from memo_tabletop.objects import PORCELAIN, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PORCELAIN, cameras
 
 RADIUS, HEIGHT = 0.10, 0.02  # m, of the plate
 SPONGE: Vector = (0.05, 0.07, 0.04)  # m
@@ -92,10 +92,12 @@ class Wiped(Sampled):
 
 
 class WipeThePlate(Task):
-    """Success: at least 70 % of the plate (cells of 5 mm) wiped with 1 to 20 N, the plate moved less than 2 cm."""
+    """Success: at least 70 % of the plate (cells of 5 mm) wiped with 1 to 20 N and the plate never
+    pressed harder, the plate moved less than 2 cm."""
 
     name = "wipe-the-plate"
     instruction = "wipe the plate"
+    goal = ("the sponge has gone over all of the plate", "the plate has stayed where it was")
     kind = "CR"
     lesson = (
         "press the sponge down lightly until you feel the plate, and keep pressing while you go over all of it in rows"
@@ -119,20 +121,20 @@ class WipeThePlate(Task):
         wiped, moved, mishaps = monitors["wiped"], monitors["moved"], monitors["mishaps"]
         assert isinstance(wiped, Wiped) and isinstance(moved, Moved) and isinstance(mishaps, Mishaps)
         share, far, hardest = wiped.share(), moved.farthest("plate"), wiped.hardest()
-        much = f", pressed with up to {hardest:.0f} N" if hardest > FORCES[1] else ""
-        return judging.judge(
+        return predicates.judge(
             f"{100 * share:.0f} % of the plate are wiped",
             [
                 (far < MOVED_M, f"the plate was moved by {1000 * far:.0f} mm"),
-                (share >= CLEAN, f"only {100 * share:.0f} % of the plate are wiped{much}"),
+                (hardest <= FORCES[1], f"the plate was pressed with up to {hardest:.0f} N"),
+                (share >= CLEAN, f"only {100 * share:.0f} % of the plate are wiped"),
             ],
             {"wiped": share, "plate_moved_m": far, "hardest_n": hardest},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        return judging.picked(world, ("sponge",), names) if action in judging.PICKING else None
+        action, names = predicates.read_subtask(subtask)
+        return predicates.picked(world, ("sponge",), names) if action in predicates.PICKING else None
 
     @property
     def reference_solution(self) -> str:

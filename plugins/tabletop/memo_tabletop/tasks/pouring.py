@@ -9,11 +9,11 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.grains import CEREAL, contained, grains, vessel
 from memo_tabletop.monitors import Mishaps, story_of
+from memo_tabletop.objects import PORCELAIN, RED, YELLOW, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PORCELAIN, RED, YELLOW, cameras
 
 COUNT = 25
 RADIUS = 0.007  # m
@@ -30,6 +30,7 @@ class PourTheCan(Task):
 
     name = "pour-the-can"
     instruction = "pour the can"
+    goal = ("the cereal is in the bowl", "the bowl is on the table")
     kind = "TR"
     split = "held-out"
     settle = 3.0
@@ -56,19 +57,19 @@ class PourTheCan(Task):
         mishaps = story_of(monitors, world)
         conditions = (
             (
-                judging.upright(world, "bowl") and judging.on_table(world, "bowl"),
+                predicates.upright(world, "bowl") and predicates.on_table(world, "bowl"),
                 "the bowl does not stand on the table",
             ),
             (len(there) >= SHARE * COUNT, f"{missing}, {spilt} beside" if spilt else missing),
             (len(still) >= SHARE * COUNT, "the cereal is still moving"),
-            (judging.released(world, "bowl"), "the robot still touches the bowl"),
+            (predicates.released(world, "bowl"), "the robot still touches the bowl"),
         )
-        return judging.judge(f"{len(there)} of {COUNT} balls are in the bowl", conditions, measures, mishaps)
+        return predicates.judge(f"{len(there)} of {COUNT} balls are in the bowl", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, ("can",), names) if "can" in names else None
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("can",), names) if "can" in names else None
         return self.check(world, {}) if action in POURING else None
 
     @property

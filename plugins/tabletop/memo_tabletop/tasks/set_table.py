@@ -9,10 +9,10 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps, Moved
+from memo_tabletop.objects import PLATE_RADIUS, cameras, cutlery, plate, scatter
 from memo_tabletop.reference import solution
-from memo_tabletop.things import PLATE_RADIUS, cameras, cutlery, plate, scatter
 
 PIECES = {"fork": 1.0, "knife": -1.0, "spoon": -1.0}  # which side of the plate: +1 left
 NEAREST_M, FARTHEST_M = PLATE_RADIUS, PLATE_RADIUS + 0.12  # of a piece's middle from the plate's, sideways
@@ -27,6 +27,13 @@ class SetTheTable(Task):
 
     name = "set-the-table"
     instruction = "set the table"
+    goal = (
+        "the fork is left of the plate",
+        "the knife and the spoon are right of the plate",
+        "the fork, the knife and the spoon lie straight",
+        "the fork, the knife and the spoon are on the table",
+        "the plate has stayed where it was",
+    )
     kind = "LH"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -45,28 +52,28 @@ class SetTheTable(Task):
         apart = max(turns.values()) - min(turns.values())
         askew = max(abs(turn) for turn in turns.values())
         pushed = moved.farthest("plate")
-        return judging.judge(
+        return predicates.judge(
             "fork, knife and spoon lie in their places",
             [
                 (pushed < PLATE_STAYS_M, f"the plate was moved by {100 * pushed:.0f} cm"),
                 *((self._in_place(world, name), f"the {name} is not in its place beside the plate") for name in PIECES),
-                *((judging.on_table(world, name), f"the {name} does not lie on the table") for name in PIECES),
-                *((judging.upright(world, name), f"the {name} does not lie flat") for name in PIECES),
+                *((predicates.on_table(world, name), f"the {name} does not lie on the table") for name in PIECES),
+                *((predicates.upright(world, name), f"the {name} does not lie flat") for name in PIECES),
                 (askew <= ASKEW, f"a piece lies {math.degrees(askew):.0f} degrees askew"),
                 (apart <= ASKEW, f"two pieces are {math.degrees(apart):.0f} degrees from parallel"),
-                *(condition for name in PIECES for condition in judging.let_go(world, name)),
+                *(condition for name in PIECES for condition in predicates.let_go(world, name)),
             ],
             {"askew_rad": askew, "apart_rad": apart, "placed": float(sum(self._in_place(world, n) for n in PIECES))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, tuple(PIECES), names)
-        if action in judging.PLACING and names and names[0] in PIECES:
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, tuple(PIECES), names)
+        if action in predicates.PLACING and names and names[0] in PIECES:
             straight = abs(self._turn(world, names[0])) <= ASKEW
-            done = straight and self._in_place(world, names[0]) and judging.released(world, names[0])
+            done = straight and self._in_place(world, names[0]) and predicates.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in its place")
         return None
 

@@ -10,11 +10,11 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.appliances import DOWN, LATCHED_WITHIN, SLICE, TOASTER_SIZE, bread_rack, toaster
 from memo_tabletop.monitors import Mishaps, story_of
+from memo_tabletop.objects import CRUST, block, cameras
 from memo_tabletop.reference import solution
-from memo_tabletop.things import CRUST, block, cameras
 
 SUNK_M = 0.010  # of the slice's top below the toaster's; the lever takes it to 14 mm below
 LOWERING = ("PRESS", "PUSH", "PUSH_DOWN", "LOWER", "TURN_ON", "PRESS_DOWN")
@@ -25,6 +25,7 @@ class MakeToast(Task):
 
     name = "make-toast"
     instruction = "make toast"
+    goal = ("the bread is in the toaster", "the toaster lever is down", "the hand has let go of the toaster lever")
     kind = "SR"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -48,17 +49,17 @@ class MakeToast(Task):
             (self._in_slot(world), "the bread is not in the toaster's slot"),
             (self._latched(world), f"the lever is not latched, {max(0.0, down) * 1000:.0f} mm down"),
             (sunk > SUNK_M, f"the bread's top is {-sunk * 1000:.0f} mm above the toaster"),
-            *judging.let_go(world, "bread"),
-            (judging.released(world, "toaster/carriage"), "the robot still touches the lever"),
+            *predicates.let_go(world, "bread"),
+            (predicates.released(world, "toaster/carriage"), "the robot still touches the lever"),
         )
-        return judging.judge("the bread is down in the toaster, the lever latched", conditions, measures, mishaps)
+        return predicates.judge("the bread is down in the toaster, the lever latched", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, ("bread",), names)
-        if action in judging.PLACING and names and names[0] in ("bread", "slice", "slice of bread"):
-            done = self._in_slot(world) and judging.released(world, "bread")
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, ("bread",), names)
+        if action in predicates.PLACING and names and names[0] in ("bread", "slice", "slice of bread"):
+            done = self._in_slot(world) and predicates.released(world, "bread")
             return Outcome(done, f"the bread {'is' if done else 'is not'} in the slot", {"sunk_m": self._sunk(world)})
         if action in LOWERING:
             down = world.joint_position("toaster/lever")
@@ -71,7 +72,7 @@ class MakeToast(Task):
     def _sunk(self, world: WorldState) -> float:
         """How far the highest corner of the slice is below the toaster's top (m)."""
         slice_ = block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST)
-        _, high = judging.spread(slice_, world.body_pose("toaster").inverse() * world.body_pose("bread"))
+        _, high = predicates.spread(slice_, world.body_pose("toaster").inverse() * world.body_pose("bread"))
         return float(TOASTER_SIZE[2] - high[2])
 
     def _in_slot(self, world: WorldState) -> bool:
@@ -79,7 +80,7 @@ class MakeToast(Task):
         machine, _ = toaster("toaster", (0.0, 0.0, 0.0), 0.0)
         slot = machine.cavities[0]
         frame = (world.body_pose("toaster") * slot.pose).inverse() * world.body_pose("bread")
-        low = judging.spread(block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST), frame)[0]
+        low = predicates.spread(block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST), frame)[0]
         centre = np.abs(np.asarray(frame.position))
         return bool(np.all(centre <= np.asarray(slot.size) / 2) and low[2] < 0.0)
 

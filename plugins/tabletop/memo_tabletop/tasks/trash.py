@@ -9,10 +9,21 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import judging
+from memo_tabletop import predicates
 from memo_tabletop.monitors import Mishaps
+from memo_tabletop.objects import (
+    GREEN,
+    PORCELAIN,
+    YELLOW,
+    apple,
+    block,
+    cameras,
+    crumpled_paper,
+    cup,
+    open_box,
+    scatter,
+)
 from memo_tabletop.reference import solution
-from memo_tabletop.things import GREEN, PORCELAIN, YELLOW, apple, block, cameras, crumpled_paper, cup, open_box, scatter
 
 BIN = (0.20, 0.26, 0.13)  # depth, width, height
 GREY = (0.35, 0.38, 0.40, 1.0)
@@ -39,6 +50,10 @@ class PutTheTrashAway(Task):
 
     name = "put-the-trash-away"
     instruction = "put the trash away"
+    goal = (
+        "the crumpled paper, the candy wrapper and the empty carton are in the bin",
+        "the apple and the cup are on the table",
+    )
     kind = "SR"
 
     def scene(self, rng: np.random.Generator) -> SceneDescription:
@@ -60,29 +75,29 @@ class PutTheTrashAway(Task):
         away = [name for name in TRASH if self._in_bin(world, name)]
         left = [name for name in TRASH if name not in away]
         thrown = [name for name in KEPT if self._in_bin(world, name)]
-        return judging.judge(
+        return predicates.judge(
             "all the trash is in the bin",
             [
                 (not left, f"not in the bin, below its rim: {', '.join(left)}"),
                 (not thrown, f"no trash, but in the bin: {', '.join(thrown)}"),
-                *((judging.on_table(world, name), f"the {name} is not on the table any more") for name in KEPT),
-                *(condition for name in TRASH for condition in judging.let_go(world, name)),
+                *((predicates.on_table(world, name), f"the {name} is not on the table any more") for name in KEPT),
+                *(condition for name in TRASH for condition in predicates.let_go(world, name)),
             ],
             {"away": float(len(away)), "thrown": float(len(thrown))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = judging.read_subtask(subtask)
-        if action in judging.PICKING:
-            return judging.picked(world, (*TRASH, *KEPT), names)
-        if action in judging.PLACING and names and names[0] in TRASH:
-            done = self._in_bin(world, names[0]) and judging.released(world, names[0])
+        action, names = predicates.read_subtask(subtask)
+        if action in predicates.PICKING:
+            return predicates.picked(world, (*TRASH, *KEPT), names)
+        if action in predicates.PLACING and names and names[0] in TRASH:
+            done = self._in_bin(world, names[0]) and predicates.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in the bin")
         return None
 
     def _in_bin(self, world: WorldState, name: str) -> bool:
-        return judging.inside(world, "bin", bin_at(0, 0, 0).cavities[0], thing(name))
+        return predicates.inside(world, "bin", bin_at(0, 0, 0).cavities[0], thing(name))
 
     @property
     def reference_solution(self) -> str:

@@ -1,0 +1,535 @@
+"""``memo bench``: what MEMO promises about speed, measured on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, load
+from memo_core.cli.output import print_json, print_table
+from memo_core.cli.stopping import INTERRUPTED
+from memo_core.errors import InvalidArgument, Stopped
+from memo_core.terminal import console
+
+if TYPE_CHECKING:
+    from memo_core.interfaces.simulator import Simulator
+    from memo_core.robot.description import RobotDescription
+
+app = typer.Typer(help="Measure this machine.")
+
+QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
+Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
+
+
+@app.command()
+def startup(
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Rounds; medians are compared.")] = 15, json: Json = False
+) -> None:
+    """How long `memo --help` takes, against Python importing typer and rich."""
+    import attrs
+
+    from memo_benchmarks.startup import bench_startup
+
+    _report(_measured("startup", lambda progress: attrs.asdict(bench_startup(runs, progress))), json)
+
+
+@app.command()
+def sim(
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Rounds; medians are compared.")] = 3,
+    simulator: Annotated[
+        list[str] | None,
+        typer.Option("--simulator", help="Several side by side; repeatable. None: the experiment's alone."),
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """The whole motion stack against a bare loop that replays its recorded controls in the same scene; and what the
+    simulator's checkpoints, pictures and memory cost."""
+    import attrs
+
+    from memo_benchmarks.sim import bench_sim
+    from memo_benchmarks.sim_memory import sim_memory
+
+    def measuring(made: Simulator, robot: RobotDescription) -> Callable[[Callable[[float], None]], dict[str, Any]]:
+        return lambda progress: bench_sim(made, robot, rounds=rounds)
+
+    names = list(dict.fromkeys(simulator or ()))
+    chosen = [[*(overrides or ()), f"simulator.backend={name}"] for name in names] or [[*(overrides or ())]]
+    experiments = [load(config, one)[1] for one in chosen]  # what is wrong is said before anything is measured
+    found = []
+    for one, experiment in zip(chosen, experiments, strict=True):
+        measured = _measured("sim", measuring(experiment.create("simulator"), experiment.create("robot")))
+        name = {"simulator": experiment.choice("simulator").backend.name}
+        found.append({"bench": "sim"} | name | measured | attrs.asdict(sim_memory(config, tuple(one))))
+    if not names:
+        _report(found[0], json)
+    elif json:
+        print_json({"bench": "sim", "simulators": found})
+    else:
+        rows = [(key.replace("_", " "), *(one[key] for one in found)) for key in found[0] if key != "bench"]
+        print_table(("sim", *([""] * len(found))), rows)
+
+
+@app.command()
+def teacher(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
+    suites: Annotated[
+        list[str] | None, typer.Option("--suite", help="Task suites; repeatable. None: the experiment's.")
+    ] = None,
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-1 or 3,5.")] = "0",
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What the simulated teacher says of reference solutions, plain attempts and doing nothing, against the success
+    checks, which it never sees: see docs/simulated-teacher.md."""
+    from memo_benchmarks.teacher import bench_teacher
+    from memo_core.cli.tasks import read_seeds
+
+    chosen = [[*(overrides or ()), "teacher.backend=simulated", "teacher.misjudges=0"]]
+    if suites:
+        chosen = [[*chosen[0], f"suite.backend={suite}"] for suite in suites]
+    experiments = [load(config, one)[1] for one in chosen]
+    table = bench_teacher(experiments, names or [], read_seeds(seeds))
+    if json:
+        print_json({"bench": "teacher", "counts": table.counts, "verdicts": table.rows})
+        return
+    columns = ("task", "seed", "behaviour", "success", "verdict", "agreement", "words")
+    print_table(columns, [tuple(row[column] for column in columns) for row in table.rows])
+    print_table(("agreement", "verdicts"), list(table.counts.items()))
+
+
+@app.command()
+def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Plan motions with doors and drawers, and compare starts looked up in the table of poses with blind ones."""
+    from memo_benchmarks.planning import bench_planning
+
+    _, experiment = load(config, overrides)
+    robot = experiment.create("robot")
+    _report(_measured("planning", lambda progress: bench_planning(robot, progress)), json)
+
+
+@app.command()
+def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """How well the robot feels and presses (N), against the simulator's own contact forces: see docs/force.md."""
+    from memo_benchmarks.force import bench_force
+
+    _, experiment = load(config, overrides)
+    simulator, robot = experiment.create("simulator"), experiment.create("robot")
+    _report(_measured("force", lambda progress: bench_force(simulator, robot, progress)), json)
+
+
+@app.command()
+def retrieval(
+    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 10_000,
+    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """A whole retrieval by key, rows fetched, embedding excluded, against a flat index over all entries."""
+    from memo_benchmarks.retrieval import bench_retrieval
+
+    _, experiment = load(config, overrides)
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        return bench_retrieval(
+            lambda: experiment.create("embedder"),
+            lambda: experiment.create("vectorstore"),
+            entries,
+            keys,
+            settings=experiment.section("retrieval"),
+        )
+
+    _report(_measured("retrieval", measure), json)
+
+
+@app.command()
+def vectorstore(
+    keys: Annotated[int, typer.Option("--keys", min=20, help="Vectors in the store.")] = 300,
+    queries: Annotated[int, typer.Option("--queries", min=1, help="Searches.")] = 100,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What the experiment's vector store finds of the best there is (--set vectorstore=chroma): see docs."""
+    from memo_benchmarks.vectorstore import bench_vectorstore
+
+    _, experiment = load(config, overrides)
+    make = lambda: experiment.create("vectorstore")
+    _report(_measured("vector store", lambda progress: bench_vectorstore(make, keys, queries, progress)), json)
+
+
+@app.command("retrieval-quality")
+def retrieval_quality(
+    sweep: Annotated[
+        bool, typer.Option("--sweep/--no-sweep", help="Also sweep weights, reach and floor on the halves for choosing.")
+    ] = False,
+    book: Annotated[
+        str | None, typer.Option("--book", metavar="BOOK", help="Also measure this book's corrections, by --labels.")
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option("--labels", metavar="FILE", help="Grades for --book: docs/retrieval.md."),
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What subtasks are served from labelled notes, by the paper's formula, a plain cosine and ours: see
+    docs/retrieval.md."""
+    from memo_benchmarks.labelled_notes import of_book
+    from memo_benchmarks.retrieval_quality import PLAIN, bench_retrieval_quality
+    from memo_core.skillbook.book import Skillbook
+
+    if (book is None) != (labels is None):
+        raise InvalidArgument("--book", "one of --book and --labels was given without the other", "both, or neither")
+    _, experiment = load(config, overrides)
+    more = []
+    if book is not None and labels is not None:
+        with Skillbook(book, read_only=True) as opened:
+            more.append(of_book(opened, labels, book))
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        embedder = experiment.create("embedder")
+        try:
+            return bench_retrieval_quality(
+                embedder,
+                lambda: experiment.create("vectorstore"),
+                experiment.section("retrieval"),
+                sweep,
+                more,
+                progress,
+            )
+        finally:
+            embedder.close()
+
+    measured = _measured("retrieval-quality", measure)
+    if json:
+        print_json(measured)
+        return
+    columns = ("f1", "recall", "precision", "ndcg", "opposites", "silent")
+    for one in measured["sets"]:
+        rows = [(row["name"], *(row[c] for c in columns)) for row in one["contenders"]]
+        print_table((f"{one['name']}: {one['subtasks']} subtasks, {one['notes']} notes", *columns), rows)
+        gained = {name: one["ours_minus"][PLAIN][name] for name in ("recall", "ndcg")}
+        told = [f"{name} {d['mean']:+.3f} ({d['low']:+.3f} to {d['high']:+.3f})" for name, d in gained.items()]
+        console().print(f"ours minus the plain cosine, 95 %: {', '.join(told)}")
+
+
+@app.command("quirks-serving")
+def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Whether the lesson that a held-out quirk needs is served at its decisive subtask: see docs/retrieval.md."""
+    from memo_benchmarks.quirks_serving import bench_quirks_serving
+
+    _, experiment = load(config, ["suite.backend=quirks", *(overrides or ())])
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        embedder = experiment.create("embedder")
+        try:
+            return bench_quirks_serving(
+                experiment.create("suite"),
+                embedder,
+                lambda: experiment.create("vectorstore"),
+                experiment.section("retrieval"),
+            )
+        finally:
+            embedder.close()
+
+    measured = _measured("quirks-serving", measure)
+    if json:
+        print_json(measured)
+        return
+    columns = ("others", "task", "subtask", "place", "plain")
+    print_table(columns, [tuple(row[name] for name in columns) for row in measured["rows"]])
+    summed = tuple(measured["summary"][0])
+    print_table(summed, [tuple(row.values()) for row in measured["summary"]])
+
+
+@app.command()
+def skillbook(
+    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 20_000,
+    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
+    general: Annotated[
+        float, typer.Option("--general", min=0.0, max=0.5, help="Share that are general statements.")
+    ] = 0.005,
+    questions: Annotated[int, typer.Option("--questions", min=10, help="Subtasks that are asked for.")] = 500,
+    seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="For filling one store with entries.")] = 20.0,
+    stores: Annotated[
+        list[str] | None, typer.Option("--store", help="Only this one of the others; repeatable.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
+    folder: Annotated[
+        Path | None, typer.Option("--folder", metavar="DIR", help="Keep the book there for next time; 1M: 3 GB.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """A large book beside every vector store with one vector an entry, and a plain loop: see docs/retrieval.md."""
+    from memo_benchmarks.generated_book import BookSize
+    from memo_benchmarks.skillbook import Source, bench_skillbook
+
+    load(config, overrides)  # what is wrong is said before anything is measured
+    source, size = Source(config, tuple(overrides or ())), BookSize(entries, keys, general, seed=seed)
+    measured = _measured(
+        "skillbook", lambda progress: bench_skillbook(source, size, questions, seconds, folder, stores, progress)
+    )
+    if json:
+        print_json(measured)
+        return
+    _report({name: value for name, value in measured.items() if name != "contenders"}, False)
+    columns = ("contender", "over", "entries", "open_s", "questions", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
+    print_table(columns, [tuple(one[name] for name in columns) for one in measured["contenders"]])
+
+
+@app.command()
+def clustering(
+    keys: Annotated[int, typer.Option("--keys", min=1, max=190, help="Keys in the book; about 12 notes each.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
+    keep: Annotated[
+        Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the book, questions and answers.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Cluster a book with planted contradictions and repetitions: what is gone of them, what is kept of the rest."""
+    import attrs
+
+    from memo_benchmarks.clustering import bench_clustering
+
+    _, experiment = load(config, overrides)
+    measured = _measured(
+        "clustering", lambda progress: attrs.asdict(bench_clustering(experiment, keys, seed, keep, progress))
+    )
+    missed, problems = measured["missed"], measured["problems"]
+    _report(measured if json else measured | {"missed": len(missed), "problems": len(problems)}, json)
+    if not json:
+        print("\n".join(["", *missed, *problems]))
+
+
+@app.command()
+def understanding(
+    file: Annotated[Path, typer.Argument(help="YAML list of sentences with what is meant, as in tests/sayings.")],
+    all_sentences: Annotated[bool, typer.Option("--all", help="Show every sentence, not only totals.")] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What the language model makes of everyday sentences: understood as meant, asked back, without effect, misread."""
+    from memo_benchmarks.understanding import bench_understanding, sayings_in, shares
+    from memo_core.runs.factories import library_of, prompts_of
+
+    sayings = sayings_in(file)
+    _, experiment = load(config, overrides)
+    model = experiment.create("llm")
+    heard: list[Any] = []
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        model.open()
+        try:
+            heard.extend(bench_understanding(model, sayings, library_of(experiment), prompts_of(experiment), progress))
+        finally:
+            model.close()
+        return shares(heard)
+
+    measured = _measured("understanding", measure)
+    if json:
+        print_json(measured | {"all": [one.told for one in heard]})
+        return
+    _report(measured, json)
+    if all_sentences:
+        for one in heard:
+            print(f"\n[{one.verdict}] {one.saying.subtask}: {one.saying.says}\n  meant: {one.saying.means}")
+            for line in (*one.notes, *([f"asked: {one.asked}"] if one.asked else []), *one.changed):
+                print(f"  - {line}")
+
+
+@app.command()
+def stop(
+    signals: Annotated[int, typer.Option("--signals", min=1, help="Stops in each phase.")] = 20,
+    phases: Annotated[list[str] | None, typer.Option("--phase", help="Only this phase; repeatable.")] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """From a signal to the arm's last command and to the question what was wrong: p50 and p99 in each phase."""
+    from memo_benchmarks.stop import PHASES, bench_stop
+
+    _, experiment = load(config, overrides)
+    measured = _measured("stop", lambda progress: bench_stop(experiment, signals, phases or PHASES, progress).summary())
+    if json:
+        print_json(measured)
+        return
+    rows = measured["phases"]
+    print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+
+
+@app.command()
+def signals(
+    number: Annotated[int, typer.Option("--signals", min=1, help="Runs, each of which gets one kind of signal.")] = 300,
+    seed: Annotated[int, typer.Option("--seed", help="Of the moments.")] = 0,
+    json: Json = False,
+) -> None:
+    """Signals at random moments of real runs: exit codes, aborts, orphans, what is left behind, summaries.
+
+    Exit code 1 when one of them was not as promised.
+    """
+    from memo_benchmarks.signals import bench_signals
+
+    measured = _measured("signals", lambda progress: bench_signals(number, seed, progress=progress))
+    if json:
+        print_json(measured)
+    else:
+        rows = measured["kinds"]
+        print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+        print("\n".join([*measured["faults"], f"kept: {'yes' if measured['kept'] else 'no'}"]))
+    if not measured["kept"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def demo(
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-19 or 3,5.")] = "0-19",
+    out: Out = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Tell the demo's story on many seeds: fails, is taught, succeeds, carries over. No videos unless asked for."""
+    from memo_benchmarks.demo_sweep import demos
+    from memo_core.cli.tasks import read_seeds
+    from memo_core.runs.demo_result import CHAPTERS
+
+    wanted = read_seeds(seeds)
+    registry, experiment = load(config, [QUIET, *(overrides or [])])
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        rows = []
+        for report in demos(experiment, registry, out, wanted):
+            rows.append(report.summary())
+            progress(len(rows) / len(wanted))
+        return {"seeds": len(rows), "told": sum(row["told"] for row in rows), "stories": rows}
+
+    measured = _measured("demo", measure)
+    if json:
+        print_json(measured)
+        return
+    names = [part.name for part in CHAPTERS]
+    outcomes = [(row["seed"], *(row[n] for n in names), row["told"], row["wall_s"]) for row in measured["stories"]]
+    print_table(("seed", *names, "told", "seconds"), outcomes)
+    for row in measured["stories"]:
+        if not row["told"]:
+            print(f"seed {row['seed']}: " + "; ".join(f"{name}: {row['reasons'].get(name)}" for name in names))
+    print(f"{measured['told']} of {measured['seeds']} seeds tell the story")
+
+
+@app.command()
+def lesions(
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0-4",
+    lesion: Annotated[list[str] | None, typer.Option("--lesion", help="Only this one; repeatable.")] = None,
+    task: Annotated[str | None, typer.Option("--task", help="Another task than the demo's second.")] = None,
+    out: Out = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach the demo's lesson, damage the book or change the scene, and see where the benefit goes.
+
+    Ctrl-C, twice, ends it with a table of what had ended.
+    """
+    import attrs
+
+    from memo_benchmarks.demo_sweep import KNOWN, Lesson, known_lesion
+    from memo_core.cli.tasks import read_seeds
+    from memo_core.runs.factories import task_of
+
+    wanted = read_seeds(seeds)
+    chosen = [known_lesion(name) for name in dict.fromkeys(lesion or KNOWN)]
+    registry, experiment = load(config, [QUIET, *(overrides or [])])
+    if task is not None:
+        task_of(experiment, task)  # said before anything is taught
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        trials: list[dict[str, Any]] = []
+        taught: list[dict[str, Any]] = []
+        interrupted = False
+        try:
+            for seed in wanted:
+                lesson = Lesson(experiment, registry, out, seed)
+                report = lesson.teach()
+                taught.append({"seed": seed, "success": report.success, "folder": str(lesson.folder)})
+                for name in chosen:
+                    trials.append(attrs.asdict(lesson.under(name, task)))
+                    progress(len(trials) / (len(wanted) * len(chosen)))
+        except Stopped:
+            interrupted = True  # what ended before is reported all the same
+        found = {"taught": taught, "lesions": _by_lesion(trials, chosen), "trials": trials}
+        return found | {"interrupted": interrupted}
+
+    measured = _measured("lesions", measure)
+    if json:
+        print_json(measured)
+    else:
+        counted = measured["lesions"]
+        rows = [(r["lesion"], f"{r['first']}/{r['trials']}", f"{r['success']}/{r['trials']}") for r in counted]
+        print_table(("lesion", "first subtask", "whole task"), rows)
+    if measured["interrupted"]:
+        raise typer.Exit(INTERRUPTED)
+
+
+@app.command()
+def transfer(
+    simulator: Annotated[
+        list[str] | None, typer.Option("--simulator", help="One of those compared; repeatable. None: all installed.")
+    ] = None,
+    teach: Annotated[
+        list[str] | None,
+        typer.Option("--teach", help="A task to teach; repeatable. None: the one of the suite's demo."),
+    ] = None,
+    task: Annotated[
+        list[str] | None, typer.Option("--task", help="A task to try; repeatable. None: all that are held out.")
+    ] = None,
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0-4",
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="What ended is kept there and not done again.")
+    ] = Path("runs/transfer"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach in one simulator, use the book in another: what is learnt of it on tasks that nobody ever corrected."""
+    from memo_benchmarks.transfer_command import transfer_table
+
+    transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
+
+
+def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:
+    found = []
+    for name in names:
+        mine = [trial for trial in trials if trial["lesion"] == name]
+        done = {"first": sum(t["first"] is True for t in mine), "success": sum(t["success"] for t in mine)}
+        found.append({"lesion": name, "trials": len(mine)} | done)
+    return found
+
+
+def _measured(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"measuring {what}", total=None)
+        return {"bench": what} | measure(lambda share: bar.update(task, total=1.0, completed=share))
+
+
+def _report(measured: dict[str, Any], json: bool) -> None:
+    if json:
+        print_json(measured)
+        return
+    rows = [(name.replace("_", " "), value) for name, value in measured.items() if name != "bench"]
+    print_table((measured["bench"], ""), rows)

@@ -1,0 +1,220 @@
+"""What a language model makes of everyday sentences (``memo bench understanding FILE``).
+
+For each sentence the model writes code for the subtask untaught (phase 2), notes what the person said of it (phase 3)
+and writes code again with those notes. A hand without a robot runs both programs; what it does differently is compared
+with what the person meant, which the file says as ``effects``:
+
+- *understood*: all that was meant is in the second motion, and nothing that people talk about changed besides
+- *asked back*: no note was made, and the answer says what would have to be asked
+- *without effect*: noted, and the motion is the same
+- *misread*: noted, and the motion changed in another way than was meant, or praise was noted as a correction
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import attrs
+import yaml
+
+from memo_benchmarks.effects import CHANGES, changed, met
+from memo_benchmarks.recorded_hand import Motion, RecordedHand, motion_of
+from memo_benchmarks.sayings_scenes import ROBOT, scene_for
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.llm import LanguageModel, Request
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.readers import Notes, Unreadable, read_code, read_notes
+from memo_core.policy.prompting import messages
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.graph import SceneGraph
+from memo_core.skills.contract import documentation
+from memo_core.skills.skill import Skill
+
+ALREADY = {  # effects that the untaught motion may have already, and how a note says them
+    "straight": r"straight|line",
+    "lift straight": r"straight|line",
+    "middle": r"middle|cent",
+    "level": r"level|tilt|tip",
+    "upright": r"upright|standing|level|tilt|tip",
+    "no turn": r"turn|twist|rotat",
+    "release": r"let (?:it )?go|let go|releas|open",
+    "from": r"from (?:top|above|the front|front)",
+    "open wider": r"open .*(?:wide|fully)",
+    "close fingers first": r"close .* first",
+}
+
+Verdict = Literal["understood", "asked back", "without effect", "misread"]
+PRAISE = re.compile(r"right|fine|good|well|approv|praise|worked|as it (?:is|was)", re.I)
+
+
+@attrs.frozen
+class Saying:
+    """One sentence. ``effects`` are what should be different, in the words of ``memo_benchmarks.effects``."""
+
+    task: str
+    subtask: str
+    seen: str  # what was visibly wrong
+    says: str
+    means: str
+    effects: tuple[str, ...] = attrs.field(converter=tuple)
+
+    @effects.validator
+    def _known(self, _: Any, effects: tuple[str, ...]) -> None:
+        for effect in effects:
+            if not any(effect == name or effect.startswith(f"{name} ") for name in CHANGES):
+                raise InvalidArgument("effects", f"{effect!r} in {self.says!r}", ", ".join(CHANGES))
+
+
+@attrs.frozen
+class Heard:
+    """What became of a sentence."""
+
+    saying: Saying
+    verdict: Verdict
+    notes: tuple[str, ...]
+    asked: str
+    changed: tuple[str, ...]  # what the hand did differently, in words
+
+    @property
+    def told(self) -> dict[str, Any]:
+        return attrs.asdict(self.saying) | {
+            "verdict": self.verdict,
+            "notes": list(self.notes),
+            "asked": self.asked,
+            "changed": list(self.changed),
+        }
+
+
+@attrs.frozen
+class _Note:
+    """A note as the code prompt shows it."""
+
+    text: str
+    key: str
+
+
+def sayings_in(path: Path) -> list[Saying]:
+    """The sentences of a YAML file. Raises ``InvalidArgument`` naming the entry."""
+    try:
+        rows = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise InvalidArgument("FILE", f"{path}: {error}", "a YAML list of sentences") from None
+    found = []
+    for i, row in enumerate(rows if isinstance(rows, list) else [rows], 1):
+        try:
+            found.append(Saying(**row))
+        except TypeError as error:
+            keys = ", ".join(field.name for field in attrs.fields(Saying))
+            raise InvalidArgument("FILE", f"{path}: sentence {i}: {error}", keys) from None
+    return found
+
+
+def bench_understanding(
+    model: LanguageModel,
+    sayings: list[Saying],
+    skills: dict[str, Skill],
+    prompts: Prompts,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Heard]:
+    """Each sentence by itself, with an empty book. ``model`` is opened already."""
+    heard = []
+    with Sandbox(skills) as sandbox:
+        listener = _Listener(model, skills, prompts, sandbox)
+        for i, saying in enumerate(sayings, 1):
+            heard.append(listener.hear(saying))
+            progress(i / len(sayings))
+    return heard
+
+
+def shares(heard: list[Heard]) -> dict[str, Any]:
+    """Counts and shares of each verdict."""
+    counts = Counter(one.verdict for one in heard)
+    report: dict[str, Any] = {"sentences": len(heard)}
+    for verdict in ("understood", "asked back", "without effect", "misread"):
+        report[verdict.replace(" ", "_")] = counts[verdict]
+        report[f"{verdict.replace(' ', '_')}_share"] = round(counts[verdict] / max(1, len(heard)), 3)
+    return report
+
+
+@attrs.frozen
+class _Listener:
+    model: LanguageModel
+    skills: dict[str, Skill]
+    prompts: Prompts
+    sandbox: Sandbox
+
+    def hear(self, saying: Saying) -> Heard:
+        scene = scene_for(saying.subtask)
+        code = self._code(saying, scene, [])
+        notes = self._notes(saying, scene, code)
+        said = (*notes.corrections, *notes.general)
+        before, after = self._motion(code, scene), None
+        if said:
+            after = self._motion(self._code(saying, scene, said), scene)
+        told = changed(before, after) if before is not None and after is not None else {}
+        verdict = judged(saying, notes, before, after, scene)
+        return Heard(saying, verdict, said, notes.unclear, tuple(told.values()))
+
+    def _code(self, saying: Saying, scene: SceneGraph, notes: list[str] | tuple[str, ...]) -> str:
+        corrections = [_Note(text, saying.subtask) for text in notes]
+        return self._answer(
+            "code",
+            scene,
+            read_code,
+            task=saying.task.replace("-", " "),
+            subtask=saying.subtask,
+            done=[],
+            skills=documentation(self.skills),
+            subset="Python.",
+            corrections=corrections,
+            general=[],
+            templates=[],
+            attempts=[],
+        )
+
+    def _notes(self, saying: Saying, scene: SceneGraph, code: str) -> Notes:
+        told = {"task": saying.task.replace("-", " "), "subtask": saying.subtask, "words": saying.says, "code": code}
+        try:
+            return self._answer("feedback", scene, read_notes, ended="a person found fault with it", **told)
+        except Unreadable as error:
+            return Notes((), (), str(error))
+
+    def _answer(self, phase: str, scene: SceneGraph, read: Callable[[str], Any], **context: Any) -> Any:
+        asked = messages(phase, ROBOT, scene, self.prompts, **context)
+        return read(self.model.answer(Request(phase, asked)).text)
+
+    def _motion(self, code: str, scene: SceneGraph) -> Motion | None:
+        hand = RecordedHand(scene)
+        self.sandbox.run(code, hand, stopped=lambda: False)  # what ends in an error was moving up to there
+        return motion_of(hand.acts)
+
+
+def judged(saying: Saying, notes: Notes, before: Motion | None, after: Motion | None, scene: SceneGraph) -> Verdict:
+    """The mechanical criterion, as the module's docstring says it."""
+    said = (*notes.corrections, *notes.general)
+    if not said:
+        praised = "approve" in saying.effects and PRAISE.search(notes.unclear.partition(saying.says)[0])
+        return "understood" if praised else "asked back"
+    if {"approve", "ask"} & set(saying.effects):
+        return "misread"
+    if before is None or after is None:
+        return "without effect"
+    told = changed(before, after)
+    allowed = set().union(*(CHANGES[_name(effect)] for effect in saying.effects))
+    if set(told) - allowed:
+        return "misread"
+    fulfilled = [effect for effect in saying.effects if met(effect, before, after, saying.subtask, scene)]
+    if told:
+        return "understood" if fulfilled else "misread"
+    # It is so already: then the note must at least say so.
+    text = " ".join(said).lower()
+    said_so = any(re.search(ALREADY.get(_name(effect), "(?!)"), text) for effect in fulfilled)
+    return "understood" if said_so else "without effect"
+
+
+def _name(effect: str) -> str:
+    return max((name for name in CHANGES if effect == name or effect.startswith(f"{name} ")), key=len)

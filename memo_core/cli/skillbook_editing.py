@@ -1,0 +1,95 @@
+"""``memo skillbook edit|remove``: putting an entry right, or taking it out, as revisions that can be rolled back."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.output import print_json
+from memo_core.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from memo_core.skillbook.book import Skillbook
+
+Number = Annotated[int, typer.Argument(metavar="ENTRY", help="The entry's number (memo skillbook list).")]
+Who = Annotated[
+    str | None, typer.Option("--who", help="Your name in the book, so that you can withdraw; default: your login name.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file to ``memo skillbook``."""
+    app.command()(edit)
+    app.command()(remove)
+
+
+def edit(
+    entry: Number,
+    text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="The new text; - reads it from stdin.")] = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Read the new text from a file (a template).")] = None,
+    who: Who = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Put another text in place of an entry's. What it said before stays in the history."""
+    wanted = _text(text, file)
+    with _opened(book, config, overrides) as opened:
+        new = opened.edit(entry, wanted, _name(who))
+    if json:
+        print_json({"entry": new.id, "replaces": entry, "revision": new.revision, "text": new.text})
+    elif new.id == entry:
+        print(f"entry {entry} says that already")
+    else:
+        print(f"entry {new.id} is in place of {entry}; `memo skillbook rollback {new.revision}` takes it back")
+
+
+def remove(
+    entry: Number,
+    who: Who = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Take an entry out of what is served. It stays in the history; words are removed for good by forget."""
+    with _opened(book, config, overrides) as opened:
+        revision = opened.remove(entry, _name(who))
+    if json:
+        print_json({"entry": entry, "revision": revision.id})
+    else:
+        print(f"entry {entry} is no longer served; `memo skillbook rollback {revision.id}` takes it back")
+
+
+def _name(who: str | None) -> str:
+    from memo_core.teachers.terminal import login_name
+
+    return who or login_name()
+
+
+def _text(text: str | None, file: Path | None) -> str:
+    if (text is None) == (file is None):
+        raise InvalidArgument("TEXT", "the new text is needed once", "TEXT, - for stdin, or --file FILE")
+    if file is not None:
+        try:
+            return file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            problem = f"{file}: {getattr(error, 'strerror', None) or 'it is no UTF-8 text'}"
+            raise InvalidArgument("--file", problem, "a text file that can be read") from None
+    assert text is not None
+    return sys.stdin.read() if text == "-" else text
+
+
+def _opened(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
+    """Without embedder and store: neither is needed. A mistyped path is an error, not a new empty book."""
+    from memo_core.skillbook.book import Skillbook
+
+    url = book or load(config, overrides)[1].section("skillbook").url
+    with Skillbook(url, read_only=True):
+        pass
+    return Skillbook(url)

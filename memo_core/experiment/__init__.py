@@ -1,1 +1,0 @@
-"""Worlds, runs and their folders, teachers, stopping, demo, reports, benchmarks."""

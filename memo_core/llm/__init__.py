@@ -1,0 +1,1 @@
+"""Asking language models: calls, budget, prompt files, readers of answers."""

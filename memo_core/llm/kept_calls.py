@@ -1,0 +1,108 @@
+"""Calls of models as files of a run (``calls/``): what was asked, what was answered or went wrong, what it cost."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import attrs
+import cattrs
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.llm import Answer, LanguageModelError, Request, Usage
+from memo_core.llm.spending import Spent
+from memo_core.runlog.history import Entry, History
+
+ASK = "ask a model"
+
+
+def call_name(number: int, phase: str) -> str:
+    """The file of the call that is this entry of the run's log."""
+    return f"calls/{number:04d}-{phase}.json"
+
+
+def call_text(request: Request, result: Answer | BaseException, problem: str, abandoned: bool) -> str:
+    """A call as its file holds it; ``problem``: why there is no answer."""
+    answer = result if isinstance(result, Answer) else None
+    spent = None if answer is not None else usage_of(result)
+    kept = {
+        "phase": request.phase,
+        "time": time.time(),
+        "seed": request.seed,
+        "digest": request.digest,
+        "prompt": request.prompt,
+        "abandoned": abandoned,
+        "problem": problem,
+        "answer": None if answer is None else attrs.asdict(answer),
+        "usage": None if spent is None else attrs.asdict(spent),  # of a call without an answer
+        "messages": [
+            {"role": m.role, "text": m.text} | ({"images": len(m.images)} if m.images else {}) for m in request.messages
+        ],
+    }
+    return json.dumps(kept, indent=1, ensure_ascii=False) + "\n"
+
+
+def read_call(folder: Path, name: str) -> dict[str, Any]:
+    """A call's file. Raises ``InvalidArgument`` for one that is missing or damaged."""
+    file = folder / name
+    try:
+        kept = json.loads(file.read_text(encoding="utf-8", errors="surrogatepass"))
+        if not {"answer", "usage", "digest", "problem"} <= set(kept):
+            raise ValueError("it lacks its answer")
+        if kept["answer"] is not None and not isinstance(kept["answer"]["text"], str):
+            raise ValueError("its answer is no text")
+        return dict(kept)
+    except OSError as error:
+        problem = f"{file}: {error.strerror}; what was asked or answered may have been withdrawn (forget)"
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        problem = f"{file} is damaged ({error})"
+    raise InvalidArgument("--resume", problem, "the file as the run wrote it")
+
+
+def answer_in(folder: Path, name: str) -> Answer:
+    """The answer that a call's file holds. Raises ``InvalidArgument``."""
+    try:
+        return cattrs.structure(read_call(folder, name)["answer"], Answer)
+    except (cattrs.BaseValidationError, TypeError, ValueError) as error:
+        problem = f"{folder / name} is damaged (its answer: {' '.join(str(error).split())})"
+        raise InvalidArgument("--resume", problem, "the file as the run wrote it") from None
+
+
+def usage_of(result: Answer | BaseException) -> Usage | None:
+    """What a call cost; None where nothing was spent."""
+    return getattr(result, "usage", None)
+
+
+def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelError | None:
+    """What a call came to whose end the log does not tell: its file is written before. None where it has none."""
+    if not (folder / name).exists():
+        return None
+    kept = read_call(folder, name)
+    if kept["answer"] is not None:
+        return answer_in(folder, name)
+    usage = None if kept["usage"] is None else Usage(**kept["usage"])
+    return LanguageModelError(model, str(kept["problem"]), usage=usage)
+
+
+def spent_in(history: History, folder: Path) -> Spent:
+    """What a run spent so far, as its log and the files of its calls say: each call once, whatever became of it."""
+    spent = Spent()
+    for entry in history.effects:
+        refused = (entry.raised or {}).get("type") == "BudgetExceeded"
+        again = isinstance(entry.value, dict) and entry.value.get("kept")  # paid for as another entry
+        if entry.name != ASK or refused or again:
+            continue
+        over, usage = _usage_in(entry, folder)
+        spent = spent.plus(usage) if over else attrs.evolve(spent, unfinished=spent.unfinished + 1)
+    return spent
+
+
+def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:
+    """Whether the call is over as far as is known, and what it cost."""
+    for found in (entry.late, entry.value, entry.raised):
+        if isinstance(found, dict) and "usage" in found:
+            return True, None if found["usage"] is None else Usage(**found["usage"])
+    result = result_in(folder, call_name(entry.number, entry.about.split()[0]), "")
+    return (True, usage_of(result)) if result is not None else (entry.raised is not None and not entry.stopped, None)

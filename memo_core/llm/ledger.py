@@ -1,0 +1,138 @@
+"""The ledger of a study: every call of every run that shares it, in one SQLite file.
+
+A call is written down before it is made and completed after it, so that a run that is killed in between leaves a trace,
+and so that runs in several processes see what the others are about to spend.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.errors import MemoError
+from memo_core.interfaces.llm import Usage
+from memo_core.llm.spending import Spent
+
+_WAIT_S = 30.0  # for other processes that write
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS calls (
+    id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT NOT NULL,
+    model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT 0, cost REAL
+)
+"""
+_SUMS = """
+SELECT count(*), coalesce(sum(prompt_tokens), 0), coalesce(sum(completion_tokens), 0), coalesce(sum(cost), 0.0),
+       coalesce(sum(cost IS NULL AND ended IS NOT NULL AND prompt_tokens > 0), 0), coalesce(sum(ended IS NULL), 0)
+FROM calls
+"""
+
+
+@attrs.define(auto_exc=True, eq=False)
+class LedgerError(MemoError):
+    """The ledger cannot be read or written."""
+
+    path: Path
+    problem: str
+
+    def __str__(self) -> str:
+        return f"the study's ledger {self.path}: {self.problem}"
+
+
+class Ledger:
+    """One file, used by any number of threads and processes. Every call returns when it is on disk."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection: sqlite3.Connection | None = None
+        self._lock = threading.RLock()
+
+    def open(self) -> None:
+        """Idempotent; makes the file where there is none. Raises ``LedgerError``."""
+        with self._lock:
+            if self._connection is not None:
+                return
+            try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                connection = sqlite3.connect(self.path, _WAIT_S, isolation_level=None, check_same_thread=False)
+                connection.execute("PRAGMA synchronous=FULL")
+                connection.execute(_SCHEMA)
+            except (OSError, sqlite3.Error) as error:
+                raise LedgerError(self.path, str(error)) from error
+            self._connection = connection
+
+    def close(self) -> None:
+        """Idempotent; a call that ends later opens it again for a moment."""
+        with self._lock:
+            connection, self._connection = self._connection, None
+            if connection is not None:
+                connection.close()
+
+    def spent(self) -> Spent:
+        """By everyone."""
+        with self._writing() as connection:
+            return _sums(connection)
+
+    def begin(self, run: str, phase: str, model: str, prompt_tokens: int, check: Callable[[Spent], None]) -> int:
+        """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
+        more may be; between its look and the line nobody else gets in."""
+        with self._writing() as connection:
+            check(_sums(connection))
+            inserted = connection.execute(
+                "INSERT INTO calls (begun, run, phase, model, prompt_tokens) VALUES (?, ?, ?, ?, ?)",
+                (time.time(), run, phase, model, prompt_tokens),
+            )
+            return int(inserted.lastrowid or 0)
+
+    def end(self, line: int, usage: Usage | None) -> None:
+        """Complete a call's line; ``usage`` None where nothing was spent."""
+        usage = usage or Usage()
+        with self._writing() as connection:
+            connection.execute(
+                "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ? WHERE id = ?",
+                (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, line),
+            )
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        with self._lock:
+            was_open = self._connection is not None
+            self.open()
+            connection: Any = self._connection
+            try:
+                connection.execute("BEGIN IMMEDIATE")
+                try:
+                    yield connection
+                except BaseException:
+                    connection.execute("ROLLBACK")
+                    raise
+                connection.execute("COMMIT")
+            except sqlite3.Error as error:
+                raise LedgerError(self.path, str(error)) from error
+            finally:
+                if not was_open:
+                    self.close()
+
+
+def _sums(connection: sqlite3.Connection) -> Spent:
+    return Spent(*connection.execute(_SUMS).fetchone())
+
+
+def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
+    """What each run spent, in the order of their first calls, and all of them together. Nothing is written. Raises
+    ``LedgerError``, also for another kind of file."""
+    by_run = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
+    try:
+        address = f"{path.resolve().as_uri()}?mode=ro"
+        with contextlib.closing(sqlite3.connect(address, _WAIT_S, isolation_level=None, uri=True)) as connection:
+            connection.execute("BEGIN")  # both queries see the same calls
+            runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]
+            return runs, _sums(connection)
+    except sqlite3.Error as error:
+        raise LedgerError(path, f"it is no ledger, or cannot be read ({error})") from error

@@ -1,0 +1,58 @@
+"""Which tasks a language backend was measured to do: untaught, only when it is taught, or not at all.
+
+A backend that is known to reach only so far declares a YAML file (``Backend.measured``, ``PACKAGE/path/in/it``):
+``tasks`` maps a task's name to ``untaught``, ``taught`` or ``no``; ``commands`` and ``date`` say how that was measured.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import Any, Literal, get_args
+
+import attrs
+import yaml
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.backend import Backend
+
+Reach = Literal["untaught", "taught", "no"]
+
+
+@attrs.frozen(eq=False)
+class Measured:
+    """What was measured. ``tasks`` holds only what was tried."""
+
+    tasks: dict[str, Reach]
+    commands: dict[str, str]
+    date: str
+
+    def warning(self, backend: str, task: str) -> str:
+        """One line for somebody who chose a task that is out of reach; "" where it is not, or was never measured."""
+        reach = self.tasks.get(task)
+        if reach == "no":
+            return f"llm {backend!r} was not able to do {task!r} when it was measured ({self.date}), taught or untaught"
+        if reach == "taught":
+            return f"llm {backend!r} did {task!r} only after it was corrected ({self.date}): somebody should watch"
+        return ""
+
+
+def measured_of(backend: Backend) -> Measured | None:
+    """What a backend declares; None where it declares nothing. Raises ``InvalidArgument`` naming file and key."""
+    if not backend.measured:
+        return None
+    package, _, name = backend.measured.partition("/")
+    data = yaml.safe_load(resources.files(package).joinpath(name).read_text("utf-8"))
+    try:
+        measured = Measured(dict(data["tasks"]), dict(data["commands"]), str(data["date"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InvalidArgument(backend.measured, f"cannot be read ({error!r})", "tasks, commands and date") from None
+    wrong = {task: reach for task, reach in measured.tasks.items() if reach not in get_args(Reach)}
+    if wrong:
+        task, reach = next(iter(wrong.items()))
+        raise InvalidArgument(f"{backend.measured}: tasks.{task}", f"unknown {reach!r}", ", ".join(get_args(Reach)))
+    return measured
+
+
+def summary(measured: Measured | None, task: str) -> dict[str, Any]:
+    """The column of a list of tasks: empty where nothing was measured."""
+    return {} if measured is None else {"reach": measured.tasks.get(task, "")}

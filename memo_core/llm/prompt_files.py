@@ -1,0 +1,381 @@
+"""The prompts' files: one a phase, versioned, replaceable from a config, and checked before anything is asked.
+
+A file is a Jinja template below a front matter, which is ``version: …`` between two lines ``---``. Version and digest
+of the files that a question was made from are kept with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.errors import MemoError, UnknownName, close_match
+from memo_core.interfaces.llm import Message
+from memo_core.llm.prompt_language import prompt_environment
+from memo_core.llm.prompt_values import prepared
+from memo_core.robot.description import GripperDescription, RobotDescription
+
+SUFFIX = ".md.j2"
+SYSTEM = "system"
+
+_ROBOT = "the robot's description: robot.name, robot.reach (m), robot.gripper.kind, .stroke, .min_force, .hand_size, …"
+_SCENE = "the scene as a table of objects and parts, with its relations as sentences"
+_SUBTASK = "the subtask at hand, ACTION(object) or ACTION(object, place)"
+_DONE = "lines: each subtask that was tried and how it ended"
+_CORRECTED = (
+    "what was said in this run, oldest first, each with .subtask, .code, .printed, .ended, .words and .notes "
+    "(.key, .text)"
+)
+_SKILLS = "the documentation of the functions, from their declarations"
+_SUBSET = "the Python that the sandbox runs, and its limits"
+_RESTART = "whether everything is put back after code ended with an error"
+PLACEHOLDERS: dict[str, dict[str, str]] = {
+    SYSTEM: {"robot": _ROBOT},
+    "plan": {
+        "robot": _ROBOT,
+        "task": "the instruction",
+        "scene": _SCENE,
+        "done": _DONE,
+        "corrected": _CORRECTED,
+        "notes": "what people said about plans, retrieved, best first, each with .task and .text",
+    },
+    "code": {
+        "robot": _ROBOT,
+        "task": "the instruction",
+        "subtask": _SUBTASK,
+        "scene": _SCENE,
+        "done": _DONE,
+        "skills": _SKILLS,
+        "subset": _SUBSET,
+        "corrected": _CORRECTED,
+        "corrections": "retrieved corrections, best first, each with .key, .text, perhaps .origin (by whom, how alike)",
+        "competing": "whether to say what to do where several corrections may apply",
+        "general": "retrieved general statements, best first, each with .text",
+        "templates": "retrieved templates, best first, each with .key and .text",
+        "attempts": "earlier programs of this attempt, each with .code, .printed and .ended",
+        "restart": _RESTART,
+        "tries": "how many more programs may be written when this one ends with an error",
+    },
+    "feedback": {
+        "robot": _ROBOT,
+        "task": "the instruction",
+        "subtask": _SUBTASK,
+        "scene": _SCENE,
+        "code": "the code that was run; may be empty",
+        "printed": "what it printed",
+        "ended": "how it ended",
+        "words": "what the person said, word for word",
+        "earlier": "what they said of this subtask before, each with .words and .notes (.text)",
+        "subtasks": "the run's other subtasks, under which a note may be filed; empty where that is not wanted",
+        "planning": "whether the words were said of the plan or the whole task",
+        "plans": "whether notes about plans are wanted",
+    },
+    "template": {
+        "robot": _ROBOT,
+        "subtask": _SUBTASK,
+        "scene": _SCENE,
+        "code": "the code that a person approved",
+        "printed": "what it printed",
+    },
+    "merge": {
+        "robot": _ROBOT,
+        "subtask": _SUBTASK,
+        "scene": _SCENE,
+        "skills": _SKILLS,
+        "subset": _SUBSET,
+        "programs": "what ran, in this order, each with .code, .printed and .ended",
+        "restart": _RESTART,
+    },
+    "cluster": {
+        "key": "what the notes are about, ACTION(object), or * for general statements",
+        "entries": "the notes, each with .text and .after (the number of the template it was said of, or 0)",
+        "templates": "related templates, each with .key, .text, .uses and .confirmed",
+        "characters": "how many characters all entries may have together",
+    },
+}
+OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of them is filled in with
+    "plan": {"corrected": (), "notes": ()},
+    "code": {"corrected": (), "competing": True, "restart": False, "tries": 0},
+    "feedback": {"printed": "", "earlier": (), "subtasks": (), "planning": False, "plans": False},
+    "template": {"printed": ""},
+    "merge": {"restart": False},
+}
+REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be answered
+    SYSTEM: (),
+    "plan": ("task", "scene"),
+    "code": ("subtask", "scene", "skills"),
+    "feedback": ("subtask", "words"),
+    "template": ("code",),
+    "merge": ("programs",),
+    "cluster": ("key", "entries", "templates", "characters"),
+}
+PHASES = tuple(name for name in PLACEHOLDERS if name != SYSTEM)
+
+
+@attrs.frozen
+class _Entry:
+    key: str = "OPEN(jar)"
+    text: str = "Lift the lid straight up."
+    origin: str = "person 1, remark 3 of 4, the same subtask"
+    task: str = "open the jar"
+    after: int = 0
+    uses: int = 0
+    confirmed: int = 0
+
+
+@attrs.frozen
+class _Attempt:
+    code: str = "look()\n"
+    printed: str = "done"
+    ended: str = "MotionError"
+    subtask: str = "OPEN(jar)"
+    words: str = "lift it straight up"
+    notes: tuple[_Entry, ...] = (_Entry(),)
+
+
+SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
+    "robot": RobotDescription("arm", "", (), GripperDescription(), "tool"),
+    "task": "open the jar",
+    "subtask": "OPEN(jar)",
+    "scene": "## Scene\n| name |\n|---|\n| jar |",
+    "done": ["OPEN(jar)"],
+    "skills": "look() -> list",
+    "subset": "Python.",
+    "corrected": [_Attempt()],
+    "notes": [_Entry()],
+    "corrections": [_Entry(), _Entry()],
+    "competing": True,
+    "general": [_Entry()],
+    "templates": [_Entry()],
+    "attempts": [_Attempt()],
+    "programs": [_Attempt()],
+    "restart": True,
+    "tries": 1,
+    "code": "look()\n",
+    "printed": "lid off",
+    "ended": "a person found fault with it",
+    "words": "lift it straight up",
+    "earlier": [_Attempt()],
+    "subtasks": ["PICK_UP(jar)"],
+    "planning": False,
+    "plans": True,
+    "key": "OPEN(jar)",
+    "entries": [_Entry()],
+    "characters": 100,
+}
+
+
+@attrs.define(auto_exc=True, eq=False)
+class BadPrompt(MemoError):
+    """A prompt file that cannot be used: where (file and line, 0 for the whole) and why."""
+
+    file: str
+    line: int
+    problem: str
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        return f"{self.file}{f':{self.line}' if self.line else ''}: {self.problem}"
+
+
+@attrs.frozen
+class PromptText:
+    """One prompt's text without its front matter; ``line`` is where it begins in its file, less one."""
+
+    name: str  # system or a phase
+    text: str
+    version: str  # as in the front matter; "" where it has none
+    source: str  # the file, or "built-in"
+    line: int = 0
+
+    @property
+    def digest(self) -> str:
+        """The first 12 characters of the SHA-256 of the text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:12]
+
+    @property
+    def stamp(self) -> str:
+        """Name, version and digest: ``code v3 0f2a91c4d7e8``."""
+        return f"{self.name} v{self.version or '?'} {self.digest}"
+
+    def render(self, context: Mapping[str, Any]) -> str:
+        """The text with its placeholders filled. Raises ``BadPrompt`` for one that has no value, and for an expression
+        that fails or that a prompt may not contain."""
+        import jinja2
+
+        given = {**OPTIONAL.get(self.name, {}), **context}
+        known = {name: prepared(name, value) for name, value in given.items() if name in PLACEHOLDERS[self.name]}
+        try:
+            return prompt_environment().from_string(self.text).render(known)
+        except jinja2.TemplateError as error:
+            raise BadPrompt(self.source, _line_of(error, self.line), f"{error}") from None
+        except Exception as error:  # a filter or an expression of the file's own
+            line = _line_of(error, self.line)
+            raise BadPrompt(self.source, line, f"fails when it is filled in: {error}") from None
+
+    def check(self) -> None:
+        """Raise ``BadPrompt`` for what is wrong: no Jinja, an unknown placeholder, or one that must be there and is
+        not."""
+        import jinja2
+        from jinja2 import meta, nodes
+
+        known = PLACEHOLDERS[self.name]
+        try:
+            tree = prompt_environment().parse(self.text)
+            used = meta.find_undeclared_variables(tree)
+        except jinja2.TemplateSyntaxError as error:
+            raise BadPrompt(self.source, error.lineno + self.line, f"is no Jinja template: {error.message}") from None
+        except (RecursionError, MemoryError):
+            raise BadPrompt(self.source, 0, "is no Jinja template: nested too deeply") from None
+        for node in tree.find_all(nodes.Name):
+            if node.name in used and node.name not in known:
+                problem = f"unknown placeholder {node.name!r}{close_match(node.name, tuple(known))}; {self._known()}"
+                raise BadPrompt(self.source, node.lineno + self.line, problem)
+        for name in REQUIRED[self.name]:
+            if name not in used:
+                raise BadPrompt(self.source, 0, f"lacks the placeholder {{{{ {name} }}}}: {known[name]}")
+        try:
+            self.render({name: SAMPLES[name] for name in known})
+        except BadPrompt as error:
+            raise BadPrompt(error.file, error.line, f"{error.problem}; {self._known()}") from None
+
+    def _known(self) -> str:
+        return "placeholders: " + ", ".join(PLACEHOLDERS[self.name])
+
+
+def read_prompt(name: str, file: Path) -> PromptText:
+    """A prompt from a file. Raises ``BadPrompt`` where it cannot be read."""
+    try:
+        return _split(name, file.read_text(encoding="utf-8"), str(file))
+    except FileNotFoundError:
+        raise BadPrompt(str(file), 0, "there is no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadPrompt(str(file), 0, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+@cache
+def built_in(name: str) -> PromptText:
+    """The prompt that ships with MEMO. Raises ``UnknownName``."""
+    if name not in PLACEHOLDERS:
+        raise UnknownName("prompt", name, tuple(PLACEHOLDERS))
+    file = resources.files("memo_core.llm").joinpath("prompts", name + SUFFIX)
+    return _split(name, file.read_text(encoding="utf-8"), "built-in")
+
+
+def _split(name: str, text: str, source: str) -> PromptText:
+    match = re.match(r"---[ \t]*\r?\n(.*?)^---[ \t]*\r?\n", text, re.DOTALL | re.MULTILINE)
+    if match is None:
+        return PromptText(name, text, "", source)
+    version = ""
+    for number, line in enumerate(match.group(1).splitlines(), start=2):
+        key, colon, value = (part.strip() for part in line.partition(":"))
+        if not line.strip():
+            continue
+        if not colon or key != "version":
+            raise BadPrompt(source, number, f"{line.strip()!r} in the front matter; only `version: …` stands there")
+        version = value.strip("'\"")
+    return PromptText(name, text[match.end() :], version, source, match.group().count("\n"))
+
+
+# -- replacing them from a config -------------------------------------------------------------------------------------
+
+
+def _is_prompt(settings: Any, attribute: Any, value: str) -> None:
+    if value:
+        read_prompt(attribute.name, Path(value)).check()
+
+
+def _is_folder(settings: Any, attribute: Any, value: str) -> None:
+    if not value:
+        return
+    folder = Path(value)
+    if not folder.is_dir():
+        raise BadPrompt(value, 0, "there is no such folder")
+    files = sorted(file.name for file in folder.glob("*" + SUFFIX))
+    expected = ", ".join(name + SUFFIX for name in PLACEHOLDERS)
+    if not files:
+        raise BadPrompt(value, 0, f"holds no prompt; expected one or more of {expected}")
+    for file in files:
+        name = file.removesuffix(SUFFIX)
+        if name not in PLACEHOLDERS:
+            near = close_match(name, tuple(PLACEHOLDERS))
+            raise BadPrompt(str(folder / file), 0, f"is no prompt of a phase{near} (expected: {expected})")
+        read_prompt(name, folder / file).check()
+
+
+def _override(phase: str) -> Any:
+    return attrs.field(
+        default="", validator=_is_prompt, metadata={"help": f"file with the {phase} prompt; default: the built-in one"}
+    )
+
+
+@attrs.frozen
+class PromptSettings:
+    """The ``prompts`` section of an experiment: files that stand in for the built-in texts (relative to where memo is
+    started). Unknown placeholders and missing files raise ``BadPrompt``."""
+
+    folder: str = attrs.field(
+        default="",
+        validator=_is_folder,
+        metadata={"help": "folder with plan.md.j2, code.md.j2, …; what it lacks stays built-in"},
+    )
+    system: str = _override("system")
+    plan: str = _override("plan")
+    code: str = _override("code")
+    feedback: str = _override("feedback")
+    template: str = _override("template")
+    merge: str = _override("merge")
+    cluster: str = _override("cluster")
+
+
+class Prompts:
+    """The prompts of one experiment."""
+
+    def __init__(self, settings: PromptSettings | None = None) -> None:
+        """Reads what ``settings`` replace. Raises ``BadPrompt``."""
+        settings = settings or PromptSettings()
+        self._texts = {name: _chosen(settings, name) for name in PLACEHOLDERS}
+
+    def text(self, name: str) -> PromptText:
+        """Of ``system`` or a phase. Raises ``UnknownName``."""
+        if name not in self._texts:
+            raise UnknownName("prompt", name, tuple(self._texts))
+        return self._texts[name]
+
+    def stamp(self, phase: str) -> str:
+        """Which files a question of this phase is made from: versions and digests."""
+        return f"{self.text(SYSTEM).stamp}, {self.text(phase).stamp}"
+
+    def messages(self, phase: str, context: Mapping[str, Any]) -> tuple[Message, ...]:
+        """The messages of one phase; the system message only where ``context`` has the ``robot`` it is about. Raises
+        ``BadPrompt`` for a placeholder without a value."""
+        user = Message("user", self.text(phase).render(context))
+        if context.get("robot") is None:
+            return (user,)
+        return (Message("system", self.text(SYSTEM).render(context)), user)
+
+
+def _chosen(settings: PromptSettings, name: str) -> PromptText:
+    file = Path(given) if (given := getattr(settings, name, "")) else None
+    if file is None and settings.folder:
+        there = Path(settings.folder) / (name + SUFFIX)
+        file = there if there.exists() else None
+    return built_in(name) if file is None else read_prompt(name, file)
+
+
+def _line_of(error: BaseException, before: int) -> int:
+    """The line of the file in which a template failed, 0 where that is unknown."""
+    line, trace = getattr(error, "lineno", None), error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == "<template>":
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return line + before if line else 0

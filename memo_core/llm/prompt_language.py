@@ -1,0 +1,52 @@
+"""The language of prompt files: Jinja, confined to filling in what a phase declares.
+
+A prompt file may come from somebody else, with a config or a repository. Its expressions can read the fields of what
+the phase hands over and call methods of texts, numbers, lists and dicts; they reach no module, no function and no other
+object (Jinja's immutable sandbox, without Jinja's global functions). Time and memory are not bounded: a file can still
+ask for a very long text.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from memo_core.llm.prompt_values import one_line, quoted, unfenced
+
+if TYPE_CHECKING:
+    import jinja2
+
+_PLAIN = (str, int, float, list, tuple, dict)
+_LARGEST_PRODUCT = 10**9
+
+
+@cache
+def prompt_environment() -> jinja2.Environment:
+    """The environment that all prompt files are parsed and rendered in. What they may not do raises Jinja's
+    ``SecurityError``."""
+    import jinja2
+    from jinja2.sandbox import ImmutableSandboxedEnvironment, SecurityError
+
+    class _Confined(ImmutableSandboxedEnvironment):
+        intercepted_binops = frozenset(("*", "**"))
+
+        def is_safe_callable(self, obj: Any) -> bool:
+            owner = getattr(obj, "__self__", None)
+            ours = type(obj).__module__.startswith("jinja2.") or type(owner).__module__.startswith("jinja2.")
+            return super().is_safe_callable(obj) and (ours or isinstance(owner, _PLAIN))
+
+        def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:
+            if operator == "**" or not all(isinstance(one, (int, float)) for one in (left, right)):
+                raise SecurityError(f"{operator} is for numbers of reasonable size" if operator == "*" else "no powers")
+            product = left * right
+            if abs(product) > _LARGEST_PRODUCT:
+                raise SecurityError("a product far too large")
+            return product
+
+    environment = _Confined(
+        undefined=jinja2.StrictUndefined, keep_trailing_newline=True, autoescape=False, finalize=one_line
+    )
+    environment.globals.clear()
+    environment.filters["quoted"] = quoted
+    environment.filters["unfenced"] = unfenced
+    return environment

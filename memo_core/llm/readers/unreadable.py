@@ -1,0 +1,62 @@
+"""What every reader begins with: what an answer is before anybody looks for something in it."""
+
+from __future__ import annotations
+
+import re
+
+import attrs
+
+from memo_core.errors import MemoError
+
+_THOUGHT = re.compile(
+    r"<(think|thinking|thought|thoughts|reasoning|scratchpad)>.*?(?:</\1>|\Z)", re.DOTALL | re.IGNORECASE
+)
+_DECLINES = re.compile(
+    r"\W*(?:(?:i'?m|i am) (?:very |really |so )?(?:sorry|afraid|unable|not able)|sorry\b|"
+    r"(?:unfortunately,? )?i (?:can'?t|cannot|can not|won'?t|will not|must decline)|as an ai\b)",
+    re.IGNORECASE,
+)
+
+
+@attrs.define(auto_exc=True, eq=False)
+class Unreadable(MemoError):
+    """An answer that is not what was asked for. ``problem`` is put to the model when it is asked again."""
+
+    phase: str
+    problem: str
+    text: str = ""
+
+    def __str__(self) -> str:
+        return f"the answer of phase {self.phase!r} cannot be used: {self.problem}"
+
+    @property
+    def told(self) -> str:
+        """The same for people: what the model answered, without the form in which it was asked to."""
+        answer = " ".join(self.text.split())
+        shown = repr(answer if len(answer) <= 120 else answer[:119] + "…") if answer else "nothing"
+        wanted = "names no subtask that can be done here" if self.phase == "plan" else "cannot be used"
+        return f"what the language model answers {wanted}, also when asked again; its last answer: {shown}"
+
+
+def spoken(phase: str, text: str, wanted: str) -> str:
+    """An answer with plain line ends and without what a model thought aloud in tags. Raises ``Unreadable`` where
+    nothing is left, saying what is ``wanted``."""
+    plain = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")
+    said = _THOUGHT.sub("", plain)
+    if said.strip():
+        return said
+    if plain.strip():
+        raise Unreadable(phase, f"it holds thoughts and no answer after them; {wanted}", text)
+    raise Unreadable(phase, f"it is empty; {wanted}", text)
+
+
+def missing(phase: str, problem: str, text: str, wanted: str) -> Unreadable:
+    """That what was ``wanted`` is not there; a refusal is called one."""
+    if _DECLINES.match(text.replace("\u2019", "'")):
+        problem = (
+            "it declines to answer; if the scene or the functions do not allow it, say so in the form asked for "
+            "(code can raise RuntimeError with the reason)"
+            if phase == "code"
+            else "it declines to answer; nothing here moves the robot by itself"
+        )
+    return Unreadable(phase, f"{problem}; {wanted}", text)

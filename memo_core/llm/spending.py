@@ -1,0 +1,48 @@
+"""What was spent on language models: the one account that budgets, ledgers, summaries and reports share."""
+
+from __future__ import annotations
+
+import attrs
+
+from memo_core.interfaces.llm import Usage
+
+
+@attrs.frozen
+class Spent:
+    """Sums over calls. ``cost`` (US dollars) is of those with a known price, ``unpriced`` counts the others;
+    ``unfinished`` those that began and of which nothing was heard since (their questions' tokens are estimates)."""
+
+    calls: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost: float = 0.0
+    unpriced: int = 0
+    unfinished: int = 0
+
+    @property
+    def tokens(self) -> int:
+        return self.prompt_tokens + self.completion_tokens
+
+    @property
+    def known_cost(self) -> float | None:
+        """US dollars; None where no call has a known price."""
+        return None if not self.cost and (self.unpriced or not self.calls) else self.cost
+
+    def plus(self, usage: Usage | None) -> Spent:
+        """With one more call, which cost ``usage``; None: it was refused, and cost nothing."""
+        if usage is None:
+            return attrs.evolve(self, calls=self.calls + 1)
+        return attrs.evolve(
+            self,
+            calls=self.calls + 1,
+            prompt_tokens=self.prompt_tokens + usage.prompt_tokens,
+            completion_tokens=self.completion_tokens + usage.completion_tokens,
+            cost=self.cost + (usage.cost or 0.0),
+            unpriced=self.unpriced + (usage.cost is None and usage.prompt_tokens > 0),
+        )
+
+    def said(self) -> str:
+        """In words."""
+        words = f"{self.tokens} tokens and ${self.cost:.4f} in {self.calls} call{'s' * (self.calls != 1)}"
+        words += f", {self.unpriced} of unknown price" if self.unpriced else ""
+        return words + (f", {self.unfinished} unfinished" if self.unfinished else "")

@@ -1,0 +1,430 @@
+"""Everything that a run does to the outside or learns from it, one method each, each through the run's log.
+
+Between these the loop only computes, so that it can be run again and answered from the log (``memo_core.runlog``). A
+new effect is a kind (one line) and a method that calls ``RunLog.effect``.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, Protocol
+
+import attrs
+
+from memo_core.errors import InvalidArgument, Stopped
+from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
+from memo_core.policy.session import Session
+from memo_core.runlog.log import Effect, LogMismatch
+from memo_core.runlog.words import WordsFile
+from memo_core.sandbox.execution import Execution
+from memo_core.sandbox.workspace import Workspace
+from memo_core.scene.graph import SceneGraph
+from memo_core.scene.record import pack_scenes, scene_of, scene_record, unpack_scenes
+from memo_core.stopping import Leaving
+
+
+@attrs.frozen(eq=False)
+class Executed:
+    """What became of code: how it ended, and how long it took: on the robot's clock, and on that on the wall (s)."""
+
+    execution: Execution
+    took_s: float
+    wall_s: float = 0.0
+
+    @property
+    def moved(self) -> bool:
+        return self.took_s > 0
+
+    @property
+    def stopped(self) -> bool:
+        return self.execution.ended == "stopped"
+
+
+@attrs.frozen
+class Heard:
+    """A verdict. ``feedback``: the id of the words in the book; 0 where they are not kept there."""
+
+    kind: Literal["approve", "correct", "silent"]
+    words: str = ""
+    feedback: int = 0
+
+    @property
+    def stays(self) -> bool:
+        """Whether the world stays as the attempt left it (nobody found fault with it)."""
+        return self.kind != "correct"
+
+
+@attrs.frozen
+class Answered:
+    """What became of a read-back. ``feedback``: the id of a rewording's words; 0 where there are none."""
+
+    answer: ReadBack
+    feedback: int = 0
+
+
+class Words(Protocol):
+    """Where the words of one verdict are kept, once; the run's log refers to them by their number."""
+
+    def keep(self, words: str, entry: int, state: str) -> int:
+        """Keep words that are the result of this entry of the log, with the state of the teacher after them, in one
+        transaction. On disk when this returns; their number."""
+
+    def kept(self, entry: int) -> tuple[int, str, str] | None:
+        """Number, words and state of the entry, if they were kept."""
+
+    def read(self, number: int) -> str:
+        """The words. Raises ``InvalidArgument`` where they are gone."""
+
+
+class Effects:
+    """The world, and whoever watches, as the loop acts on them."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._environment = session.environment
+        self._log = session.log
+        self._leaving = Leaving(session.stop)
+        self._time = 0.0  # s, on the robot's clock, after the last effect
+        self._world = b""  # the newest checkpoint
+        self._looks: list[dict[str, Any]] = []  # since it was taken
+        self._seen: list[Sighting] | None = None  # since somebody began to watch
+        self._praise: Words = WordsFile(session.log.folder, session.who)  # words that are no correction
+        self._teacher = ""  # what the teacher needs to go on, after the last verdict
+        self.scene: SceneGraph = session.environment.control.scene()  # as the robot saw it last
+        if self.exact:
+            self._log.world_known = True  # it is put back
+        self._log.before_live(self._catch_up)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the world can be put back to the last bit."""
+        return self._environment.link.can_restore
+
+    @property
+    def time(self) -> float:
+        """Seconds on the robot's clock."""
+        return self._time
+
+    def catch_up(self) -> None:
+        """Bring the world to where the run left it, also where everything was answered from the log."""
+        self._log.go_live()
+
+    def close(self) -> None:
+        """Wait for work that was abandoned: whoever closes the world must be the last to use it."""
+        self._leaving.wait()
+
+    # -- seeing --------------------------------------------------------------------------------------------------------
+    def start(self) -> None:
+        """The world as the run finds it."""
+        kind: Effect[SceneGraph] = Effect("start", self._keep_scene, self._read_scene)
+        self.scene = self._log.effect(kind, self._environment.instruction, lambda _: self._environment.control.scene())
+
+    def look(self) -> SceneGraph:
+        """A fresh look of the robot, which is also what the skills see from now on."""
+        kind: Effect[SceneGraph] = Effect("look", self._keep_look, self._read_look, world=True)
+        self.scene = self._log.effect(kind, "", lambda _: self._environment.look())
+        return self.scene
+
+    def glance(self) -> SceneGraph:
+        """What a person in the room sees now; while the robot is still busy stopping, what was seen last."""
+        kind: Effect[SceneGraph] = Effect("glance", scene_record, scene_of)
+        return self._log.effect(
+            kind, "", lambda _: self._last_seen() if self._leaving.busy else self._environment.glance()
+        )
+
+    def _last_seen(self) -> SceneGraph:
+        seen = self._environment.sightings()
+        return seen[-1].scene if seen else self.scene
+
+    def start_watching(self) -> None:
+        kind: Effect[None] = Effect("start watching", lambda _: self._keep_seen(), self._read_start)
+        self._seen = []
+        self._log.effect(kind, "", lambda _: self._environment.start_watching())
+
+    def stop_watching(self) -> tuple[Sighting, ...]:
+        """What a person saw since ``start_watching``."""
+        kind: Effect[tuple[Sighting, ...]] = Effect("stop watching", self._keep_seen, self._read_seen)
+        seen = self._log.effect(kind, "", lambda _: self._stop_watching())
+        self._seen = None
+        return seen
+
+    def _stop_watching(self) -> tuple[Sighting, ...]:
+        """What still moves in another thread is not touched: a simulator stands one user at a time."""
+        return self._environment.sightings() if self._leaving.busy else self._environment.stop_watching()
+
+    # -- acting --------------------------------------------------------------------------------------------------------
+    def execute(self, code: str, wall_seconds: float) -> Executed:
+        """Run code in the sandbox, for ``wall_seconds`` by the clock on the wall at most. A stop is a result here:
+        ``Executed.stopped``."""
+        kind: Effect[Executed] = Effect("execute", self._keep_executed, self._read_executed, outside=True, world=True)
+        return self._log.effect(kind, str(len(code)), lambda _: self._execute(code, wall_seconds))
+
+    def settle(self, seconds: float) -> None:
+        """Let things come to rest. Raises ``Stopped``."""
+        kind: Effect[None] = Effect("settle", self._keep_moved, self._read_moved, world=True)
+        self._log.effect(kind, f"{seconds:g} s", lambda _: self._environment.settle(seconds))
+
+    def checkpoint(self) -> bytes:
+        """The whole world; empty where it cannot be put back exactly."""
+        kind: Effect[bytes] = Effect("checkpoint", self._keep_world, self._read_world)
+        return self._log.effect(kind, "", lambda _: self._environment.checkpoint()) if self.exact else b""
+
+    def restore(self, checkpoint: bytes) -> None:
+        """The world as it was, to the last bit."""
+        kind: Effect[None] = Effect("restore", lambda _: {"time": self._now()}, self._read_time, outside=True)
+        self._log.effect(kind, "", lambda _: self._environment.restore(checkpoint))
+        self._world, self._looks = checkpoint, []
+
+    def _execute(self, code: str, wall_seconds: float) -> Executed:
+        started, began = self._environment.time(), time.monotonic()
+        session = self._session
+        workspace = Workspace.around(self._environment.robot.reach, self.scene.table_height)
+        try:
+            execution = self._leaving.do(
+                "moving",
+                lambda: session.sandbox.run(
+                    code,
+                    self._environment.control,
+                    stopped=lambda: session.stop.pressed or self._environment.link.stopped,
+                    workspace=workspace,
+                    on_call=session.emit,
+                    clock=self._environment.time,
+                    wall_seconds=wall_seconds,
+                ),
+            )
+        except Stopped:
+            execution = Execution("stopped", error="stopped", kind="stop")
+        return Executed(execution, self._environment.time() - started, time.monotonic() - began)
+
+    # -- people --------------------------------------------------------------------------------------------------------
+    def hear(self, episode: Episode, after_a_stop: bool, words: Words) -> Heard:
+        """What whoever watches says about an episode. What they find fault with is kept in ``words`` before anything
+        is made of it. Raises ``Stopped``."""
+        name = "feedback after a stop" if after_a_stop else "feedback"
+        teacher = self._session.teacher
+        about = f"{episode.subtask}, attempt {episode.attempt}"
+        return self._heard(
+            name,
+            about,
+            lambda: teacher(episode, after_a_stop) if teacher is not None else Verdict("silent"),
+            words,
+            after_a_stop,
+        )
+
+    def judge_task(self, episode: TaskEpisode, words: Words) -> Heard:
+        """What whoever watches says about the whole task. Raises ``Stopped``."""
+        ask = self._session.judge_task
+        if ask is None:
+            return Heard("silent")
+        return self._heard("verdict on the task", "", lambda: ask(episode), words)
+
+    def judge_plan(self, proposal: Proposal, words: Words) -> Heard:
+        """What whoever watches says about the subtask that is planned. Raises ``Stopped``."""
+        ask = self._session.judge_plan
+        if ask is None:
+            return Heard("silent")
+        return self._heard("verdict on the plan", proposal.subtask, lambda: ask(proposal), words)
+
+    def read_back(self, noted: Noted, feedback: int, words: Words) -> Answered:
+        """What the person says to the notes made of their words (``feedback``); accepted where nobody is asked. A
+        rewording is kept in ``words``. Raises ``Stopped``."""
+        put = self._session.read_back
+        kind: Effect[Answered] = Effect(
+            "read back", self._keep_answered, lambda record: self._read_answered(record, words), outside=True
+        )
+
+        def ask(entry: int) -> Answered:
+            answer = put(noted) if put is not None else ReadBack("accepted")
+            if answer.kind != "reworded":
+                return Answered(answer)
+            if not answer.words.strip():
+                return Answered(ReadBack("accepted"))
+            return Answered(answer, words.keep(answer.words, entry, self._session.teacher_state()))
+
+        def found(entry: int) -> Answered | None:
+            kept = self._kept(words, entry)
+            return None if kept is None else Answered(ReadBack("reworded", kept[1]), kept[0])
+
+        return self._log.effect(kind, f"feedback {feedback}", ask, found)
+
+    def _heard(
+        self, name: str, about: str, put: Callable[[], Verdict], words: Words, after_a_stop: bool = False
+    ) -> Heard:
+        kind: Effect[Heard] = Effect(
+            name,
+            lambda heard: self._keep_heard(heard, after_a_stop),
+            lambda record: self._read_heard(record, words),
+            outside=True,
+            answers_stop=after_a_stop,
+        )
+
+        def ask(entry: int) -> Heard:
+            verdict = put()
+            if after_a_stop and verdict.kind != "correct":
+                self._leaving.wait()  # the world is kept as it is now
+            if verdict.kind != "correct" and not verdict.words:
+                return Heard(verdict.kind)
+            keeper = words if verdict.kind == "correct" else self._praise
+            number = keeper.keep(verdict.words, entry, self._session.teacher_state())
+            return Heard(verdict.kind, verdict.words, number)
+
+        def found(entry: int) -> Heard | None:
+            kept = self._kept(words, entry)
+            return None if kept is None else Heard("correct", kept[1], kept[0])
+
+        return self._log.effect(kind, about, ask, found)
+
+    def _kept(self, words: Words, entry: int) -> tuple[int, str] | None:
+        """Number and words that were kept before a crash; the teacher goes on from there."""
+        kept = words.kept(entry)
+        if kept is None:
+            return None
+        number, text, state = kept
+        self._session.restore_teacher(state)
+        return number, text
+
+    def ending(self) -> bool:
+        """Whether a person has ended the run."""
+        return self._log.effect(Effect[bool]("ending?"), "", lambda _: self._session.ending())
+
+    def release(self) -> None:
+        """After a stop was answered: let the robot move again."""
+
+        def release(_: int) -> None:
+            self._leaving.wait()
+            self._environment.stop_watching()  # where that had to wait for the robot to come to rest
+            self._session.release()
+
+        self._log.effect(Effect[None]("release", outside=True), "", release)
+
+    def put_back(self, episode: Episode) -> bool:
+        """Have whoever is there put the world back as it was in ``episode.before``; False where nobody did."""
+        kind: Effect[bool] = Effect("put back by hand", outside=True, confirms=True)
+        ask = self._session.put_back
+        return ask is not None and self._log.effect(kind, episode.subtask, lambda _: ask(episode))
+
+    def confirm(self, episode: Episode) -> None:
+        """Have whoever is there confirm that the robot may go on from the scene as it is now. Raises
+        ``InvalidArgument`` where nobody does."""
+        kind: Effect[bool] = Effect("confirm the scene", outside=True, confirms=True)
+        ask = self._session.confirm
+        if ask is None or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
+            problem = f"what the robot did in {episode.subtask} before it was cut off is in doubt"
+            raise InvalidArgument("the world", problem, "somebody who looks and confirms the scene when asked")
+
+    # -- the world of a resumed run ------------------------------------------------------------------------------------
+    def _catch_up(self) -> None:
+        """Bring the world to where the log ends: the newest checkpoint, and the looks since, which a simulator answers
+        as it did. Raises ``LogMismatch`` where it does not."""
+        if self.exact:
+            if self._world:
+                self._environment.restore(self._world)
+            for logged in self._looks:
+                if json.dumps(scene_record(self._environment.look())) != json.dumps(logged):
+                    raise LogMismatch(str(self._log.folder), 0, "a look at its scene", "a look that shows another")
+        self._session.restore_teacher(self._teacher)
+        if self._seen is not None:
+            self._environment.start_watching(tuple(self._seen))
+
+    # -- how results are kept ------------------------------------------------------------------------------------------
+    def _keep_scene(self, scene: SceneGraph) -> dict[str, Any]:
+        return {"scene": scene_record(scene), "time": self._now()}
+
+    def _read_scene(self, record: dict[str, Any]) -> SceneGraph:
+        self._time = record["time"]
+        return scene_of(record["scene"])
+
+    def _keep_look(self, scene: SceneGraph) -> dict[str, Any]:
+        return self._noted(scene_record(scene))
+
+    def _read_look(self, record: dict[str, Any]) -> SceneGraph:
+        return scene_of(self._noted(record))
+
+    def _noted(self, look: dict[str, Any]) -> dict[str, Any]:
+        self._looks.append(look)
+        return look
+
+    def _keep_moved(self, _: object = None) -> dict[str, Any]:
+        """The world as an effect left it; not while another thread is still at it after a stop."""
+        record = {"time": self._now(), "seen": self._keep_seen()}
+        return record | ({} if self._leaving.busy else self._keep_world())
+
+    def _read_moved(self, record: dict[str, Any]) -> None:
+        self._read_time(record)
+        self._read_seen(record["seen"])
+        if "world" in record:
+            self._read_world(record)
+
+    def _keep_world(self, checkpoint: bytes | None = None) -> dict[str, Any]:
+        if not self.exact:
+            return {}
+        self._world, self._looks = self._environment.checkpoint() if checkpoint is None else checkpoint, []
+        return {"world": base64.b85encode(zlib.compress(self._world, 1)).decode()}
+
+    def _read_world(self, record: dict[str, Any]) -> bytes:
+        self._world, self._looks = zlib.decompress(base64.b85decode(record["world"])), []
+        return self._world
+
+    def _keep_executed(self, executed: Executed) -> dict[str, Any]:
+        execution = attrs.asdict(executed.execution, filter=attrs.filters.exclude("calls", "findings"))
+        return {"execution": execution, "took_s": executed.took_s, "wall_s": executed.wall_s, **self._keep_moved()}
+
+    def _read_executed(self, record: dict[str, Any]) -> Executed:
+        self._read_moved(record)
+        return Executed(Execution(**record["execution"]), record["took_s"], record.get("wall_s", 0.0))
+
+    def _now(self) -> float:
+        self._time = float(self._environment.time())
+        return self._time
+
+    def _read_time(self, record: dict[str, Any]) -> None:
+        self._time = record["time"]
+
+    def _keep_seen(self, seen: Sequence[Sighting] | None = None) -> dict[str, Any] | None:
+        """What was seen since it was kept last."""
+        if self._seen is None:
+            return None
+        new = (self._environment.sightings() if seen is None else seen)[len(self._seen) :]
+        self._seen += new
+        return {"times": [one.time for one in new], "scenes": pack_scenes(one.scene for one in new)} if new else None
+
+    def _read_seen(self, record: dict[str, Any] | None) -> tuple[Sighting, ...]:
+        if record is not None and self._seen is not None:
+            scenes = unpack_scenes(record["scenes"])
+            self._seen += [Sighting(*one) for one in zip(record["times"], scenes, strict=True)]
+        return tuple(self._seen or ())
+
+    def _read_start(self, record: dict[str, Any] | None) -> None:
+        self._read_seen(record)
+
+    def _keep_heard(self, heard: Heard, after_a_stop: bool) -> dict[str, Any]:
+        """The words by their id."""
+        self._teacher = self._session.teacher_state()
+        world = self._keep_world() if after_a_stop and heard.stays else {}
+        return {"kind": heard.kind, "words": heard.feedback, "teacher": self._teacher, **world}
+
+    def _keep_answered(self, answered: Answered) -> dict[str, Any]:
+        self._teacher = self._session.teacher_state()
+        answer = answered.answer
+        return {
+            "kind": answer.kind,
+            "struck": list(answer.struck),
+            "words": answered.feedback,
+            "teacher": self._teacher,
+        }
+
+    def _read_answered(self, record: dict[str, Any], words: Words) -> Answered:
+        self._teacher = record["teacher"]
+        text = words.read(record["words"]) if record["words"] else ""
+        return Answered(ReadBack(record["kind"], text, tuple(record["struck"])), record["words"])
+
+    def _read_heard(self, record: dict[str, Any], words: Words) -> Heard:
+        self._teacher = record["teacher"]
+        if "world" in record:
+            self._read_world(record)
+        number, keeper = record["words"], words if record["kind"] == "correct" else self._praise
+        return Heard(record["kind"], keeper.read(number) if number else "", number)

@@ -1,0 +1,179 @@
+"""Phase 3: from what a person said to notes in the book. The words are on disk before any model is asked about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal, Protocol
+
+import attrs
+
+from memo_core.events import EntryStored, Event, Problem
+from memo_core.interfaces.llm import LanguageModelError
+from memo_core.llm.budget import BudgetExceeded
+from memo_core.llm.calls import ModelCalls
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.readers import Notes, Unreadable, read_notes
+from memo_core.policy import prompting
+from memo_core.policy.plans import for_plans, is_of_plans
+from memo_core.policy.questions import Asked, put, schema_of
+from memo_core.policy.settings import TeachingSettings
+from memo_core.robot.description import RobotDescription
+from memo_core.scene.graph import SceneGraph
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, Note
+from memo_core.skillbook.keys import Key, NotAKey
+
+NOT_NOW = (LanguageModelError, BudgetExceeded)  # a model cannot be asked; another time it may
+
+
+class Ask(Protocol):
+    """Puts one phase's question, as ``memo_core.policy.questions.Questions.ask``."""
+
+    def __call__(
+        self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], Any], **context: Any
+    ) -> tuple[Any, Asked]: ...
+
+
+class Notebook(Protocol):
+    """What notes are written to: a ``Skillbook``, or one whose writes are in a run's log."""
+
+    def add_notes(self, feedback_id: int, notes: Sequence[Note], scene: str = "") -> tuple[Entry, ...]: ...
+
+    def park(self, feedback_id: int, reason: str) -> None: ...
+
+
+@attrs.frozen
+class Earlier:
+    """A remark that was made before, and the notes made of it (each with ``key`` and ``text``)."""
+
+    words: str
+    notes: Sequence[Any] = ()
+
+
+@attrs.frozen
+class Circumstances:
+    """What a run knows of a remark beyond what the book keeps: what the code printed and how it ended, what was said of
+    the same subtask before, and the run's other subtasks. ``asked``: the question that the words answer, and the words
+    that it was asked about."""
+
+    printed: str = ""
+    ended: str = "a person found fault with it"
+    earlier: tuple[Earlier, ...] = ()
+    subtasks: tuple[Key, ...] = ()
+    asked: tuple[str, str] = ("", "")  # words, question
+
+
+@attrs.frozen
+class Noted:
+    """What became of one feedback: ``learnt`` with its entries; ``set aside`` (parked) or ``pending``, and why.
+    ``question`` is what the model would have to know. ``away``: the model cannot be asked about any other either."""
+
+    feedback: int
+    outcome: Literal["learnt", "set aside", "pending"]
+    entries: tuple[Entry, ...] = ()
+    reason: str = ""
+    question: str = ""
+    away: bool = False
+
+
+class Noting:
+    """Has notes made of feedback and keeps them in the book."""
+
+    def __init__(
+        self, ask: Ask, book: Notebook, emit: Callable[[Event], None], teaching: TeachingSettings | None = None
+    ) -> None:
+        self._ask = ask
+        self._book = book
+        self._emit = emit
+        self._teaching = teaching or TeachingSettings()
+
+    def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> Noted:
+        """Ask a model what can be learnt, and keep it. What cannot be read, or says that nothing can be learnt, sets
+        the feedback aside with the reason; a model that cannot be asked leaves it as it is. Raises ``Stopped``."""
+        about = circumstances or Circumstances()
+        try:
+            key = Key.parse(feedback.subtask)
+            others = tuple(other for other in about.subtasks if other != key and not is_of_plans(other))
+            others = others if self._teaching.other_subtasks else ()
+            notes, _ = self._ask(
+                "feedback",
+                feedback.scene_graph,
+                partial(read_notes, subtasks=(*others, key)),
+                task=feedback.task,
+                subtask=feedback.subtask,
+                code=feedback.code.rstrip("\n"),
+                printed=about.printed,
+                ended=about.ended,
+                words=_answered(about.asked, feedback.words),
+                earlier=about.earlier,
+                subtasks=[str(other) for other in others],
+                planning=is_of_plans(key),
+                plans=self._teaching.plan_notes,
+            )
+        except NOT_NOW as error:
+            self._emit(Problem(f"feedback {feedback.id} stays {feedback.status}", str(error)))
+            away = not isinstance(error, LanguageModelError) or error.retryable  # else it is this question's fault
+            return Noted(feedback.id, "pending", reason=str(error), away=away)
+        except (Unreadable, NotAKey) as error:
+            return self._set_aside(feedback, str(getattr(error, "problem", error)))
+        if not notes:
+            why = notes.unclear or "no note was made"
+            return self._set_aside(feedback, f"nothing could be learnt from it: {why}", notes.unclear)
+        # All of them, whatever this method reads: another one may read the same book.
+        entries = self._book.add_notes(feedback.id, self._filed(notes, key, feedback.task), feedback.scene)
+        for entry in entries:
+            shown = str(entry.key) if entry.key.objects else "*"
+            self._emit(EntryStored(entry.id, entry.kind, shown, entry.text, feedback.id))
+        return Noted(feedback.id, "learnt", entries)
+
+    def _filed(self, notes: Notes, key: Key, task: str) -> list[Note]:
+        """Each note with the key it belongs to."""
+        plan, here = for_plans(task), key
+        if is_of_plans(key):
+            here = plan if self._teaching.plan_notes else GLOBAL_KEY  # no subtask is at hand
+        filed = [Note(here, text) for text in notes.corrections]
+        filed += [Note(other, text) for other, text in notes.elsewhere]
+        filed += [Note(plan if self._teaching.plan_notes else GLOBAL_KEY, text) for text in notes.plan]
+        return list(dict.fromkeys([*filed, *(Note(GLOBAL_KEY, text) for text in notes.general)]))
+
+    def _set_aside(self, feedback: Feedback, reason: str, question: str = "") -> Noted:
+        self._book.park(feedback.id, reason)
+        self._emit(Problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", reason))
+        return Noted(feedback.id, "set aside", reason=reason, question=question)
+
+
+def _answered(asked: tuple[str, str], words: str) -> str:
+    """A remark with what was asked about it and answered."""
+    before, question = asked
+    return f"{before.strip()}\n(asked back: {question})\n{words.strip()}" if before else words
+
+
+def asking_without_a_run(
+    calls: ModelCalls, prompts: Prompts, robot: RobotDescription, reasks: int, seed: int = 0
+) -> Ask:
+    """Questions of a command that has a robot's description and no world, such as ``memo skillbook retry``."""
+
+    def ask(
+        phase: str, scene: SceneGraph | str | None, read: Callable[[str], Any], **context: Any
+    ) -> tuple[Any, Asked]:
+        messages = prompting.messages(phase, robot, scene, prompts, **context)
+        return put(calls, phase, messages, read, reasks, seed, prompts.stamp(phase), schema_of(phase, context))
+
+    return ask
+
+
+def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None) -> list[Noted]:
+    """Ask once more about all feedback that is set aside or pending, oldest first; ``done`` hears of each as it is
+    finished. What a model cannot be asked about stays as it is; ends early when it cannot be asked at all. Raises
+    ``Stopped``."""
+    results: list[Noted] = []
+    for feedback in book.pending_feedback(parked=True):
+        if feedback.kind != "correction":
+            continue  # an approval lacks nothing that somebody said
+        noted = noting.process(feedback)
+        results.append(noted)
+        done(noted)
+        if noted.away:
+            break
+    return results

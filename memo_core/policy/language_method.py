@@ -1,0 +1,34 @@
+"""Methods stand above the loop: what decides what the robot does, and what is remembered."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from memo_core.policy.methods import Memory
+from memo_core.policy.session import RunResult, Session
+
+
+class Method(ABC):
+    """A way of doing tasks. One that writes code and one that sends targets at a fixed rate fit alike: both get the
+    session (the world, whoever watches, the book, the stop) and use of it what they need."""
+
+    name: str
+
+    @abstractmethod
+    def run(self, session: Session) -> RunResult:
+        """Do the task. Called in a worker thread; returns when the task is done or given up.
+
+        Raises ``Stopped`` only when the run is to end; anything else a person can act on as a ``MemoError``."""
+
+
+class LanguageMethod(Method):
+    """Plan, retrieve, write code, execute, learn from what people say; see ``memo_core.policy.loop``."""
+
+    def __init__(self, name: str, memory: Memory) -> None:
+        self.name = name
+        self.memory = memory
+
+    def run(self, session: Session) -> RunResult:
+        from memo_core.policy.loop import Loop
+
+        return Loop(session, self.memory).run()

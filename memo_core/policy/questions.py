@@ -1,0 +1,154 @@
+"""Asking a language model, and again with the reason when the answer is not what was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import attrs
+
+from memo_core.interfaces.llm import Answer, Message, Request
+from memo_core.llm.calls import ModelCalls, Retrying
+from memo_core.llm.readers import Unreadable
+from memo_core.policy import prompting
+from memo_core.policy.session import Session
+from memo_core.scene.graph import SceneGraph
+
+T = TypeVar("T")
+
+_STRINGS = {"type": "array", "items": {"type": "string"}}
+_ELSEWHERE = {
+    "type": "array",
+    "items": {
+        "type": "object",
+        "properties": {"subtask": {"type": "string"}, "note": {"type": "string"}},
+        "required": ["subtask", "note"],
+        "additionalProperties": False,
+    },
+}
+SCHEMAS: dict[str, dict[str, Any]] = {
+    "cluster": {
+        "type": "object",
+        "properties": {
+            "entries": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {
+                        "text": {"type": "string"},
+                        "from": {"type": "array", "items": {"type": "integer"}},
+                    },
+                    "required": ["text", "from"],
+                    "additionalProperties": False,
+                },
+            },
+            "dropped": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {
+                        "number": {"type": "integer"},
+                        "template": {"type": "integer"},
+                        "reason": {"type": "string"},
+                    },
+                    "required": ["number", "template", "reason"],
+                    "additionalProperties": False,
+                },
+            },
+        },
+        "required": ["entries", "dropped"],
+        "additionalProperties": False,
+    },
+}
+
+
+def schema_of(phase: str, context: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The JSON Schema of the answer that a question asks for; None where no JSON is wanted."""
+    if phase != "feedback":
+        return SCHEMAS.get(phase)
+    lists = {"corrections": _STRINGS, "general": _STRINGS}
+    lists |= {"plan": _STRINGS} if context.get("plans") else {}
+    lists |= {"elsewhere": _ELSEWHERE} if context.get("subtasks") else {}
+    properties = {**lists, "unclear": {"type": "string"}}
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+@attrs.frozen
+class Asked:
+    """How often a question was put and what the prompts' files are called; for events."""
+
+    calls: int
+    file: str
+
+
+class Questions:
+    """Asks the model of one session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        settings = session.settings
+        self._calls = ModelCalls(
+            session.llm,
+            session.stop,
+            session.log,
+            session.emit,
+            session.budget,
+            Retrying(settings.retries, settings.retry_wait_s),
+            session.on_text,
+        )
+
+    def ask(
+        self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], T], **context: Any
+    ) -> tuple[T, Asked]:
+        """The answer to one phase's prompt, as ``read`` reads it. Asked again with the reason when that raises
+        ``Unreadable``, then that is raised. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
+        session = self._session
+        messages = prompting.messages(phase, session.environment.robot, scene, session.prompts, **context)
+        stamp = session.prompts.stamp(phase)
+        schema = schema_of(phase, context)
+        return put(self._calls, phase, messages, read, session.settings.reasks, session.seed, stamp, schema)
+
+
+def put(
+    calls: ModelCalls,
+    phase: str,
+    messages: tuple[Message, ...],
+    read: Callable[[str], T],
+    reasks: int,
+    seed: int = 0,
+    stamp: str = "",
+    schema: dict[str, Any] | None = None,
+) -> tuple[T, Asked]:
+    """Put a question, and again with the reason, at most ``reasks`` times, while ``read`` raises ``Unreadable``. Raises
+    as ``Questions.ask``."""
+    asked = 0
+    while True:
+        asked += 1
+        answer, file = calls.answer(Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp))
+        try:
+            return read(_complete(phase, answer)), Asked(asked, file)
+        except Unreadable as error:
+            if asked > reasks:
+                raise
+            messages = (
+                *messages,
+                Message("assistant", answer.text),
+                Message(
+                    "user", f"This answer cannot be used: {error.problem}. Answer once more, in the form asked for."
+                ),
+            )
+
+
+def _complete(phase: str, answer: Answer) -> str:
+    if answer.finish == "length":
+        raise Unreadable(phase, "it was cut off at the model's length limit; answer more briefly", answer.text)
+    if answer.finish == "refusal":
+        raise Unreadable(
+            phase, "it is a refusal; nothing here is dangerous, the robot's limits are checked elsewhere", answer.text
+        )
+    return answer.text

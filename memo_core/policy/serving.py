@@ -1,0 +1,165 @@
+"""What a subtask is served from the book, as far as the method remembers that kind of thing."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import attrs
+import cattrs
+
+from memo_core.events import Retrieved
+from memo_core.policy.logged_book import entries_of
+from memo_core.policy.methods import Memory
+from memo_core.policy.plans import is_of_plans
+from memo_core.policy.session import Session
+from memo_core.policy.settings import TeachingSettings
+from memo_core.runlog.log import Effect
+from memo_core.scene.graph import SceneGraph
+from memo_core.skillbook import retrieval
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.context import SubtaskContext
+from memo_core.skillbook.keys import Key
+from memo_core.stopping import abandonable
+
+_ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
+
+
+@attrs.frozen
+class Served:
+    """Entries for the code prompt, each with ``key`` and ``text``."""
+
+    corrections: tuple[retrieval.Served, ...] = ()
+    general: tuple[retrieval.Served, ...] = ()
+    templates: tuple[retrieval.Served, ...] = ()
+    sources: tuple[int, ...] = ()  # feedback that the entries derive from
+
+    @property
+    def every(self) -> tuple[retrieval.Served, ...]:
+        return (*self.corrections, *self.general, *self.templates)
+
+    @property
+    def entries(self) -> tuple[int, ...]:
+        return tuple(one.entry.id for one in self.every)
+
+
+def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> Served:
+    """Entries for a subtask in a scene; nothing where there is no book. Emits ``Retrieved``. Raises ``Stopped``."""
+    found = _found(session, memory, key, SubtaskContext.of(key, scene))
+    if found is None:
+        return Served()
+    corrections = tuple(one for one in found.served.corrections if not is_of_plans(one.entry.key))
+    served = attrs.evolve(found.served, corrections=corrections)
+    session.emit(Retrieved(str(key), tuple(one.event() for one in served.every), found.cut))
+    return served
+
+
+def retrieve_for_plans(session: Session, memory: Memory, key: Key) -> tuple[retrieval.Served, ...]:
+    """What people said about the plans of this and like tasks, best first. Emits ``Retrieved`` where there is
+    something. Raises ``Stopped``."""
+    found = _found(session, memory, key, SubtaskContext())
+    notes = tuple(one for one in found.served.corrections if is_of_plans(one.entry.key)) if found is not None else ()
+    if notes:
+        session.emit(Retrieved(str(key), tuple(one.event() for one in notes), ()))
+    return notes
+
+
+def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) -> _Found | None:
+    book = session.book
+    if book is None or not memory.any:
+        return None
+
+    def work() -> retrieval.Retrieval:
+        with _ONE_AT_A_TIME:
+            return book.retrieve(key, context, clustered=memory.clusters)
+
+    def ask(_: int) -> _Found:
+        found = abandonable(session.stop, "retrieval", work, late=lambda _: None)
+        served = Served(
+            found.corrections if memory.corrections else (),
+            found.general if memory.general else (),
+            found.templates if memory.templates else (),
+        )
+        return _Found(attrs.evolve(served, sources=tuple(book.sources(served.entries))), found.event().cut)
+
+    kind: Effect[_Found] = Effect("retrieve", _keep, lambda record: _read(record, book))
+    return session.log.effect(kind, str(key), ask)
+
+
+# -- in the prompt -----------------------------------------------------------------------------------------------------
+
+
+@attrs.frozen
+class Shown:
+    """An entry as a prompt shows it. ``origin``: who said it, when compared with the others, how alike that was."""
+
+    key: str
+    text: str
+    origin: str = ""
+
+
+def shown(served: Sequence[retrieval.Served], teaching: TeachingSettings) -> list[Shown]:
+    """Corrections for the code prompt. What one person said under one key stands with the newest first, in the places
+    that the ranking gave these."""
+    ordered = _newer_first(served) if teaching.newer_first else list(served)
+    if not teaching.competing:
+        return [Shown(one.key, one.text) for one in ordered]
+    moments = sorted({one.provenance.when for one in ordered})
+    people = list(dict.fromkeys(name for one in ordered for name in one.provenance.who))
+    return [Shown(one.key, one.text, _origin(one, people, moments)) for one in ordered]
+
+
+def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
+    places: dict[tuple[object, tuple[str, ...]], list[int]] = {}
+    for place, one in enumerate(served):
+        if len(one.provenance.who) == 1:
+            places.setdefault((one.entry.key, one.provenance.who), []).append(place)
+    ordered = list(served)
+    for held in places.values():
+        newest = sorted((served[place] for place in held), key=lambda one: -one.provenance.when)
+        for place, one in zip(held, newest, strict=True):
+            ordered[place] = one
+    return ordered
+
+
+def _origin(one: retrieval.Served, people: Sequence[str], moments: Sequence[float]) -> str:
+    """No names and no dates: they are nobody's business who answers, and a recording is played back another day."""
+    who = ", ".join(f"person {people.index(name) + 1}" for name in one.provenance.who)
+    when = f"remark {moments.index(one.provenance.when) + 1} of {len(moments)}"
+    return ", ".join(part for part in (who, when if one.provenance.when else "", one.alike) if part)
+
+
+# -- in the run's log: entries by their ids ----------------------------------------------------------------------------
+
+
+@attrs.frozen
+class _Found:
+    served: Served
+    cut: tuple[tuple[str, float, str], ...]  # as in ``Retrieved``
+
+
+def _keep(found: _Found) -> dict[str, Any]:
+    served = found.served
+    rows = [cattrs.unstructure(one) | {"entry": one.entry.id} for one in served.every]
+    parts = [len(served.corrections), len(served.general), len(served.templates)]
+    return {"served": rows, "parts": parts, "sources": list(served.sources), "cut": [list(one) for one in found.cut]}
+
+
+def _read(record: dict[str, Any], book: Skillbook) -> _Found:
+    rows = record["served"]
+    types: dict[str, Any] = {field.name: field.type for field in attrs.fields(attrs.resolve_types(retrieval.Served))}
+    every = [
+        retrieval.Served(
+            entry, **{name: cattrs.structure(value, types[name]) for name, value in row.items() if name != "entry"}
+        )
+        for entry, row in zip(entries_of(book, [row["entry"] for row in rows]), rows, strict=True)
+    ]
+    first, second, _ = record["parts"]
+    served = Served(
+        tuple(every[:first]),
+        tuple(every[first : first + second]),
+        tuple(every[first + second :]),
+        tuple(record["sources"]),
+    )
+    return _Found(served, tuple((key, score, rule) for key, score, rule in record["cut"]))

@@ -1,0 +1,46 @@
+"""Whether a robot's URDF and its description fit together, and which of its links may touch: for every simulator."""
+
+from __future__ import annotations
+
+from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.urdf import Urdf
+
+
+def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
+    """Raise ``InvalidArgument`` unless every joint that moves is driven and all names exist; ``BackendUnavailable`` for
+    a gripper that ``simulator`` does not have yet."""
+    for name in (*robot.joint_names, *robot.gripper.finger_joints):
+        urdf.joint(name)
+    for name in (*robot.gripper.pads, robot.tool_link):
+        if name not in urdf.links:
+            raise InvalidArgument(f"robot {robot.name!r}", f"its URDF has no link {name!r}", ", ".join(urdf.links))
+    driven = {*robot.joint_names, *robot.gripper.finger_joints}
+    loose = [joint.name for joint in urdf.joints if joint.kind != "fixed" and joint.name not in driven]
+    if loose:
+        problem = f"nothing drives the URDF's joints {', '.join(loose)}"
+        raise InvalidArgument(
+            f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed"
+        )
+    if robot.gripper.kind == "vacuum":
+        raise BackendUnavailable("simulator", simulator, "it has no vacuum grippers yet", "use a parallel gripper")
+    if len(robot.home) != len(robot.joints):
+        raise InvalidArgument(f"robot {robot.name!r}", f"home has {len(robot.home)} values", f"{len(robot.joints)}")
+
+
+def may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
+    """Pairs of links that do not collide: joined ones (what is rigidly fixed counts as one) and those allowed."""
+    group = {urdf.root: urdf.root}
+    pairs: set[tuple[str, str]] = set()
+    joined: list[tuple[str, str]] = []
+    for joint in urdf.joints:
+        group[joint.child] = group[joint.parent] if joint.kind == "fixed" else joint.child
+        joined.append((group[joint.parent], group[joint.child]))
+    for first, second in joined:
+        for one in group:
+            for other in group:
+                if group[one] == first and group[other] == second and one != other:
+                    pairs.add((one, other) if one < other else (other, one))
+    for first, second in robot.allowed_contacts:
+        pairs.add((first, second) if first < second else (second, first))
+    return pairs

@@ -1,0 +1,305 @@
+"""The durable log of a run, and the one way in which a run does anything that is not a pure computation.
+
+``RunLog.effect`` writes an entry when an effect begins and an entry when it ended. A run that was cut off is resumed by
+running *the same code again*: every effect is answered from the log, in order, until the log ends; from then on effects
+happen. So the code of a run knows nothing of being resumed (durable execution).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import attrs
+import cattrs
+
+from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.redaction import Redactor
+from memo_core.runlog.file import VERSION, LogFile
+from memo_core.runlog.history import Entry, History, unanswered_stop
+from memo_core.runlog.whole_files import write_whole
+
+T = TypeVar("T")
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+@attrs.frozen
+class Effect(Generic[T]):
+    """One kind of effect: its name in the log, and how its result is kept as JSON and read back.
+
+    ``outside``: it changes something outside of this process (money, motion, people, the book), so both entries are on
+    the disk before the run goes on. ``world``: it needs the world as the run left it; where that cannot be restored and
+    is not confirmed by a person, the effect is in doubt; ``confirms``: its result True is such a confirmation.
+    ``answers_stop``: a person said what a stop was about.
+    ``errors``: what it may raise that is a result like any other.
+    """
+
+    name: str
+    keep: Callable[[T], Any] = _same
+    read: Callable[[Any], T] = _same
+    outside: bool = False
+    world: bool = False
+    confirms: bool = False
+    answers_stop: bool = False
+    errors: tuple[type[MemoError], ...] = ()
+
+
+@attrs.define(auto_exc=True, eq=False)
+class LogMismatch(MemoError):
+    """A resumed run wanted another effect than the one that its log has at this place."""
+
+    log: str
+    entry: int
+    logged: str
+    wanted: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.log}, entry {self.entry}: the run did {self.logged}, and now wants {self.wanted}; it cannot be "
+            "resumed with this version, book or configuration"
+        )
+
+
+@attrs.define(auto_exc=True, eq=False)
+class InDoubt(MemoError):
+    """What an effect did to a world that cannot be restored is unknown, so it is not repeated."""
+
+    entry: int
+    effect: str
+
+    def __str__(self) -> str:
+        return (
+            f"entry {self.entry} ({self.effect}) began before the process was cut off; whether it took place is unknown"
+        )
+
+
+class RunLog:
+    """The log of one run. ``effect`` belongs to one thread; ``late`` may be called from any."""
+
+    def __init__(
+        self, folder: Path | None = None, history: History | None = None, seen: frozenset[str] = frozenset()
+    ) -> None:
+        """``folder`` None: in memory, for work that is never resumed. ``history``: what a run that was cut off did,
+        and ``seen`` the places of the events that it sent (``place``)."""
+        self.folder = folder
+        self.history = history
+        self.world_known = history is None  # whether the world is as the log says it is; else a person must look
+        self._redact = Redactor.of_environment()
+        self._file: LogFile | None = None
+        self._replay = deque(history.replayed if history is not None else ())
+        self._kept = _kept_answers(history)
+        self._done: list[Entry] = []
+        self._next = max((entry.number for entry in history.effects), default=0) + 1 if history is not None else 1
+        self._before_live: Callable[[], None] | None = None
+        self._inside = False
+        self._thread = 0
+        self._seen = seen
+        self._last = self._since = 0
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def begin(self, head: dict[str, Any], part: dict[str, Any]) -> int:
+        """Open the file and write how this part of the run begins: ``head`` once, ``part`` each time. Bytes of an
+        unfinished last line that were cut off."""
+        if self.folder is None:
+            return 0
+        self._file = LogFile(self.folder)
+        if self.history is None:
+            self._file.append({"memo_run_log": VERSION, **head}, sync=False)
+        elif self.history.cut is not None:
+            self._file.append({"cut": self.history.cut}, sync=False)
+        self._file.append({"part": self.part, **part}, sync=True)
+        return self._file.cut
+
+    @property
+    def part(self) -> int:
+        """1 is the first; more in a resumed run."""
+        return 1 if self.history is None else len(self.history.parts) + 1
+
+    def close(self) -> None:
+        """Idempotent."""
+        if self._file is not None:
+            self._file.close()
+
+    def end(self, reason: str) -> None:
+        """The run has come to its end: there is nothing to resume."""
+        self._append({"ended": reason}, sync=True)
+
+    def cut_off(self) -> None:
+        """The run broke off and may be resumed: the stop that nobody answered, or else the effect that failed last, is
+        then done anew."""
+        number = unanswered_stop(self._done)
+        if number is None:
+            number = next((entry.number for entry in reversed(self._done) if entry.raised is not None), None)
+        if number is not None:
+            self._append({"cut": number}, sync=True)
+
+    @property
+    def begun(self) -> bool:
+        """Whether anything was done."""
+        return bool(self._done or self._replay)
+
+    # -- effects -------------------------------------------------------------------------------------------------------
+    @property
+    def replaying(self) -> bool:
+        """Whether the next effect is answered from the log."""
+        return bool(self._replay) and self._replay[0].ended
+
+    def before_live(self, action: Callable[[], None]) -> None:
+        """Do this once, right before the first effect of a resumed run that is not answered from the log."""
+        self._before_live = action if self.history is not None else None
+
+    def go_live(self) -> None:
+        """What ``before_live`` asked for, unless it was done."""
+        action, self._before_live = self._before_live, None
+        if action is not None:
+            action()
+
+    def effect(
+        self,
+        kind: Effect[T],
+        about: str,
+        do: Callable[[int], T],
+        recover: Callable[[int], T | None] | None = None,
+    ) -> T:
+        """``do(number of the entry)`` with an entry before and after it, or what it gave when it was done before.
+
+        ``about`` says which of its kind it is: no secrets, no words of people; a resumed run must say the same.
+        ``recover`` finds out whether an effect that began and has no end took place all the same: its result, or None.
+        Raises ``LogMismatch``, ``InDoubt``, and what ``do`` raises.
+        """
+        self._thread = threading.get_ident()
+        entry = self._replay.popleft() if self._replay else None
+        if entry is not None and (entry.name, entry.about) != (kind.name, about):
+            raise LogMismatch(str(self.folder), entry.number, f"{entry.name} ({entry.about})", f"{kind.name} ({about})")
+        if entry is not None and entry.ended:
+            self._advance(entry)
+            return self._again(kind, entry)
+        return self._live(kind, about, do, recover, entry)
+
+    def _again(self, kind: Effect[T], entry: Entry) -> T:
+        try:
+            if entry.raised is not None:
+                raise _error_of(kind, entry)
+            return kind.read(entry.value)
+        except (KeyError, TypeError, ValueError, AttributeError, cattrs.BaseValidationError) as error:
+            problem = f"{self.folder}, entry {entry.number} ({entry.name}) is damaged: {error!r}"
+            raise InvalidArgument("--resume", problem, "the log as the run wrote it") from None
+
+    def _live(
+        self,
+        kind: Effect[T],
+        about: str,
+        do: Callable[[int], T],
+        recover: Callable[[int], T | None] | None,
+        begun: Entry | None,
+    ) -> T:
+        self.go_live()
+        entry = begun
+        if entry is None:
+            entry, self._next = Entry(self._next, kind.name, about), self._next + 1
+        self._advance(entry)
+        self._inside = True
+        try:
+            found = recover(entry.number) if begun is not None and recover is not None else None
+            if found is not None:
+                self._end(kind, entry, found)
+                return found
+            self._append({"n": entry.number, "begin": kind.name, "about": about}, sync=kind.outside)
+            if kind.world and not self.world_known:
+                raise InDoubt(entry.number, kind.name)
+            value = do(entry.number)
+            self._end(kind, entry, value)
+            self.world_known = self.world_known or (kind.confirms and bool(value))
+            return value
+        except MemoError as error:
+            if isinstance(error, (*kind.errors, Stopped, InDoubt)):
+                self._raised(kind, entry, error)
+            raise
+        finally:
+            self._inside = False
+
+    def _advance(self, entry: Entry) -> None:
+        self._done.append(entry)
+        self._last, self._since = entry.number, 0
+
+    def _end(self, kind: Effect[T], entry: Entry, value: T) -> None:
+        entry.ended, entry.value, entry.answered = True, kind.keep(value), kind.answers_stop
+        entry.stopped = bool(getattr(value, "stopped", False))
+        marks = {name: True for name in ("stopped", "answered") if getattr(entry, name)}
+        self._append({"n": entry.number, "end": kind.name, "value": entry.value, **marks}, sync=kind.outside)
+
+    def _raised(self, kind: Effect[T], entry: Entry, error: MemoError) -> None:
+        entry.ended, entry.stopped = True, isinstance(error, Stopped)
+        entry.raised = {"type": type(error).__name__, **cattrs.unstructure(error)}
+        self._append({"n": entry.number, "end": kind.name, "raised": entry.raised}, sync=kind.outside)
+
+    # -- results outside of the order ----------------------------------------------------------------------------------
+    def late(self, number: int, value: dict[str, Any]) -> None:
+        """What an effect that was abandoned came to after all. From any thread."""
+        self._append({"late": number, "value": value}, sync=True)
+
+    def kept(self, about: str) -> Any:
+        """The value of a finished effect that a resumed run could not be answered with in order (it was abandoned or
+        cut), once; None where there is none."""
+        values = self._kept.get(about)
+        return values.popleft() if values else None
+
+    def leave_order(self) -> None:
+        """From here on nothing is answered in order any more: what is left of the log is ``kept``."""
+        for entry in self._replay:
+            _keep_answer(self._kept, entry)
+        self._replay.clear()
+
+    # -- files beside the log ------------------------------------------------------------------------------------------
+    def write(self, name: str, text: str) -> str:
+        """A whole file in the run's folder, on disk when this returns, secrets taken out; its name ("" in memory)."""
+        if self.folder is None:
+            return ""
+        write_whole(self.folder / name, self._redact(text))
+        return name
+
+    # -- events --------------------------------------------------------------------------------------------------------
+    def place(self) -> str | None:
+        """Where in the run the next event belongs, so that it is sent once however often the run is resumed: after
+        which entry, and which event there. None within an effect, or from another thread; "" where it was sent."""
+        if self._inside or threading.get_ident() != self._thread:
+            return None
+        place = f"{self._last}.{self._since}"
+        self._since += 1
+        return "" if place in self._seen else place
+
+    def note_book(self, generation: int) -> None:
+        """The skillbook's generation as the run knows it, so that a resumed run can tell what others did to it."""
+        self._append({"book": generation}, sync=False)
+
+    def _append(self, record: dict[str, Any], sync: bool) -> None:
+        if self._file is not None:
+            self._file.append(record, sync)
+
+
+def _error_of(kind: Effect[Any], entry: Entry) -> MemoError:
+    record = dict(entry.raised or {})
+    name = record.pop("type")
+    known: Sequence[type[MemoError]] = (*kind.errors, Stopped, InDoubt)
+    [error] = [cattrs.structure(record, error) for error in known if error.__name__ == name]
+    return error
+
+
+def _kept_answers(history: History | None) -> dict[str, deque[Any]]:
+    kept: dict[str, deque[Any]] = {}
+    for entry in history.effects if history is not None else ():
+        if entry.cut or entry.late is not None:
+            _keep_answer(kept, entry)
+    return kept
+
+
+def _keep_answer(kept: dict[str, deque[Any]], entry: Entry) -> None:
+    value = entry.late if entry.late is not None else entry.value
+    if value is not None and (entry.raised is None or entry.late is not None):
+        kept.setdefault(entry.about, deque()).append(value)

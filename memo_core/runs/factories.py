@@ -1,0 +1,81 @@
+"""From a checked experiment to its parts: the tasks, a world, the sandbox, the book. Nothing is opened here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from memo_core.config import Experiment
+from memo_core.errors import BackendUnavailable
+from memo_core.environment.simulated import SimulatedEnvironment, find_task
+from memo_core.interfaces.task import Task
+from memo_core.llm.budget import Budget, Limit
+from memo_core.llm.ledger import Ledger
+from memo_core.llm.spending import Spent
+from memo_core.llm.prompt_files import Prompts
+from memo_core.policy.settings import RunSettings
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import Skill, skill_library
+
+
+def tasks_of(experiment: Experiment) -> tuple[Task, ...]:
+    """The tasks of the experiment's suite. Raises ``NoDefaultBackend`` where none is installed."""
+    return tuple(experiment.create("suite"))
+
+
+def task_of(experiment: Experiment, name: str) -> Task:
+    """One task by name. Raises ``UnknownName`` with those there are."""
+    return find_task(tasks_of(experiment), name)
+
+
+def library_of(experiment: Experiment) -> dict[str, Skill]:
+    """The skills robot code may call: the built-in ones and those of the experiment's skills backends."""
+    further = [skill for choice in experiment.skills for skill in choice.create()]
+    return skill_library([*BUILTIN_SKILLS, *further])
+
+
+def environment_of(experiment: Experiment, task: Task, seed: int) -> SimulatedEnvironment:
+    """An unopened environment of a task, with parts of its own. Raises ``BackendUnavailable`` for a robot driver that
+    moves hardware: there is no environment for it yet."""
+    driver, gripper = experiment.create("robot_driver"), experiment.create("gripper_driver")
+    if not driver.simulated:
+        name = experiment.choice("robot_driver").backend.name
+        raise BackendUnavailable("robot_driver", name, "tasks run in simulators only so far", "robot.driver=simulated")
+    return SimulatedEnvironment(
+        task,
+        seed,
+        simulator=experiment.create("simulator"),
+        robot=experiment.create("robot"),
+        perception=experiment.create("perception"),
+        link=lambda simulator, robot: driver.link(robot, gripper, simulator),
+    )
+
+
+def sandbox_of(experiment: Experiment) -> Sandbox:
+    """An unopened sandbox with the experiment's skills and limits."""
+    return Sandbox(library_of(experiment), experiment.section("sandbox"))
+
+
+def prompts_of(experiment: Experiment) -> Prompts:
+    """The texts that the experiment's language model is sent. Raises ``BadPrompt``."""
+    return Prompts(experiment.section("prompts"))
+
+
+def book_of(experiment: Experiment, url: str | None = None, read_only: bool | None = None) -> Skillbook:
+    """The experiment's skillbook, unopened, with its embedder and store; ``url`` and ``read_only`` win over it."""
+    settings = experiment.section("skillbook")
+    return Skillbook(
+        url or settings.url,
+        experiment.create("embedder"),
+        experiment.create("vectorstore"),
+        experiment.section("retrieval"),
+        settings.read_only if read_only is None else read_only,
+    )
+
+
+def budget_of(settings: RunSettings, run: str, already: Spent = Spent()) -> Budget:
+    """What may be spent on language models, as the ``run`` section of an experiment says."""
+    ledger = Ledger(Path(settings.study_ledger)) if settings.study_ledger else None
+    study = Limit(settings.study_max_cost, settings.study_max_tokens)
+    return Budget(Limit(settings.max_cost, settings.max_tokens), ledger, study, run, already)

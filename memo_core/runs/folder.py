@@ -1,0 +1,197 @@
+"""The folder of one run. Everything is on disk when the call that writes it returns; whole files appear at once.
+
+config.yaml           what was asked for, resolved, without secrets
+log.jsonl             every effect of the run before and after it happened: what `memo run --resume` runs again from
+events.jsonl          everything that was observed, one JSON object a line, as it happened
+calls/0007-plan.json  each question to a model and its answer; the number is that of its entry in the log
+code/01-OPEN.microwave/attempt-1.py
+retrieved/…           which entries a subtask was served, and why
+words/…               what people said in a run that writes to no book
+video/…               an attempt each
+summary.json          how it ended; missing when the run was killed
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.events import CodeWritten, Event, Retrieved
+from memo_core.redaction import Redactor
+from memo_core.runlog.whole_files import write_whole
+
+
+class RunFolder:
+    """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
+
+    def __init__(self, path: Path, again: bool = False, option: str = "") -> None:
+        """Makes the folder, or with ``again`` goes on in it. Raises
+        ``InvalidArgument``, which names ``option``, where one with a run is already, with ``again`` where none is or it
+        is still going on."""
+        self._option = option or ("--resume" if again else "--out")
+        file = path / "events.jsonl"
+        if file.exists() != again:
+            problem = "already holds a run" if file.exists() else "holds no run"
+            raise InvalidArgument(self._option, f"{path} {problem}", "the folder of a run" if again else "a new folder")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"{path} cannot be made: {error.strerror}"
+            raise InvalidArgument(self._option, problem, "a folder to write to") from error
+        self.path = path
+        self._redact = Redactor.of_environment()
+        self._lock = threading.Lock()
+        self._events = file.open("a", encoding="utf-8")
+        self._reserve()
+        self.mended = _cut_half_line(file) if again else 0  # bytes of a last line that was never finished
+        self._retrieved = _count(file, "Retrieved") if again else 0
+
+    def _reserve(self) -> None:
+        """One process at a time writes here; the system takes the lock back however that process ends."""
+        try:
+            fcntl.flock(self._events.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._events.close()
+            problem = f"the run in {self.path} is still going on"
+            raise InvalidArgument(self._option, problem, "a run that has ended; wait for it, or stop it") from None
+        except OSError:
+            return  # a file system without locks
+
+    def close(self) -> None:
+        """Idempotent."""
+        with self._lock:
+            self._events.close()
+
+    def write(self, name: str, content: str | bytes) -> Path:
+        """A whole file, on disk when this returns; never half of it."""
+        return write_whole(self.path / name, self._redact(content) if isinstance(content, str) else content)
+
+    def write_json(self, name: str, value: Any) -> Path:
+        return self.write(name, json_text(value))
+
+    def config(self, values: dict[str, Any]) -> None:
+        import yaml
+
+        self.write("config.yaml", yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True))
+
+    def event(self, event: Event, at: str | None = None) -> None:
+        """Append one event; ``at``: its place in the run (``RunLog.place``). Flushed to the system at once; the lines
+        survive the end of this process."""
+        place = {} if at is None else {"at": at}
+        line = self._redact(json.dumps({"event": type(event).__name__, **plain(event), **place}, ensure_ascii=False))
+        with self._lock:
+            if self._events.closed:
+                return
+        # Files first: an event whose line is missing is sent again.
+        if isinstance(event, Retrieved):
+            self.write_json(f"retrieved/{self._retrieved + 1:02d}-{file_name(event.subtask)}.json", event)
+        elif isinstance(event, CodeWritten):
+            self.write(_code_name(event), event.code)
+        with self._lock:
+            if self._events.closed:
+                return
+            self._events.write(line + "\n")
+            self._events.flush()
+            self._retrieved += isinstance(event, Retrieved)
+
+
+def _code_name(event: CodeWritten) -> str:
+    attempt = attempt_name(event.attempt, event.take) + (f"-repair-{event.repair}" if event.repair else "")
+    return f"code/{event.number:02d}-{file_name(event.subtask)}/{attempt}.py"
+
+
+def json_text(value: Any) -> str:
+    """A value as an indented JSON document."""
+    return json.dumps(plain(value), indent=1, ensure_ascii=False) + "\n"
+
+
+def new_run_folder(out: Path, task: str, seed: int) -> Path:
+    """A name for a run's folder under ``out`` that no other has: date, time, task, seed."""
+    stamp = time.strftime("%Y-%m-%dT%H-%M-%S")
+    for number in range(1, 1000):
+        path = out / f"{stamp}-{file_name(task)}-seed{seed}{f'-{number}' if number > 1 else ''}"
+        try:
+            path.mkdir(parents=True)
+            return path
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InvalidArgument(
+                "--out", f"{path} cannot be made: {error.strerror}", "a folder to write to"
+            ) from error
+    raise InvalidArgument("--out", f"{out} holds a thousand runs of this second", "another folder")
+
+
+def attempt_name(attempt: int, take: int) -> str:
+    """What the files of an attempt are called; one that began again has files of its own."""
+    return f"attempt-{attempt}" + (f"-take-{take}" if take > 1 else "")
+
+
+def _count(file: Path, event: str) -> int:
+    """How many events of a kind a file of events holds."""
+    return file.read_bytes().count(b'{"event": "' + event.encode() + b'"')
+
+
+def _cut_half_line(file: Path) -> int:
+    """Take off what stands behind the last line's end; how many bytes that were."""
+    data = file.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole < len(data):
+        os.truncate(file, whole)
+    return len(data) - whole
+
+
+def file_name(text: str) -> str:
+    """A text as part of a file's name."""
+    return re.sub(r"[^\w.-]+", ".", text).strip(".")[:60] or "unnamed"
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it."""
+    if attrs.has(type(value)):
+        return {field.name: plain(getattr(value, field.name)) for field in attrs.fields(type(value))}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    if isinstance(value, Path):
+        return str(value)
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+
+def nested(values: dict[str, Any]) -> dict[str, Any]:
+    """``{"a.b": 1, "c.0": 2}`` as ``{"a": {"b": 1}, "c": [2]}``."""
+    tree: dict[str, Any] = {}
+    for path, value in values.items():
+        *parents, last = path.split(".")
+        branch = tree
+        for parent in parents:
+            branch = branch.setdefault(parent, {})
+        branch[last] = plain(value)
+    return {name: _listed(branch) for name, branch in tree.items()}
+
+
+def _listed(branch: Any) -> Any:
+    """The branches below 0, 1, 2, … as a list."""
+    if not isinstance(branch, dict):
+        return branch
+    inner = {name: _listed(value) for name, value in branch.items()}
+    if inner and all(name == str(index) for index, name in enumerate(inner)):
+        return list(inner.values())
+    return inner

@@ -1,0 +1,111 @@
+"""One self-contained HTML page about a demo: outcomes, code before and after, what was said, retrieved and learnt, and
+pictures where there are any."""
+
+from __future__ import annotations
+
+import base64
+import difflib
+import logging
+from importlib import resources
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from memo_core.runs.demo_result import CHAPTERS, DemoReport
+from memo_core.runs.story import Story, Try, read_story
+
+STRIP = 5  # pictures of an attempt
+STRIP_WIDTH = 320  # pixels
+
+
+def write_demo_report(report: DemoReport) -> Path:
+    """Write ``report.html`` into the demo's folder; returns its path."""
+    chapters: list[dict[str, Any]] = []
+    for part in CHAPTERS:
+        if part.name not in report.runs:
+            continue
+        run = report.runs[part.name]
+        story = read_story(run.folder)
+        chapters.append({"part": part, "run": run, "story": story, "why": report.why()[part.name]})
+    page = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            report=report,
+            chapters=chapters,
+            pictures=_Pictures(),
+            changes=changes,
+            problems=sorted({problem for chapter in chapters for problem in chapter["story"].problems}),
+        )
+    )
+    path = report.folder / "report.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def changes(before: str, after: str) -> list[tuple[str, str]]:
+    """The lines of ``after`` and what became of them: ("same" | "new", line)."""
+    marked = difflib.ndiff(before.splitlines(), after.splitlines())
+    return [("new" if line[0] == "+" else "same", line[2:]) for line in marked if line[0] in "+ "]
+
+
+def _environment() -> jinja2.Environment:
+    def load(name: str) -> str:
+        return resources.files("memo_core.runs").joinpath(name).read_text(encoding="utf-8")
+
+    return jinja2.Environment(
+        loader=jinja2.FunctionLoader(load),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+class _Pictures:
+    """Pictures of attempts as data URIs; empty where there are none."""
+
+    def strip(self, one: Try) -> list[str]:
+        """Frames of the attempt's video, evenly spaced in time, the last one included."""
+        frames = _frames(one.video) if one.video else []
+        if not frames and one.picture:
+            return [_data_uri(one.picture.read_bytes(), "image/png")]
+        chosen = [frames[round(i)] for i in np.linspace(0, len(frames) - 1, min(STRIP, len(frames)))] if frames else []
+        return [_jpeg(frame) for frame in chosen]
+
+    def last(self, story: Story) -> str:
+        """What it looked like in the end."""
+        for act in reversed(story.acts):
+            for one in reversed(act.tries):
+                found = self.strip(one)
+                if found:
+                    return found[-1]
+        return ""
+
+
+def _frames(video: Path) -> list[np.ndarray]:
+    """All frames, scaled down. Empty where the video cannot be read."""
+    try:
+        import imageio_ffmpeg
+
+        logging.getLogger("imageio_ffmpeg").setLevel(logging.ERROR)  # it warns that pictures are scaled, as asked
+        reader = imageio_ffmpeg.read_frames(str(video), output_params=["-vf", f"scale={STRIP_WIDTH}:-2"])
+        width, height = next(reader)["size"]
+        return [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
+    except Exception:  # a video that ends early, no ffmpeg: the page has fewer pictures, and the problems say so
+        return []
+
+
+def _jpeg(frame: np.ndarray) -> str:
+    from PIL import Image
+
+    buffer = BytesIO()
+    Image.fromarray(frame).save(buffer, "JPEG", quality=82)
+    return _data_uri(buffer.getvalue(), "image/jpeg")
+
+
+def _data_uri(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

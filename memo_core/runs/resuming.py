@@ -1,0 +1,119 @@
+"""What is checked before a run that was cut off is resumed (``memo run --resume DIR``). Its log does the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.errors import InvalidArgument
+from memo_core.runlog.file import Lines, read_lines
+from memo_core.runlog.history import History, read_history
+from memo_core.runs.folder import nested
+from memo_core.skillbook.book import Skillbook
+
+# What may be another in a later part: limits that were reached, what is filmed.
+MAY_DIFFER = ("run.max_", "run.study_", "run.video")
+
+
+@attrs.frozen(eq=False)
+class CutOff:
+    """A run that was cut off. ``sent``: the places of the events that it sent, see ``RunLog.place``."""
+
+    history: History
+    sent: frozenset[str]
+    subtask: str  # at hand; empty where one was to be planned
+    attempt: int
+
+
+def read_cut_off(folder: Path) -> CutOff:
+    """Raises ``InvalidArgument``: no run, one that has ended, one of another version, a damaged log."""
+    lines: Lines = read_lines(folder)
+    history = read_history(folder, lines.records)
+    if history.ended:
+        raise InvalidArgument("--resume", f"the run in {folder} has ended: {history.ended}", "a run that was cut off")
+    sent, subtask, attempt = set(), "", 1
+    for event in events_of(folder):
+        if isinstance(event.get("at"), str):
+            sent.add(event["at"])
+        if event.get("event") == "SubtaskStarted":
+            subtask, attempt = str(event.get("subtask", "")), int(event.get("attempt", 1))
+        elif event.get("event") == "SubtaskEnded":
+            subtask, attempt = "", 1
+    return CutOff(history, frozenset(sent), subtask, attempt)
+
+
+def events_of(folder: Path) -> list[dict[str, Any]]:
+    """The lines of ``events.jsonl`` that are events; a line that was cut off or is damaged is left out."""
+    try:
+        text = (folder / "events.jsonl").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    found = []
+    for line in text.splitlines():
+        try:
+            event = json.loads(line)
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(event, dict) and isinstance(event.get("event"), str):
+            found.append(event)
+    return found
+
+
+def run_config(folder: Path) -> Path:
+    """The resolved experiment of a run, which is an experiment file. Raises ``InvalidArgument``."""
+    file = folder / "config.yaml"
+    if not file.exists():
+        raise InvalidArgument("--resume", f"{folder} holds no run ({file.name} is missing)", "the folder of a run")
+    return file
+
+
+def check_config(folder: Path, now: Mapping[str, Any]) -> None:
+    """Raises ``InvalidArgument`` naming what the experiment says otherwise than the run's ``config.yaml``. A key that
+    the file does not have came with a newer version, and has its default."""
+    file = folder / "config.yaml"
+    try:
+        before = _flat(yaml.safe_load(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        problem = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise InvalidArgument("--resume", f"{file}: {problem}", "the folder of a run") from None
+    after = _flat(nested(dict(now)))
+    differ = [key for key in sorted(before) if before[key] != after.get(key)]
+    differ = [key for key in differ if not key.startswith(MAY_DIFFER)]
+    if differ:
+        told = "; ".join(f"{key} was {before.get(key)!r}, is {after.get(key)!r}" for key in differ[:5])
+        more = f" (and {len(differ) - 5} more)" if len(differ) > 5 else ""
+        raise InvalidArgument("--resume", f"another config: {told}{more}", "the config the run began with")
+
+
+def _flat(tree: Any, path: str = "") -> dict[str, Any]:
+    if not isinstance(tree, dict) or not tree:
+        return {path: tree if tree not in ({}, []) else None}
+    items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
+    return {key: value for name, branch in items for key, value in _flat(branch, name).items()}
+
+
+def check_place(history: History, book_url: str, here: Path) -> None:
+    """Raises ``InvalidArgument`` where the run's book has a name that means another file here."""
+    relative = "://" not in book_url and not Path(book_url).is_absolute()
+    if relative and str(here) != history.head.get("started_in"):
+        problem = f"the skillbook {book_url!r} is named from where the run was started"
+        raise InvalidArgument("--resume", problem, f"the same command in {history.head.get('started_in')}")
+
+
+def book_changes(history: History, book: Skillbook, run: str) -> str:
+    """What others did to the book since the run's last step; empty where nothing."""
+    before, when = history.book
+    now = book.generation()
+    if before is None or now == before:
+        return ""
+    own = {feedback.id for feedback in book.feedback_of_run(run)}
+    since = [entry for entry in book.entries(superseded=True) if entry.created >= when]
+    others = sum(entry.feedback not in own for entry in since)
+    if not others and now > before and since:
+        return ""
+    return f"it was at generation {before} and is at {now}; {others} of the entries since are not of this run"

@@ -1,0 +1,452 @@
+"""One run: a task done once by a method, with everything kept in a folder (``memo run``)."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config import Experiment
+from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
+from memo_core.runs.factories import budget_of, book_of, library_of, prompts_of, sandbox_of, task_of, environment_of
+from memo_core.runs.clustering import AfterRun, after_run
+from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
+from memo_core.runs.filming import Filmed
+from memo_core.runs.signals import Supervisor
+from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.interfaces.llm import LanguageModel
+from memo_core.runlog.file import FILE
+from memo_core.runlog.log import RunLog
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.teacher import Teacher
+from memo_core.plugins import Registry
+from memo_core.llm.budget import Budget
+from memo_core.llm.calls import ModelCalls, Retrying
+from memo_core.llm.kept_calls import ASK, spent_in
+from memo_core.llm.spending import Spent
+from memo_core.policy.language_method import Method
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.readers import Unreadable
+from memo_core.policy.session import RunResult, Session, SubtaskResult
+from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.stopping import StopSwitch
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.skillbook.book import Skillbook
+from memo_core.skills.skill import Skill
+
+LATE_CALLS_S = 1.0  # a call that was given up has so long to say what it cost before the run is summed up
+
+
+@attrs.frozen(eq=False)
+class RunReport:
+    """How a run went: the success check's verdict, and what it took. ``problem`` is the error that ended it, if any."""
+
+    run: str
+    folder: Path
+    task: str
+    instruction: str
+    method: str
+    seed: int
+    outcome: Outcome | None
+    result: RunResult
+    problem: str
+    wall_s: float
+    sim_s: float
+    prompt_tokens: int
+    completion_tokens: int
+    cost: float | None  # US dollars, of the calls whose price is known
+    calls: int = 0  # of models: those asked again, given up or failed included
+    calls_unpriced: int = 0
+    ended_by_person: bool = False
+    parts: int = 1  # more than one when it was resumed
+    resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
+
+    @property
+    def success(self) -> bool:
+        return self.outcome is not None and self.outcome.success
+
+    @property
+    def why(self) -> str:
+        """One sentence: what the success check said, and how the run ended."""
+        checked = self.outcome.reason if self.outcome is not None else "the success check was not asked"
+        return f"{checked} ({self.problem or self.result.reason})"
+
+    def summary(self) -> dict[str, Any]:
+        """As written to ``summary.json`` and printed by ``--json``."""
+        return {
+            "run": self.run,
+            "task": self.task,
+            "instruction": self.instruction,
+            "method": self.method,
+            "seed": self.seed,
+            "success": None if self.outcome is None else self.outcome.success,
+            "reason": self.outcome.reason if self.outcome else "",
+            "measures": self.outcome.measures if self.outcome else {},
+            "ended": self.result.reason,
+            "problem": self.problem or None,
+            "ended_by_person": self.ended_by_person,
+            "parts": self.parts,
+            "resumable": self.resumable,
+            "verdict": self.result.verdict,
+            "corrections": self.result.corrections,
+            "planning_remarks": self.result.planning_remarks,
+            "interruptions": self.result.interruptions,
+            "subtasks": [attrs.asdict(one) for one in self.result.subtasks],
+            "wall_s": round(self.wall_s, 3),
+            "sim_s": round(self.sim_s, 3),
+            "prompt_tokens": self.prompt_tokens,
+            "completion_tokens": self.completion_tokens,
+            "cost": self.cost,
+            "calls": self.calls,
+            "calls_unpriced": self.calls_unpriced,
+            "folder": str(self.folder),
+        }
+
+
+@attrs.frozen(eq=False)
+class RunComponents:
+    """The parts of one run. What is None is not there: no book, nobody watching."""
+
+    method: Method
+    llm: LanguageModel
+    make_environment: Callable[[], SimulatedEnvironment]
+    sandbox: Sandbox
+    skills: dict[str, Skill]
+    settings: RunSettings
+    book: Skillbook | None = None
+    teacher: Teacher | None = None
+    prompts: Prompts = attrs.field(factory=Prompts)
+    clustering: AfterRun | None = None  # condensing the book at the end
+    teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
+
+
+def run_experiment(
+    experiment: Experiment,
+    registry: Registry,
+    out: Path,
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
+) -> RunReport:
+    """Do the experiment's task once, in a new folder under ``out``. ``listener`` hears every event (a console);
+    ``view`` opens the simulator's viewer; ``on_text`` hears (phase, piece) while models write. Call it in the main
+    thread: it owns the signals meanwhile.
+
+    Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
+    """
+    if experiment.task is None:
+        raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
+    task = task_of(experiment, experiment.task)
+    components = _components(experiment, task)
+    folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
+    return perform(components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
+
+
+def resume_experiment(
+    experiment: Experiment,
+    registry: Registry,
+    path: Path,
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
+) -> RunReport:
+    """Go on with the run in the folder ``path``, which was cut off by a crash, a stop or a limit. What had ended stays
+    as it was. Raises ``InvalidArgument``: a run that has ended or is still going on, another config, a file that is
+    missing or damaged."""
+    before = read_cut_off(path)
+    check_config(path, experiment.public())
+    check_place(before.history, experiment.section("skillbook").url, Path.cwd())
+    if experiment.task is None:
+        raise InvalidArgument("--resume", f"{path / 'config.yaml'} names no task", "the config of a run")
+    task = task_of(experiment, experiment.task)
+    components = _components(experiment, task)
+    folder = RunFolder(path, again=True)
+    return perform(
+        components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text, before
+    )
+
+
+def _components(experiment: Experiment, task: Task) -> RunComponents:
+    return RunComponents(
+        method=experiment.create("method"),
+        llm=experiment.create("llm"),
+        make_environment=lambda: environment_of(experiment, task, experiment.seed),
+        sandbox=sandbox_of(experiment),
+        skills=library_of(experiment),
+        settings=experiment.section("run"),
+        book=book_of(experiment),
+        teacher=experiment.create("teacher"),
+        prompts=prompts_of(experiment),
+        clustering=after_run(experiment),
+        teaching=experiment.section("teaching"),
+    )
+
+
+def perform(
+    components: RunComponents,
+    task: Task,
+    seed: int,
+    folder: RunFolder,
+    registry: Registry,
+    config: dict[str, Any],
+    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
+    on_text: Callable[[str, str], None] | None = None,
+    before: CutOff | None = None,
+) -> RunReport:
+    """Open the components, do the task, close everything, and keep it in ``folder``. ``before``: what a run that was cut off
+    did. Raises ``MemoError`` only for what keeps the run from beginning."""
+    log, run, already = _log_of(folder, task, before)
+    budget = budget_of(components.settings, run, already)
+    subtasks: list[SubtaskResult] = []
+    bystander = registry.listen(listener, "console") if listener else None
+
+    def tell(event: Event, at: str | None = None) -> None:
+        event = event if event.time else attrs.evolve(event, time=time.time())
+        folder.event(event, at)
+        registry.emit(event)
+
+    def emit(event: Event) -> None:
+        """Of the run itself: once, however often it is resumed."""
+        if isinstance(event, SubtaskEnded):
+            subtasks.append(SubtaskResult(event.subtask, event.status, event.attempts))  # type: ignore[arg-type]
+        at = log.place()
+        if at != "":
+            tell(event, at)
+
+    started = time.monotonic()
+    stop = StopSwitch()
+    supervisor = Supervisor(stop, components.teacher)
+    if before is None:
+        folder.config(config)
+        tell(RunStarted(run, task.name, task.instruction, seed, config))
+    else:
+        _put_former_summary_aside(folder.path, log.part - 1)
+        answers = sum(entry.name == ASK and entry.ended for entry in before.history.replayed)
+        tell(RunResumed(run, log.part, before.subtask, before.attempt, answers))
+    head = {
+        "run": run,
+        "task": task.name,
+        "seed": seed,
+        "method": components.method.name,
+        "started_in": str(Path.cwd()),
+    }
+    torn = log.begin(head, {"settings": config})
+    for name, count in (("events.jsonl", folder.mended), (FILE, torn)):
+        if count:
+            tell(Problem(name, f"its last line was cut off half-way and is left out ({count} bytes)"))
+    ended = _Ended()
+    try:
+        if components.teacher is not None:
+            components.teacher.open()
+        parts = _Parts(log, run, folder.path, task, seed, emit, tell, stop, supervisor, budget)
+        supervisor.run(lambda: _work(components, parts, ended, view, on_text))
+    except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
+        ended.problem, ended.final = error.told, True
+    except Stopped:
+        ended.problem = "ended by a person"
+    except MemoError as error:
+        ended.problem = str(error)
+    except BaseException as error:
+        ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+        raise
+    finally:
+        listening = ExitStack()
+        listening.enter_context(supervisor.signals())  # none of them may cut the summary short
+        budget.wait(LATE_CALLS_S)
+        budget.close()
+        spent = budget.spent
+        report = RunReport(
+            run=run,
+            folder=folder.path,
+            task=task.name,
+            instruction=task.instruction,
+            method=components.method.name,
+            seed=seed,
+            outcome=ended.outcome,
+            result=ended.result or RunResult(ended.problem or "it broke off", False, tuple(subtasks)),
+            problem=ended.problem,
+            wall_s=(before.history.wall_s if before is not None else 0.0) + time.monotonic() - started,
+            sim_s=ended.sim_s,
+            prompt_tokens=spent.prompt_tokens,
+            completion_tokens=spent.completion_tokens,
+            cost=spent.known_cost,
+            calls=spent.calls,
+            calls_unpriced=spent.unpriced,
+            ended_by_person=supervisor.ending,
+            parts=log.part,
+            resumable=_leave(log, ended),
+        )
+        tell(_run_ended(report))
+        folder.write_json("summary.json", report.summary())
+        log.close()
+        folder.close()
+        if bystander:
+            bystander()
+        if components.teacher is not None:
+            components.teacher.close()  # last: what it raises costs nothing of what is kept
+        listening.close()
+    return report
+
+
+def _log_of(folder: RunFolder, task: Task, before: CutOff | None) -> tuple[RunLog, str, Spent]:
+    """The run's log, its id, and what earlier parts of it spent."""
+    if before is None:
+        return RunLog(folder.path), f"{task.name}-{uuid.uuid4().hex[:8]}", Spent()
+    log = RunLog(folder.path, before.history, before.sent)
+    return log, str(before.history.head["run"]), spent_in(before.history, folder.path)
+
+
+def _put_former_summary_aside(folder: Path, part: int) -> None:
+    """What the part before had to say at its end is kept; a video that was cut off is not: no player opens it."""
+    summary = folder / "summary.json"
+    if summary.exists():
+        summary.rename(summary.with_name(f"summary-part-{part}.json"))
+    for film in (folder / "video").glob("*.part.mp4"):
+        film.unlink()
+
+
+def _leave(log: RunLog, ended: _Ended) -> bool:
+    """Write down whether there is something to resume, and return it."""
+    result = ended.result
+    over = (ended.problem if ended.final else "") or (result.reason if result and not result.resumable else "")
+    if over:
+        log.end(over)
+    elif log.begun:
+        log.cut_off()
+    return not over and log.begun
+
+
+@attrs.define
+class _Ended:
+    """What is known when the worker has ended, however it did."""
+
+    result: RunResult | None = None
+    outcome: Outcome | None = None
+    sim_s: float = 0.0
+    problem: str = ""
+    final: bool = False  # whatever the problem is, going on would not help
+
+
+@attrs.frozen(eq=False)
+class _Parts:
+    """What the worker needs of a run beside its components. ``emit`` is for the method's events, ``tell`` for all others."""
+
+    log: RunLog
+    run: str
+    folder: Path
+    task: Task
+    seed: int
+    emit: Callable[[Event], None]
+    tell: Callable[[Event], None]
+    stop: StopSwitch
+    supervisor: Supervisor
+    budget: Budget
+
+
+def _work(
+    components: RunComponents, parts: _Parts, ended: _Ended, view: bool, on_text: Callable[[str, str], None] | None
+) -> None:
+    """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
+    log, stop, supervisor, teacher = parts.log, parts.stop, parts.supervisor, components.teacher
+    components.llm.open()
+    try:
+        parts.budget.open(components.llm)
+        if components.book is not None:
+            _open_book(components.book, parts)
+        components.sandbox.open()
+        with components.make_environment() as world, stop.waking(world.link.stop):
+            if view:
+                world.simulator.view()
+            filmed = Filmed(world, parts.folder, components.settings, parts.tell)
+
+            def emit(event: Event) -> None:
+                filmed.heard(event)
+                parts.emit(event)
+
+            session = Session(
+                run=parts.run,
+                environment=filmed,  # what it does not film it leaves to the world
+                llm=components.llm,
+                skills=components.skills,
+                sandbox=components.sandbox,
+                settings=components.settings,
+                stop=stop,
+                log=log,
+                emit=emit,
+                book=components.book,
+                teacher=supervisor.ask if teacher is not None else None,
+                who=teacher.who if teacher is not None else "nobody",
+                seed=parts.seed,
+                ending=lambda: supervisor.ending,
+                teaching=components.teaching,
+                judge_task=supervisor.judge_task if teacher is not None else None,
+                judge_plan=supervisor.judge_plan if _judges_plans(teacher) else None,
+                read_back=supervisor.read_back if teacher is not None and teacher.reads_back else None,
+                put_back=supervisor.put_back if teacher is not None else None,
+                confirm=supervisor.confirm if teacher is not None else None,
+                teacher_state=teacher.state if teacher is not None else lambda: "",
+                restore_teacher=lambda state: teacher.restore(state) if teacher is not None and state else None,
+                time_limit_s=parts.task.time_limit,
+                prompts=components.prompts,
+                budget=parts.budget,
+                on_text=on_text,
+            )
+            try:
+                ended.result = components.method.run(session)
+            finally:
+                filmed.close()
+                ended.sim_s = world.time()
+                ended.outcome = _judge(world)
+        if components.clustering is not None and components.book is not None:
+            log.leave_order()  # each cluster is stored by itself: what is done already is not asked about again
+            retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
+            calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
+            components.clustering.condense(components.book, calls, parts.tell, parts.seed)
+    finally:
+        components.sandbox.close()
+        if components.book is not None:
+            components.book.close()
+        components.llm.close()
+
+
+def _judges_plans(teacher: Teacher | None) -> bool:
+    """Whether the teacher has anything to say to plans: else nobody is asked about each."""
+    return teacher is not None and type(teacher).judge_plan is not Teacher.judge_plan
+
+
+def _open_book(book: Skillbook, parts: _Parts) -> None:
+    book.open()
+    if not book.read_only:
+        book.note_place("run", parts.folder)  # for `memo skillbook forget`
+    if parts.log.history is not None and (changes := book_changes(parts.log.history, book, parts.run)):
+        parts.tell(Problem("the skillbook has changed", f"{changes}; the run goes on with it as it is"))
+    parts.log.note_book(book.generation())
+
+
+def _judge(world: SimulatedEnvironment) -> Outcome:
+    """The success check, when everything has come to rest. A stop does not keep it from being asked."""
+    for _ in range(round(world.task.settle / world.simulator.control_period)):
+        world.simulator.tick()
+    return world.check()
+
+
+def _run_ended(report: RunReport) -> RunEnded:
+    return RunEnded(
+        run=report.run,
+        success=None if report.outcome is None else report.outcome.success,
+        reason=report.problem or report.result.reason,
+        wall_s=report.wall_s,
+        sim_s=report.sim_s,
+        subtasks=len(report.result.subtasks),
+        prompt_tokens=report.prompt_tokens,
+        completion_tokens=report.completion_tokens,
+        cost=report.cost,
+    )

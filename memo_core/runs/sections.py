@@ -1,0 +1,38 @@
+"""The sections of an experiment file that belong to no backend. Each room owns its section's class."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+
+from memo_core.policy.clustering import ClusteringSettings
+from memo_core.llm.prompt_files import PromptSettings
+from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.sandbox.limits import Limits
+from memo_core.skillbook.retrieval import RetrievalSettings
+
+
+@attrs.frozen
+class SkillbookSettings:
+    """Which skillbook an experiment reads and writes."""
+
+    url: str = attrs.field(
+        default="skillbook.db",
+        metadata={"help": "a file (relative to where memo is started), or postgresql://USER@HOST/NAME"},
+    )
+    cluster: Literal["off", "after-run"] = attrs.field(
+        default="off", metadata={"help": "after-run: memo run ends with condensing what changed (memo cluster)"}
+    )
+    read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
+
+
+SECTIONS: dict[str, type] = {
+    "skillbook": SkillbookSettings,
+    "retrieval": RetrievalSettings,
+    "sandbox": Limits,
+    "run": RunSettings,
+    "teaching": TeachingSettings,
+    "prompts": PromptSettings,
+    "clustering": ClusteringSettings,
+}

@@ -1,0 +1,211 @@
+"""Who owns the signals and the terminal: the main thread. The policy works in a thread of its own.
+
+Ctrl-C latches the stop: the arm's last command is sent within one control period, generated code is killed, a pending
+model call is given up, and whoever watches is asked what was wrong. A second Ctrl-C within two seconds, SIGTERM, or
+SIGHUP of a terminal that was closed ends the run with everything saved; a third Ctrl-C leaves at once.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, Generic, TypeVar
+
+import attrs
+
+from memo_core.errors import Stopped
+from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.stopping import StopSwitch
+
+T = TypeVar("T")
+SECOND_PRESS_S = 2.0
+LISTENING_S = 0.02
+NOBODY_S = 0.2  # an answer that comes sooner is a program's: whoever pressed stop was not asked
+
+_ENDING = (signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
+
+
+class _PromptInterrupted(KeyboardInterrupt):
+    """Thrown out of a teacher's waiting in the main thread by the signal handler."""
+
+
+@attrs.frozen(eq=False)
+class _Question:
+    put: Callable[[Teacher], Any]
+    after_a_stop: bool
+    reply: queue.SimpleQueue[Any]  # the answer, or an exception to raise
+
+
+@attrs.frozen(eq=False)
+class _Ended(Generic[T]):
+    value: T | None = None
+    error: BaseException | None = None
+
+
+class Supervisor:
+    """Runs work in a worker thread, and in this thread what people are asked and the signals they send."""
+
+    def __init__(self, stop: StopSwitch, teacher: Teacher | None = None) -> None:
+        self.stop = stop
+        self.teacher = teacher
+        self._ending = threading.Event()
+        # SimpleQueue may be used from a signal handler, which a Queue with its lock may not.
+        self._inbox: queue.SimpleQueue[_Question | _Ended[Any]] = queue.SimpleQueue()
+        self._asking = False
+        self._last_press = -1e9
+        self.presses = 0
+        self.prompt_ready: list[float] = []  # monotonic times at which somebody could begin to answer after a stop
+
+    @property
+    def ending(self) -> bool:
+        """Whether the run is to end rather than go on after the stop."""
+        return self._ending.is_set()
+
+    def run(self, work: Callable[[], T]) -> T:
+        """``work()`` in a worker thread; its result, or what it raised. Meanwhile questions to the teacher are put and
+        signals are answered in this thread."""
+
+        def worker() -> None:
+            try:
+                self._inbox.put(_Ended(work()))
+            except BaseException as error:
+                self._inbox.put(_Ended(error=error))
+
+        with self.signals():
+            thread = threading.Thread(target=worker, name="memo-policy", daemon=True)
+            thread.start()
+            while True:
+                try:
+                    # The system may hand a signal to any thread; this one runs its handler, and must wake for it.
+                    message = self._inbox.get(timeout=LISTENING_S)
+                except queue.Empty:
+                    continue
+                if isinstance(message, _Ended):
+                    break
+                message.reply.put(self._put(message))
+            thread.join()
+        if message.error is not None:
+            raise message.error
+        return message.value  # type: ignore[return-value]
+
+    def ask(self, episode: Episode, interrupted: bool) -> Verdict:
+        """Put an episode to the teacher; called by the worker. Raises ``Stopped`` when stop is pressed meanwhile."""
+        if self.teacher is None:
+            return Verdict("silent")
+        if interrupted:
+            return self._asked(lambda teacher: teacher.interrupted(episode), after_a_stop=True)
+        return self._asked(lambda teacher: teacher.judge(episode))
+
+    def judge_task(self, episode: TaskEpisode) -> Verdict:
+        """What the teacher says about the whole task. Raises ``Stopped`` as ``ask``."""
+        return self._asked(lambda teacher: teacher.judge_task(episode))
+
+    def judge_plan(self, proposal: Proposal) -> Verdict:
+        """What the teacher says about what is planned. Raises ``Stopped`` as ``ask``."""
+        return self._asked(lambda teacher: teacher.judge_plan(proposal))
+
+    def read_back(self, noted: Noted) -> ReadBack:
+        """What the teacher says to the notes made of their words. Raises ``Stopped`` as ``ask``."""
+        return self._asked(lambda teacher: teacher.read_back(noted))
+
+    def put_back(self, episode: Episode) -> bool:
+        """Have the teacher put the world back; called by the worker. Raises ``Stopped`` as ``ask``."""
+        return self.teacher is not None and self._asked(lambda teacher: teacher.put_back(episode))
+
+    def confirm(self, episode: Episode) -> bool:
+        """Have the teacher confirm the scene as it is; called by the worker. Raises ``Stopped`` as ``ask``."""
+        return self.teacher is not None and self._asked(lambda teacher: teacher.confirm(episode))
+
+    def _asked(self, put: Callable[[Teacher], T], after_a_stop: bool = False) -> T:
+        reply: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._inbox.put(_Question(put, after_a_stop, reply))
+        answer = reply.get()
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer  # type: ignore[no-any-return]
+
+    def press(self) -> None:
+        """What Ctrl-C does, for tests and other buttons."""
+        now = time.monotonic()
+        self.presses += 1
+        if now - self._last_press < SECOND_PRESS_S:
+            self._ending.set()
+        self._last_press = now
+        self.stop.press()
+
+    def end(self) -> None:
+        """Stop and end the run."""
+        self._ending.set()
+        self.stop.press()
+
+    # -- in the main thread ----------------------------------------------------------------------------------------
+    def _put(self, question: _Question) -> Any:
+        answer: Any = None
+        try:
+            self._asking = True
+            answer = self._answer(question)
+            self._asking = False
+        except _PromptInterrupted:
+            pass
+        except Exception as error:
+            self._asking = False
+            return error
+        # Words said just before the signal came are not lost.
+        return Stopped("waiting for the person") if answer is None else answer
+
+    def _answer(self, question: _Question) -> Any:
+        assert self.teacher is not None
+        if self.ending:
+            return Stopped("ending the run")
+        if not question.after_a_stop:
+            return Stopped("before the person was asked") if self.stop.pressed else question.put(self.teacher)
+        ready = time.monotonic()
+        self.prompt_ready.append(ready)
+        verdict = question.put(self.teacher)
+        if time.monotonic() - ready > NOBODY_S:
+            self._last_press = -1e9  # a person answered: the next press is a new stop, not a second one
+        return verdict
+
+    @contextmanager
+    def signals(self) -> Iterator[None]:
+        """Answer signals in this block; also while a run is summed up, which no signal may cut short."""
+        if threading.current_thread() is not threading.main_thread():
+            yield  # signals belong to the main thread; whoever calls from elsewhere keeps their own
+            return
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, *_ENDING)}
+        # A thread deep in its sums gives way to the one that answers a signal this often: Python's 5 ms add up.
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(0.001)
+        signal.signal(signal.SIGINT, self._on_interrupt)
+        for number in _ENDING:
+            signal.signal(number, self._on_terminate)
+        try:
+            yield
+        finally:
+            sys.setswitchinterval(interval)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _on_interrupt(self, number: int, frame: FrameType | None) -> None:
+        ended_before = self.ending
+        self.press()
+        if ended_before and self.presses > 2:
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, b"\nleft at once\n")
+            os._exit(130)
+        self._leave_the_prompt()
+
+    def _on_terminate(self, number: int, frame: FrameType | None) -> None:
+        self.end()
+        self._leave_the_prompt()
+
+    def _leave_the_prompt(self) -> None:
+        if self._asking:
+            self._asking = False  # once is enough: a second signal must not strike outside of the prompt
+            raise _PromptInterrupted

@@ -1,0 +1,55 @@
+"""Scene graphs as JSON and back, without pictures. Numbers are kept to the last bit."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Iterable
+from typing import Any
+
+import cattrs
+
+from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_core.scene.pose import Pose
+
+
+def scene_record(scene: SceneGraph) -> dict[str, Any]:
+    """A scene graph as JSON can hold it."""
+    seen = scene.observation
+    return {
+        "nodes": [cattrs.unstructure(node) for node in scene.nodes],
+        "relations": [cattrs.unstructure(relation) for relation in scene.relations],
+        "end_effector": cattrs.unstructure(seen.end_effector),
+        "gripper_width": seen.gripper_width,
+        "holding": seen.holding,
+        "table_height": scene.table_height,
+        "label": scene.label,
+        "time": scene.time,
+    }
+
+
+def scene_of(record: dict[str, Any]) -> SceneGraph:
+    """What ``scene_record`` made. Raises ``KeyError``, ``TypeError``, ``ValueError``, ``BaseValidationError``."""
+    observation = Observation(
+        cattrs.structure(record["end_effector"], Pose), float(record["gripper_width"]), bool(record["holding"])
+    )
+    return SceneGraph(
+        tuple(cattrs.structure(one, Node) for one in record["nodes"]),
+        tuple(cattrs.structure(one, Relation) for one in record["relations"]),
+        observation,
+        record["table_height"],
+        record["label"],
+        record["time"],
+    )
+
+
+def pack_scenes(scenes: Iterable[SceneGraph]) -> str:
+    """Many scene graphs as one text: scenes that follow each other are alike, so together they compress well."""
+    text = json.dumps([scene_record(scene) for scene in scenes])
+    return base64.b85encode(zlib.compress(text.encode(), 1)).decode()
+
+
+def unpack_scenes(packed: str) -> tuple[SceneGraph, ...]:
+    """What ``pack_scenes`` made. Raises as ``scene_of``, and ``zlib.error``."""
+    return tuple(scene_of(record) for record in json.loads(zlib.decompress(base64.b85decode(packed))))

@@ -1,0 +1,158 @@
+"""Writing what people said and what was made of it, inside a write transaction of the caller's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import sqlalchemy as sa
+
+from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.skillbook import queries, tables, templates
+from memo_core.skillbook.clusters import same_words
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Note
+from memo_core.skillbook.keys import Key
+
+_F, _E = tables.feedback.c, tables.entries.c
+FEEDBACK, TEMPLATE, CLUSTER, EDIT = "feedback", "template", "cluster", "edit"  # phases that make entries
+
+
+def add_notes(
+    database: Database, connection: sa.Connection, feedback: int, notes: Sequence[Note], scene: str
+) -> tuple[Entry, ...]:
+    """Store what one feedback taught and mark it processed. Of notes with the same words under one key the first is
+    stored, and a general statement with the words of a correction is not stored once more.
+
+    Called again for the same feedback it changes nothing and returns what the first call stored. Raises
+    ``UnknownName`` (feedback).
+    """
+    there = _made_of(connection, feedback, FEEDBACK)
+    if there:
+        return there
+    items = [
+        ("general" if note.key == GLOBAL_KEY else "correction", note.key, note.text) for note in _without_repeats(notes)
+    ]
+    added = _insert(database, connection, feedback, items, scene, FEEDBACK, {feedback})
+    finish(connection, feedback)
+    if added:
+        database.next_generation(connection, by_revisions=True)
+    return _stored(connection, added)
+
+
+def add_template(
+    database: Database,
+    connection: sa.Connection,
+    approval: int,
+    key: Key,
+    code: str,
+    scene: str,
+    derived_from: Iterable[int],
+) -> Entry:
+    """Store the function made from approved code as the new version under its key. Called again for the same approval
+    it changes nothing; code that is served already gets the approval as a further source. Raises ``UnknownName``."""
+    if not code.strip():
+        raise InvalidArgument("template", "an entry without text", "a text")
+    there = _made_of(connection, approval, TEMPLATE)
+    if there:
+        return there[0]
+    sources = known_feedback(connection, {approval, *derived_from})
+    known = _known_template(connection, approval, key, code)
+    if known is not None:
+        for source in sources:
+            connection.execute(database.upsert(tables.sources).values(entry=known.id, feedback=source))
+        finish(connection, approval)
+        return known
+    [added] = _insert(database, connection, approval, [("template", key, code)], scene, TEMPLATE, sources)
+    finish(connection, approval)
+    [entry] = _stored(connection, [added])
+    under = connection.execute(sa.select(_E.key).where(_E.id == added)).scalar_one()
+    templates.succeed(connection, under, entry.revision, added)
+    database.next_generation(connection, by_revisions=True)
+    return entry
+
+
+def finish(connection: sa.Connection, feedback: int) -> None:
+    """Mark feedback as processed."""
+    connection.execute(sa.update(tables.feedback).where(_F.id == feedback).values(status="processed", reason=""))
+
+
+def known_feedback(connection: sa.Connection, wanted: set[int]) -> set[int]:
+    """``wanted``. Raises ``UnknownName`` where the book lacks one."""
+    known = set(queries.ids_of(connection.execute(sa.select(_F.id).where(_F.id.in_(wanted)))))
+    for missing in sorted(wanted - known):
+        raise UnknownName("feedback", str(missing), tuple(map(str, sorted(known))))
+    return wanted
+
+
+def _insert(
+    database: Database,
+    connection: sa.Connection,
+    feedback: int,
+    items: Sequence[tuple[str, Key, str]],
+    scene: str,
+    phase: str,
+    sources: set[int],
+) -> list[int]:
+    """Entries (kind, key, text) made from one feedback, one revision a key; their ids."""
+    when, upsert = database.now(), database.upsert(tables.keys)
+    key_ids = {key: queries.key_id(connection, upsert, key) for _, key, _ in items}
+    reason = f"{phase} {feedback}"
+    revision_of = {
+        number: queries.insert(connection, tables.revisions, key=number, time=when, reason=reason)
+        for number in sorted(set(key_ids.values()))
+    }
+    added = []
+    for ordinal, (kind, key, text) in enumerate(items):
+        entry = queries.insert(
+            connection,
+            tables.entries,
+            kind=kind,
+            key=key_ids[key],
+            text=text,
+            scene=scene,
+            feedback=feedback,
+            phase=phase,
+            ordinal=ordinal,
+            revision=revision_of[key_ids[key]],
+            superseded_by=None,
+            created=when,
+        )
+        for source in sorted(sources):
+            queries.insert_plain(connection, tables.sources, entry=entry, feedback=source)
+        added.append(entry)
+    return added
+
+
+def _made_of(connection: sa.Connection, feedback: int, phase: str) -> tuple[Entry, ...]:
+    """What a phase made of a feedback before. Raises ``UnknownName``."""
+    known_feedback(connection, {feedback})
+    return tuple(queries.entries_where(connection, _E.feedback == feedback, _E.phase == phase))
+
+
+def _known_template(connection: sa.Connection, approval: int, key: Key, code: str) -> Entry | None:
+    """The template that an approval confirmed before, or the one that is served, if that is this very code."""
+    confirmed = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == approval)
+    there = queries.entries_where(connection, _E.id.in_(confirmed), _E.phase == TEMPLATE)
+    processed = connection.execute(sa.select(_F.status).where(_F.id == approval)).scalar() == "processed"
+    if there and processed:
+        return there[0]
+    key_id = queries.known_key_id(connection, key)
+    return None if key_id is None else templates.served_version(connection, key_id, code)
+
+
+def _without_repeats(notes: Sequence[Note]) -> list[Note]:
+    corrections = {same_words(note.text) for note in notes if note.key != GLOBAL_KEY}
+    seen: set[tuple[Key, str]] = set()
+    kept = []
+    for note in notes:
+        words = same_words(note.text)
+        if (note.key, words) in seen or (note.key == GLOBAL_KEY and words in corrections):
+            continue
+        seen.add((note.key, words))
+        kept.append(note)
+    return kept
+
+
+def _stored(connection: sa.Connection, added: list[int]) -> tuple[Entry, ...]:
+    stored = queries.entries_by_id(connection, added)
+    return tuple(stored[entry] for entry in added)

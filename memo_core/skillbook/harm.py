@@ -1,0 +1,105 @@
+"""Lessons that were served for something else than they were taught on, and were corrected there.
+
+Each use is counted with the key that the code was for (table ``records``). An entry that is served for another key than
+its own is less likely to fit the less alike the two are, and each correction there is evidence against it. With n
+corrections more than approvals, it is served there only if
+
+    r(query, own key) >= LEAST + STEP n.
+
+"There" are the key where it happened and those that are as good as it (r > SAME), unless they are more like the
+entry's own: what failed on the drawer is not served for other drawers, and is for doors. An entry is never withheld
+from its own key, and general statements, which have none, are never withheld. Nothing is deleted: approvals there bring
+an entry back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.skillbook import queries, tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.key_embedding import KeyVectors
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import Cut, Retrieval, Served, score
+
+# All-MiniLM-L6-v2: OPEN(microwave) has r = 0.91 to 0.94 with fridge and oven, 0.86 to 0.87 with drawers of all kinds;
+# OPEN(drawer) has 0.96 to 0.99 with other drawers, at most 0.94 with cabinets and 0.92 with their doors.
+LEAST = 0.85
+STEP = 0.05
+SAME = 0.95
+
+_R, _K = tables.records.c, tables.keys.c
+
+
+@attrs.frozen
+class Evidence:
+    """How an entry did where it was served for one key."""
+
+    entry: int
+    key: Key
+    served: int
+    approved: int
+
+    @property
+    def corrected(self) -> int:
+        return self.served - self.approved
+
+
+def evidence_of(database: Database, connection: sa.Connection, entries: Sequence[int]) -> list[Evidence]:
+    """What was counted of entries, by key."""
+    if not entries or not database.has(connection, tables.records):
+        return []
+    query = sa.select(_R.entry, _K.action, _K.objects, _R.uses, _R.confirmed_uses).join(tables.keys, _R.key == _K.id)
+    rows = connection.execute(query.where(_R.entry.in_(list(entries))).order_by(_R.entry, _R.key))
+    return [
+        Evidence(entry, queries.key_of(action, objects), uses, confirmed)
+        for entry, action, objects, uses, confirmed in rows
+    ]
+
+
+def withhold(
+    found: Retrieval, query: Key, evidence: Sequence[Evidence], key_vectors: KeyVectors, weights: tuple[float, float]
+) -> Retrieval:
+    """``found`` without the entries that did harm there. ``query`` is the subtask's key as the book spells it."""
+    bad = [one for one in evidence if one.corrected > one.approved]
+    if not bad:
+        return found
+    alike = _alikeness(query, [one.key for one in bad], key_vectors, weights)
+    harm: dict[int, list[Evidence]] = {}
+    for one in bad:
+        harm.setdefault(one.entry, []).append(one)
+    cut: list[Cut] = []
+
+    def stays(served: Served) -> bool:
+        own = served.entry.key
+        if own == query or served.entry.id not in harm:
+            return True
+        mine = _alikeness(query, [own], key_vectors, weights)[own]
+        there = sum(one.corrected - one.approved for one in harm[served.entry.id] if alike[one.key] > max(mine, SAME))
+        if not there or mine >= LEAST + STEP * there:
+            return True
+        rule = f"corrected {there} times more than approved when served for this or a like subtask"
+        cut.append(Cut(served.key, served.score, served.action_cosine, served.objects_cosine, 1, rule))
+        return False
+
+    corrections = tuple(filter(stays, found.corrections))
+    templates = tuple(filter(stays, found.templates))
+    return attrs.evolve(found, corrections=_ranked(corrections), templates=_ranked(templates), cut=(*cut, *found.cut))
+
+
+def _ranked(served: Sequence[Served]) -> tuple[Served, ...]:
+    return tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(served, start=1))
+
+
+def _alikeness(
+    query: Key, keys: Sequence[Key], key_vectors: KeyVectors, weights: tuple[float, float]
+) -> dict[Key, float]:
+    """r of the query and each key."""
+    actions, objects = key_vectors.get([query, *keys])
+    return {
+        key: score(float(actions[0] @ action), float(objects[0] @ thing), *weights)
+        for key, action, thing in zip(keys, actions[1:], objects[1:], strict=True)
+    }

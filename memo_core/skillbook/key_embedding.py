@@ -1,0 +1,87 @@
+"""From a key to its two unit vectors. What a sentence model is shown of a verb and a noun decides what it can tell
+apart; the phrases are settings and their defaults were measured (``docs/skillbook.md``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.key_factors import KeyParts, distinct
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.vectors import TextVectors
+
+_KEPT = 20_000  # keys' vectors in memory
+
+
+def _one_place(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
+    if value.count("{}") != 1 or value.replace("{}", "").count("{"):
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} has no place for a word", "one {}")
+
+
+@attrs.frozen
+class Wording:
+    """The phrases in which actions and objects are embedded."""
+
+    action: str = attrs.field(default="to {} an object with a robot arm", validator=_one_place)
+    object: str = attrs.field(default="to use a {} with a robot arm", validator=_one_place)
+
+
+class KeyVectors:
+    """Vectors of keys for one embedder, wording and table of actions.
+
+    The action is the phrase of the verb that stands for its synonym group. The objects are the concatenation of what is
+    moved (the mean, where several) and where to (zero, where none), made one unit vector: a phrase that names both
+    ("to move a {} to a {}") cannot keep the roles, its cosine with the exchanged one is 0.99.
+    """
+
+    def __init__(self, vectors: TextVectors, wording: Wording, actions: Actions) -> None:
+        self._vectors = vectors
+        self._wording = wording
+        self._actions = actions
+        self._known: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
+
+    def fingerprint(self) -> str:
+        """Changes with whatever the vectors of keys depend on besides the keys."""
+        groups = sorted(self._actions.groups.items())
+        return f"{self._vectors.name}|{self._wording.action}|{self._wording.object}|{groups}"
+
+    def get(self, keys: Sequence[Key]) -> tuple[np.ndarray, np.ndarray]:
+        """Unit vectors of actions, shape (len(keys), d), and of objects, shape (len(keys), 2 d), float32."""
+        missing = list(dict.fromkeys(key for key in keys if key not in self._known))
+        if missing:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+                missing = list(dict.fromkeys(keys))
+            self._known.update(zip(missing, self._make(missing), strict=True))
+        found = [self._known[key] for key in keys]
+        return np.stack([action for action, _ in found]), np.stack([objects for _, objects in found])
+
+    def parts(self, keys: Sequence[Key]) -> KeyParts:
+        """One or more keys taken apart: what ``get`` says of each, without a vector for each."""
+        keys = [self._actions.about(key) for key in keys]
+        names = sorted({name for key in keys for name in key.objects})
+        nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))
+        nowhere = np.zeros_like(nouns[names[0]])
+
+        def verbs(different: list[str]) -> np.ndarray:
+            return self._vectors.get([self._wording.action.replace("{}", verb) for verb in different])
+
+        def things(different: list[tuple[str, ...]]) -> np.ndarray:
+            made = np.stack([np.mean([nouns[name] for name in several], axis=0) for several in different])
+            return made / np.linalg.norm(made, axis=1, keepdims=True)
+
+        def places(different: list[str | None]) -> np.ndarray:
+            return np.stack([nowhere if place is None else nouns[place] for place in different])
+
+        actions, action_of = distinct([self._actions.canonical(key.action) for key in keys], verbs)
+        moved, moved_of = distinct([key.moved for key in keys], things)
+        to, to_of = distinct([key.destination for key in keys], places)
+        length = np.sqrt((moved * moved).sum(axis=1)[moved_of] + (to * to).sum(axis=1)[to_of])
+        return KeyParts(actions, action_of, moved, moved_of, to, to_of, 1 / length)
+
+    def _make(self, keys: list[Key]) -> list[tuple[np.ndarray, np.ndarray]]:
+        return list(zip(*self.parts(keys).vectors(np.arange(len(keys))), strict=True))

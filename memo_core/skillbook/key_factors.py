@@ -1,0 +1,55 @@
+"""Exact cosines of one key with all keys of a book, from the few parts that the keys are made of.
+
+A key's vectors are made of a verb's, of what is moved and of where to (``memo_core.skillbook.key_embedding``), and a
+book of thousands of keys names some dozens of verbs and some hundreds of things. So the products are taken once a
+distinct part and put together by key: a few numbers a key instead of its whole vectors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import TypeVar
+
+import attrs
+import numpy as np
+
+_Part = TypeVar("_Part", bound=Hashable)
+
+
+@attrs.frozen(eq=False)
+class KeyParts:
+    """Keys taken apart; d is the embedder's dimension. The objects' unit vector of key i is
+    ``[moved[moved_of[i]] ; places[place_of[i]]] * share[i]``."""
+
+    actions: np.ndarray  # unit vectors of the different verbs, float32 (verbs, d)
+    action_of: np.ndarray  # int64 (keys,)
+    moved: np.ndarray  # of what is moved, float32 (different ones, d)
+    moved_of: np.ndarray  # int64 (keys,)
+    places: np.ndarray  # of where to, float32 (different ones, d); zeros for keys without
+    place_of: np.ndarray  # int64 (keys,)
+    share: np.ndarray  # what makes both halves together a unit vector, float32 (keys,)
+
+    def __len__(self) -> int:
+        return len(self.action_of)
+
+    def cosines(self, action: np.ndarray, objects: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cosines of all keys' actions with ``action``, shape (d,), of their objects with ``objects``, shape (2 d,),
+        both unit vectors, and of what is moved alone; float64, shape (keys,)."""
+        half = len(objects) // 2
+        by_action = np.vecdot(self.actions, action).astype(np.float64)[self.action_of]
+        by_moved = np.vecdot(self.moved, objects[:half]).astype(np.float64)[self.moved_of]
+        by_place = np.vecdot(self.places, objects[half:]).astype(np.float64)[self.place_of]
+        length = float(np.linalg.norm(objects[:half])) or 1.0
+        return by_action, (by_moved + by_place) * self.share, by_moved / length
+
+    def vectors(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit vectors of the actions, shape (len(rows), d), and of the objects, shape (len(rows), 2 d), float32."""
+        halves = (self.moved[self.moved_of[rows]], self.places[self.place_of[rows]])
+        return self.actions[self.action_of[rows]], np.concatenate(halves, axis=1) * self.share[rows, None]
+
+
+def distinct(parts: Sequence[_Part], make: Callable[[list[_Part]], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors of the different parts, in order of appearance, and the place of each part among them, int64."""
+    place_of = {part: place for place, part in enumerate(dict.fromkeys(parts))}
+    vectors = np.ascontiguousarray(make([*place_of]), dtype=np.float32)
+    return vectors, np.fromiter((place_of[part] for part in parts), dtype=np.int64, count=len(parts))

@@ -1,0 +1,44 @@
+"""Where copies of what people said may lie: the book's own list of run folders, recordings, exports, backups and books
+that were made from it. ``forget`` goes through them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
+
+PlaceKind = Literal["run", "recording", "export", "backup", "book"]
+_P = tables.places.c
+
+
+@attrs.frozen
+class Place:
+    """A file or folder that was written with words of the book in it. ``path`` is absolute."""
+
+    path: Path
+    kind: str  # PlaceKind
+    time: float  # s since the epoch, when it was noted first
+
+
+def note_place(database: Database, connection: sa.Connection, kind: PlaceKind, path: Path) -> None:
+    """Remember a place, inside a write transaction."""
+    values = {"path": str(path.absolute()), "kind": kind, "time": database.now()}
+    connection.execute(database.upsert(tables.places).values(**values))
+
+
+def places_of(database: Database, connection: sa.Connection) -> list[Place]:
+    """In the order in which they were noted."""
+    if not database.has(connection, tables.places):
+        return []
+    query = sa.select(_P.path, _P.kind, _P.time).order_by(_P.time, _P.path)
+    return [Place(Path(path), kind, moment) for path, kind, moment in connection.execute(query)]
+
+
+def drop_place(connection: sa.Connection, place: Place) -> None:
+    """Remember a place no longer: it is gone."""
+    connection.execute(sa.delete(tables.places).where(_P.path == str(place.path)))

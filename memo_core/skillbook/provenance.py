@@ -1,0 +1,40 @@
+"""Who said what an entry derives from, when, and of which subtask."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, batched, places
+
+_F, _S = tables.feedback.c, tables.sources.c
+_SAID = (
+    sa.select(_S.entry, _F.who, _F.time, _F.subtask)
+    .join(tables.feedback, _S.feedback == _F.id)
+    .where(_S.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]))
+    .order_by(_F.time, _F.id)
+)
+
+
+@attrs.frozen
+class Provenance:
+    """Where an entry comes from. Several people where their words were clustered into one entry."""
+
+    who: tuple[str, ...] = ()  # names or pseudonyms, the latest speaker last
+    when: float = 0.0  # s since the epoch, of the latest words
+    subtask: str = ""  # that the latest words were said of, as it was planned
+
+
+def provenance_of(database: Database, entries: Sequence[int]) -> dict[int, Provenance]:
+    """By entry; an entry without known words is left out."""
+    found: dict[int, Provenance] = {}
+    for part in batched(entries, PLACES):
+        for entry, who, when, subtask in database.fetch(_SAID, places(part)):
+            before = found.get(entry, Provenance())
+            names = (*(name for name in before.who if name != who), who)
+            found[entry] = Provenance(names, float(when), subtask or before.subtask)
+    return found

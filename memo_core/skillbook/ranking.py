@@ -1,0 +1,72 @@
+"""Candidates for one subtask and kind of entry, and in which order which of them are served."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.skillbook.retrieval_settings import RetrievalSettings
+
+TIE = 1e-6  # float32 cosines of equal texts differ by rounding
+
+
+@attrs.frozen(eq=False)
+class Candidates:
+    """Entries with the terms of their scores, one value an entry, shape (n,)."""
+
+    ids: np.ndarray  # int64, each once
+    key_scores: np.ndarray  # r, float64
+    action_cosines: np.ndarray
+    objects_cosines: np.ndarray
+    similar: np.ndarray  # cosine of the text and the subtask's words
+    key_similar: np.ndarray  # cosine of the key's words and the subtask's
+    overlap: np.ndarray  # share of the subtask's terms that the text has
+
+    @classmethod
+    def none(cls) -> Candidates:
+        return cls(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(6)))
+
+    @classmethod
+    def joined(cls, several: Sequence[Candidates]) -> Candidates:
+        """All of them; of one that occurs more than once the first counts."""
+        columns = [np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(cls)]
+        _, first = np.unique(columns[0], return_index=True)
+        first.sort()
+        return cls(*(column[first] for column in columns))
+
+    def only(self, chosen: np.ndarray) -> Candidates:
+        return Candidates(*(getattr(self, field.name)[chosen] for field in attrs.fields(Candidates)))
+
+    def scores(self, settings: RetrievalSettings) -> np.ndarray:
+        """What they are ranked by."""
+        if settings.ranking == "key":
+            return self.key_scores
+        by_text, by_terms = settings.text_weight, settings.overlap_weight
+        likeness = (self.similar + self.key_similar) / 2
+        return (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
+
+    def served(self, settings: RetrievalSettings) -> np.ndarray:
+        """Which of them may be served, bool: those whose key passes the cut; and, by text, those whose score is near
+        the best one's and whose text shares a term with the subtask or is like it."""
+        passing = self.key_scores >= settings.cut - TIE
+        if settings.ranking == "key" or not len(self.ids):
+            return passing
+        scores = self.scores(settings)
+        likeness = (self.similar + self.key_similar) / 2
+        speaking = (self.overlap > 0) | (likeness >= settings.text_floor)
+        beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
+        room = max(0, settings.fill - int(passing.sum()))
+        passing[beside[np.argsort(-scores[beside], kind="stable")[:room]]] = True
+        return passing
+
+
+def best(scores: np.ndarray, similar: np.ndarray, count: int) -> np.ndarray:
+    """Places of the ``count`` best by score and then likeness, and of all that tie with the last, in no order."""
+    if len(scores) <= count:
+        return np.arange(len(scores))
+    order = np.lexsort((-similar, -np.round(scores, 6)))  # keys of one synonym group differ by rounding only
+    last = order[count - 1]
+    level = np.abs(scores - scores[last]) <= TIE
+    return np.flatnonzero((scores > scores[last] + TIE) | (level & (similar > similar[last] - TIE)))

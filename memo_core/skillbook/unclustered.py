@@ -1,0 +1,66 @@
+"""A book as it would be had it never been clustered: what `memo-c` and `droc-v` read of a book that others cluster."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+from memo_core.skillbook import queries, tables
+from memo_core.skillbook.adding import CLUSTER
+from memo_core.skillbook.condensing import CLUSTERED, DUPLICATES
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import Entry
+from memo_core.skillbook.export import IMPORTED
+from memo_core.skillbook.vectors import batched
+
+_E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
+_DERIVED = ("vectors", "sheets")  # tables that are not copied
+_CHUNK = 500
+
+
+def is_clustered(database: Database, connection: sa.Connection) -> bool:
+    """Whether clustering retired an entry that is still retired by it."""
+    return connection.execute(sa.select(_E.id).where(_E.superseded_by.in_(_clusterings())).limit(1)).first() is not None
+
+
+def copy_without_clustering(database: Database, copy: Database) -> None:
+    """Fill ``copy``, an open and empty book, with everything of ``database`` but what clustering did. Entries keep
+    their numbers. What people edited or removed after it was merged stays as they left it."""
+    with database.read() as connection, copy.write() as target:
+        for table in tables.metadata.sorted_tables:
+            if table.name in _DERIVED or not database.has(connection, table):
+                continue
+            if table.name == tables.meta.name:
+                target.execute(sa.delete(table))
+            for rows in batched(connection.execute(sa.select(table)).mappings(), _CHUNK):
+                target.execute(sa.insert(table), [dict(row) for row in rows])
+        _undo(target)
+
+
+def _undo(connection: sa.Connection) -> None:
+    clusterings = set(queries.ids_of(connection.execute(_clusterings())))
+    merged = {entry.id: entry for entry in queries.entries_where(connection, _E.phase == CLUSTER)}
+    query = sa.select(_C.revision, _C.entry, _C.because).where(_C.change == "superseded", _C.revision.in_(clusterings))
+    gave_way_to = {(row.revision, row.entry): row.because for row in connection.execute(query)}
+    retired = queries.entries_where(connection, _E.superseded_by.in_(clusterings), _E.phase != CLUSTER)
+    back = [entry.id for entry in retired if _stands(entry, clusterings, merged, gave_way_to)]
+    mine = sa.update(tables.entries)
+    for part in batched(back, _CHUNK):
+        connection.execute(mine.where(_E.id.in_(part)).values(superseded_by=None))
+    connection.execute(mine.where(_E.phase == CLUSTER, _E.superseded_by.is_(None)).values(superseded_by=_E.revision))
+
+
+def _stands(
+    entry: Entry, clusterings: set[int], merged: dict[int, Entry], gave_way_to: dict[tuple[int, int], int | None]
+) -> bool:
+    """Whether nothing but clustering retired an entry: also what it was merged into, and that again, was retired by
+    nothing else."""
+    at: Entry | None = entry
+    while at is not None and at.superseded_by in clusterings:
+        at = merged.get(gave_way_to.get((at.superseded_by or 0, at.id)) or 0)
+    return at is None or at.superseded_by is None
+
+
+def _clusterings() -> sa.Select[tuple[int]]:
+    """Revisions that clustering made, here or in a book that was imported."""
+    reasons = [prefix + word for prefix in ("", IMPORTED) for word in (CLUSTERED, DUPLICATES)]
+    return sa.select(_R.id).where(sa.or_(*(_R.reason.startswith(reason, autoescape=True) for reason in reasons)))

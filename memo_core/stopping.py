@@ -1,0 +1,135 @@
+"""The stop of a run: one switch that everything which takes time listens to."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from memo_core.errors import Stopped
+
+T = TypeVar("T")
+
+
+class StopSwitch:
+    """Latched until released. ``press`` is safe from any thread and from a signal handler: what it calls is quick."""
+
+    def __init__(self) -> None:
+        self._pressed = threading.Event()
+        self._wakers: tuple[Callable[[], None], ...] = ()
+        self._lock = threading.Lock()
+
+    @property
+    def pressed(self) -> bool:
+        return self._pressed.is_set()
+
+    def press(self) -> None:
+        self._pressed.set()
+        for waker in self._wakers:  # a tuple that is replaced, never changed: no lock that a handler could wait for
+            waker()
+
+    def release(self) -> None:
+        self._pressed.clear()
+
+    def check(self, where: str = "") -> None:
+        """Raise ``Stopped`` if pressed."""
+        if self._pressed.is_set():
+            raise Stopped(where)
+
+    @contextmanager
+    def waking(self, waker: Callable[[], None]) -> Iterator[None]:
+        """Call ``waker`` on a press while the block runs; at once when already pressed."""
+        with self._lock:
+            self._wakers = (*self._wakers, waker)
+        if self.pressed:
+            waker()
+        try:
+            yield
+        finally:
+            with self._lock:
+                rest = list(self._wakers)
+                rest.remove(waker)
+                self._wakers = tuple(rest)
+
+
+def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Callable[[T | BaseException], None]) -> T:
+    """``work()`` in a thread of its own, given up when the stop is pressed: then ``Stopped`` is raised at once, and
+    ``late`` gets the result (or the error) whenever it comes, in that thread."""
+    stop.check(where)
+    finished = threading.Event()  # set by the work or by the stop, whichever is first
+    lock = threading.Lock()
+    result: list[T | BaseException] = []
+    abandoned = False
+
+    def run() -> None:
+        try:
+            value: T | BaseException = work()
+        except BaseException as error:
+            value = error
+        with lock:
+            result.append(value)
+            given_up = abandoned
+        finished.set()
+        if given_up:
+            late(value)
+
+    with stop.waking(finished.set):
+        threading.Thread(target=run, name=f"memo-{where}", daemon=True).start()
+        finished.wait()
+    with lock:
+        abandoned = not result
+    if abandoned:
+        raise Stopped(where)
+    if isinstance(result[0], BaseException):
+        raise result[0]
+    return result[0]
+
+
+class Leaving:
+    """Work that ends by itself after a stop, but perhaps not at once: a planner deep in its sums. It is waited for a
+    moment, then left to end behind the person's back; ``wait`` before anything may move again."""
+
+    GRACE_S = 0.015
+
+    def __init__(self, stop: StopSwitch) -> None:
+        self._stop = stop
+        self._left: threading.Thread | None = None
+
+    def do(self, where: str, work: Callable[[], T]) -> T:
+        """``work()`` in a thread of its own; its result, or what it raised. After a stop it has a moment to end, then
+        ``Stopped`` is raised and what becomes of it is not heard of."""
+        self.wait()
+        self._stop.check(where)
+        news, ended = threading.Event(), threading.Event()
+        result: list[T | BaseException] = []
+
+        def run() -> None:
+            try:
+                result.append(work())
+            except BaseException as error:
+                result.append(error)
+            ended.set()
+            news.set()
+
+        thread = threading.Thread(target=run, name=f"memo-{where}", daemon=True)
+        with self._stop.waking(news.set):
+            thread.start()
+            news.wait()  # for its end, or for a stop
+        if not ended.wait(self.GRACE_S):
+            self._left = thread
+            raise Stopped(where)
+        if isinstance(result[0], BaseException):
+            raise result[0]
+        return result[0]
+
+    @property
+    def busy(self) -> bool:
+        """Whether work that was left is still at it, with all that it uses."""
+        return self._left is not None and self._left.is_alive()
+
+    def wait(self) -> None:
+        """Until work that was left has ended."""
+        left, self._left = self._left, None
+        if left is not None:
+            left.join()

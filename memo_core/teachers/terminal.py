@@ -1,0 +1,242 @@
+"""A person at the terminal. Asked after every subtask, when the task is said to be done, and right after Ctrl-C."""
+
+from __future__ import annotations
+
+import getpass
+import io
+import math
+import re
+import sys
+from collections.abc import Sequence
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.teachers.answers import NO, YES, Meaning, meaning_of
+from memo_core.teachers.typed_line import TypedLine
+
+EXPLAINED = """Answer in your own words; a pasted text of several paragraphs is one answer.
+  y                     it worked (so does "great job, thanks!")
+  s                     say nothing: it stays open whether it worked
+  what was wrong        e.g. "no, pull the handle in an arc"; it is noted, and the subtask is tried again
+  plan: what to do      e.g. "plan: open the door first"; about what is done next, not about how
+  ?                     this
+Ctrl-C stops the robot and asks what was wrong; twice within two seconds ends the run."""
+
+
+@attrs.frozen
+class TerminalSettings:
+    """Settings of the teacher at the terminal."""
+
+    who: str = attrs.field(default="", metadata={"help": "your name in the skillbook; default: the user's login name"})
+    read_back: bool = attrs.field(
+        default=True, metadata={"help": "whether what was noted of your words is shown, to accept, reword or strike"}
+    )
+    plans: bool = attrs.field(default=False, metadata={"help": "whether you are asked before each planned subtask"})
+
+
+class TerminalTeacher(Teacher):
+    """Reads answers from standard input. End of input means that nobody watches (silent)."""
+
+    def __init__(self, settings: TerminalSettings) -> None:
+        self.settings = settings
+        self._line = TypedLine()
+
+    def open(self) -> None:
+        if sys.stdin is None or sys.stdin.closed:
+            raise InvalidArgument("teacher.backend", "standard input is closed", "a terminal, or another teacher")
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="surrogateescape")  # a byte that is no UTF-8 must not cost what was said
+        self.who = self.settings.who or login_name()
+        self._line.open()
+
+    def close(self) -> None:
+        self._line.close()
+
+    # -- whether it worked ---------------------------------------------------------------------------------------------
+    def judge(self, episode: Episode) -> Verdict:
+        return self._asked_about(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", episode)
+
+    def interrupted(self, episode: Episode) -> Verdict:
+        return self._asked_about(f"Stopped during {episode.subtask}. What was wrong?", episode)
+
+    def _asked_about(self, question: str, episode: Episode) -> Verdict:
+        if episode.spoken_error:
+            _say(f"The robot says: {episode.spoken_error}")
+        moved = ", ".join(_moved(episode)) or "nothing"
+        about = [f"The task: {episode.task}. The robot tried {episode.subtask}; what moved: {moved}."]
+        return self._verdict(
+            question, "y = it worked, s = say nothing, ? = help, or say what was wrong", about, episode.recordings
+        )
+
+    def judge_task(self, episode: TaskEpisode) -> Verdict:
+        about = [f"The task: {episode.task}.", *(f"  done when {sentence}" for sentence in episode.goal)]
+        if episode.subtasks:
+            about.append(f"What was done: {', '.join(episode.subtasks)}.")
+        return self._verdict(
+            f'The robot says that the task "{episode.task}" is done. Is it?',
+            "y = it is, s = say nothing, ? = help, or say what is missing",
+            about,
+            episode.recordings,
+        )
+
+    def judge_plan(self, proposal: Proposal) -> Verdict:
+        if not self.settings.plans:
+            return Verdict("silent")
+        done = ", ".join(proposal.subtasks) or "nothing yet"
+        about = [f"The task: {proposal.task}. Done so far: {done}. Nothing moves before you answer."]
+        hint = "y = go on, s = say nothing, ? = help, or say what to do instead"
+        verdict = self._verdict(f"Next: {proposal.subtask}.", hint, about)
+        return attrs.evolve(verdict, about_plan=verdict.kind == "correct")
+
+    def _verdict(self, question: str, hint: str, about: Sequence[str], recordings: Sequence[str] = ()) -> Verdict:
+        """Asks until there is an answer: empty asks again, ``?`` explains, praise that says more is asked back."""
+        _ask(question, hint, recordings)
+        while True:
+            typed = self._line.read()
+            if typed is None:
+                return Verdict("silent")
+            words = typed.strip()
+            meaning = meaning_of(words)
+            if meaning == "unsure":
+                meaning = self._asked_back(words)
+            if meaning == "approve":
+                return Verdict("approve")
+            if meaning == "silent":
+                return Verdict("silent")
+            if meaning == "explain":
+                _say(*about, EXPLAINED)
+            if meaning == "correct":
+                planned = words.lower().startswith("plan:")
+                told = words[len("plan:") :].strip() if planned else words
+                if told:
+                    return Verdict("correct", told, planned)
+            _ask(question, hint, recordings)
+
+    def _asked_back(self, words: str) -> Meaning:
+        """Whether praise that says more is approval all the same; "empty" at a loss, so that it is asked anew."""
+        _say(f'"{words}": is it fine as it is, or is something to be done differently?')
+        while True:
+            _say("[y = it is fine, c = that was a correction]")
+            typed = self._line.read()
+            if typed is None:
+                return "silent"
+            answer = typed.strip().lower()
+            if answer in YES | {"fine"}:
+                return "approve"
+            if answer in NO | {"c", "correction", "differently"}:
+                return "correct"
+            if answer:
+                return "empty"
+
+    # -- what was made of the words ------------------------------------------------------------------------------------
+    @property
+    def reads_back(self) -> bool:
+        return self.settings.read_back
+
+    def read_back(self, noted: Noted) -> ReadBack:
+        if not noted.notes:
+            return self._nothing_learnt(noted)
+        _say("I noted:")
+        for number, note in enumerate(noted.notes, 1):
+            _say(f"  {number}. {note.key or 'everywhere'}: {note.text}")
+        hint = "y = right, x = strike all"
+        hint += f", x 1 … x {len(noted.notes)} = strike one" if len(noted.notes) > 1 else ""
+        while True:
+            _say(f"[{hint}, or say it in other words]")
+            typed = self._line.read()
+            if typed is None:
+                return ReadBack("accepted")
+            words = typed.strip()
+            if meaning_of(words) in ("approve", "silent"):
+                return ReadBack("accepted")
+            struck = _struck(words, len(noted.notes))
+            if struck is not None:
+                return ReadBack("struck", struck=struck)
+            if re.fullmatch(r"x[\d\s,]+", words.lower()):
+                _say(f"There are notes 1 to {len(noted.notes)}.")
+            elif words.lower() in NO | {"wrong"}:
+                _say("What did you mean?")
+            elif meaning_of(words) == "explain":
+                _say(f'This was made of your words "{noted.words}" and is used from now on, also by other tasks.')
+            elif words:
+                return ReadBack("reworded", words)
+
+    def _nothing_learnt(self, noted: Noted) -> ReadBack:
+        while True:
+            _say(
+                f'I could not learn anything from "{noted.words}". {noted.question or "What should I do differently?"}'
+            )
+            _say("[say it in other words, s = never mind]")
+            typed = self._line.read()
+            if typed is None or meaning_of(typed) in ("silent", "approve"):
+                return ReadBack("accepted")
+            if meaning_of(typed) not in ("empty", "explain"):
+                return ReadBack("reworded", typed.strip())
+
+    # -- hardware ------------------------------------------------------------------------------------------------------
+    def put_back(self, episode: Episode) -> bool:
+        moved = ", ".join(_moved(episode)) or "everything"
+        _say(f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {moved}.")
+        return self._yes_or_no("y = done, n = cannot")
+
+    def confirm(self, episode: Episode) -> bool:
+        _say(
+            f"The run was cut off during {episode.subtask}; what the robot did last is unknown. Please look: may it go "
+            "on from the scene as it is now? It will look and plan anew."
+        )
+        return self._yes_or_no("y = go on, n = no")
+
+    def _yes_or_no(self, hint: str) -> bool:
+        """Asks until it is one of both; no at the end of input."""
+        while True:
+            _say(f"[{hint}]")
+            typed = self._line.read()
+            if typed is None:
+                return False
+            answer = typed.strip().lower()
+            if answer in YES | {"done"}:
+                return True
+            if answer in NO | {"cannot", "can't"}:
+                return False
+
+
+def _struck(words: str, count: int) -> tuple[int, ...] | None:
+    """Indices of the notes that "x", "x 2" or "strike 1, 3" strikes (empty: all); None for anything else."""
+    tokens = words.lower().replace(",", " ").split()
+    if not tokens or tokens[0] not in ("x", "strike", "delete", "remove"):
+        return None
+    if tokens[1:] in ([], ["all"], ["it"], ["them"]):
+        return ()
+    if not all(token.isdecimal() and 1 <= int(token) <= count for token in tokens[1:]):
+        return None
+    return tuple(sorted({int(token) - 1 for token in tokens[1:]}))
+
+
+def _ask(question: str, hint: str, recordings: Sequence[str]) -> None:
+    for recording in recordings:
+        _say(f"  see {recording}")
+    _say(f"{question} [{hint}]")
+
+
+def _say(*lines: str) -> None:
+    print(*lines, sep="\n", file=sys.stderr, flush=True)
+
+
+def _moved(episode: Episode) -> list[str]:
+    """The labels of what stands elsewhere than before."""
+    now = {node.id: node for node in episode.after.nodes}
+    moved = []
+    for node in episode.before.nodes:
+        metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
+        if metres > 0.01 or radians > 0.05:
+            moved.append(node.label)
+    return moved
+
+
+def login_name() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a container's user may have no name
+        return Teacher.who

@@ -1,0 +1,93 @@
+"""One answer typed at the terminal.
+
+At a terminal the line editor is prompt_toolkit's: a pasted text of several paragraphs is one answer (bracketed paste),
+and what was typed before the question was put is offered as a draft, never taken as the answer. Elsewhere (a pipe, a
+file) a line is an answer. The library is imported when the first terminal is opened.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import sys
+from typing import Any
+
+_PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
+_ESCAPES = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
+
+
+class TypedLine:
+    """Reads answers from standard input, and shows what belongs to them on standard error."""
+
+    def __init__(self) -> None:
+        self._session: Any = None
+
+    def open(self) -> None:
+        if not self.at_terminal or self._session is not None:
+            return
+        try:
+            from prompt_toolkit import PromptSession
+            from prompt_toolkit.output import create_output
+        except ImportError:
+            return  # a plain line then
+        self._session = PromptSession(output=create_output(stdout=sys.stderr), enable_suspend=False)
+
+    def close(self) -> None:
+        self._session = None
+
+    @property
+    def at_terminal(self) -> bool:
+        return sys.stdin.isatty() and sys.stderr.isatty() and os.name == "posix"
+
+    def read(self, prompt: str = "> ") -> str | None:
+        """What is typed; None at the end of input. Whatever a signal handler raises comes through."""
+        draft = self._typed_ahead()
+        if self._session is None:
+            if draft:
+                print(f"(typed before the question and not taken: {draft})", file=sys.stderr)
+            print(prompt, end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            return _text(line) if line else None
+        try:
+            return _text(self._session.prompt(prompt, default=draft, handle_sigint=False, set_exception_handler=False))
+        except EOFError:
+            return None
+        except KeyboardInterrupt as pressed:
+            if type(pressed) is not KeyboardInterrupt:
+                raise  # thrown by a signal handler
+            # Ctrl-C is a key here: whoever owns the signal hears of it as if the terminal had sent it.
+            signal.raise_signal(signal.SIGINT)
+            raise
+
+    def _typed_ahead(self) -> str:
+        """Takes what was typed since the last answer out of the terminal's buffer."""
+        if os.name != "posix" or not sys.stdin.isatty():
+            return ""
+        import termios
+        import tty
+
+        terminal = sys.stdin.fileno()
+        kept = termios.tcgetattr(terminal)
+        found = b""
+        try:
+            tty.setcbreak(terminal, termios.TCSANOW)  # else an unfinished line stays out of reach
+            while select.select([terminal], [], [], 0)[0]:
+                read = os.read(terminal, 4096)
+                if not read:
+                    break
+                found += read
+        finally:
+            termios.tcsetattr(terminal, termios.TCSANOW, kept)
+        text = _ESCAPES.sub("", _PASTE_MARKS.sub("", found.decode(errors="replace")))
+        return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def _text(line: str) -> str:
+    """What was typed, as text that can be stored, also from a terminal that does not speak UTF-8."""
+    try:
+        line.encode()
+    except UnicodeEncodeError:
+        return line.encode(errors="surrogateescape").decode("latin-1")
+    return line

@@ -1,0 +1,241 @@
+"""The shell: one clear line for what people can act on, never a traceback, one JSON document where one is asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from memo_core.cli.app import COMMANDS
+from memo_core.cli.main import main
+from memo_core.cli.tasks import read_seeds
+from memo_core.errors import InvalidArgument
+from memo_core.skillbook.book import Skillbook
+
+
+def run(*arguments: str) -> object:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return ended.value.code
+
+
+def memo(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name, capsys):
+    assert run(name, "--help") == 0
+    assert "Usage: memo" in capsys.readouterr().out
+
+
+def test_help_lists_every_command(capsys):
+    assert run("--help") == 0
+    said = capsys.readouterr().out
+    assert all(name in said for name in COMMANDS)
+
+
+def test_a_mistyped_command_gets_the_near_one(capsys):
+    assert run("tsks") == 2
+    assert "tasks" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["config", "check", "no-such-file.yaml"], 2, "no such file"),
+        (["run", "--task", "x", "--set", "sed=3"], 2, "did you mean 'seed'"),
+        (["run"], 2, "task"),
+        (["exec", "no-such-file.py", "--task", "x"], 2, "no-such-file.py"),
+        (["tasks", "show", "no-such-task"], 2, "unknown task"),
+        (["tasks", "verify", "--seeds", "9-2"], 2, "--seeds"),
+        (["plugins", "check", "no-such-backend"], 2, "unknown backend"),
+        (["skillbook", "list", "--book", "no-such-book.db"], 1, "no-such-book.db"),
+        (["skillbook", "list", "--kind", "lesson"], 2, "--kind"),
+        (["prompts", "show", "pla"], 2, "did you mean 'plan'"),
+        (["bench", "lesions", "--lesion", "mirrord"], 2, "did you mean 'mirrored'"),
+        (["run", "a.yaml", "--config", "b.yaml"], 2, "one file"),
+        (["config", "show", "a.yaml", "--config", "b.yaml"], 2, "one file"),
+    ],
+)
+def test_a_mistake_is_one_clear_line_on_stderr(arguments, code, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == code
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.startswith("memo: ") and len(captured.err.strip().splitlines()) == 1
+    assert captured.out == "" and "Traceback" not in captured.err
+
+
+def test_debug_shows_where_wherever_it_stands(tmp_path):
+    for arguments in (["--debug", "prompts", "show", "x"], ["prompts", "show", "x", "--debug"]):
+        assert "Traceback" in memo(*arguments).stderr
+    assert "Traceback" in memo("prompts", "show", "x", env=os.environ | {"MEMO_DEBUG": "1"}).stderr
+
+
+def test_an_unexpected_error_is_a_line_that_says_how_to_see_more(monkeypatch, capsys):
+    import memo_core.cli.prompts as prompts
+
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(prompts, "load", fails)
+    assert run("prompts", "show", "skills") == 70
+    said = capsys.readouterr().err
+    assert "ZeroDivisionError" in said and "--debug" in said and len(said.strip().splitlines()) == 1
+
+
+# Says so when the guard is entered: what comes before is Python's own.
+TELLING = """
+import sys
+from memo_core.cli.main import main
+
+def tell(frame, event, _):
+    if frame.f_code.co_name == "_run":
+        sys.setprofile(None)
+        print(flush=True)
+
+sys.setprofile(tell)
+main(["bench", "startup", "--runs", "100"])
+"""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.1, 0.3, 0.8])
+def test_ctrl_c_is_never_a_traceback(delay, tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-c", TELLING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    )
+    assert process.stdout is not None
+    try:
+        process.stdout.readline()
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "Traceback" not in said and "interrupted" in said
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    command = f"{sys.executable} -m memo_core.cli.main config schema | head -c 10"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["plugins", "list"], ["config", "show"], ["prompts", "show"], ["tasks", "list"], ["doctor", "--quick"]],
+    ids=" ".join,
+)
+def test_json_is_one_document_and_nothing_else(arguments, capsys):
+    run(*arguments, "--json")
+    assert isinstance(json.loads(capsys.readouterr().out), dict)
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"), [("0-3", (0, 1, 2, 3)), ("7", (7,)), ("1,4-6", (1, 4, 5, 6)), ("2,2", (2,)), (" 1 , 2 ", (1, 2))]
+)
+def test_seeds_are_read(text, seeds):
+    assert read_seeds(text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "a", "3-1", "1-", "-1", "1..3", "0-99999999999", "0-9999,10000"])
+def test_what_are_no_seeds_is_an_error(text):
+    with pytest.raises(InvalidArgument):
+        read_seeds(text)
+
+
+# -- memo skillbook ----------------------------------------------------------------------------------------------------
+@pytest.fixture
+def book(tmp_path: Path) -> Path:
+    path = tmp_path / "book.db"
+    with Skillbook(str(path)) as opened:
+        anna = opened.record_feedback("pull it in an arc", "anna", task="open it", subtask="OPEN(microwave)")
+        opened.add_lessons(anna, "OPEN(microwave)", ["Pull the handle along an arc."], ["Doors turn about hinges."])
+        ben = opened.record_feedback("not so fast", "ben", task="move it", subtask="PICK(cup)")
+        opened.add_lessons(ben, "PICK(cup)", ["Move slowly."], [])
+    return path
+
+
+def as_json(capsys, *arguments: str) -> dict:
+    assert run(*arguments, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_book_can_be_looked_into(book, capsys):
+    entries = as_json(capsys, "skillbook", "list", "--book", str(book))["entries"]
+    assert [entry["kind"] for entry in entries] == ["correction", "general", "correction"]
+    [mine] = as_json(capsys, "skillbook", "list", "--book", str(book), "--who", "ben")["entries"]
+    assert mine["text"] == "Move slowly."
+    shown = as_json(capsys, "skillbook", "show", str(mine["id"]), "--book", str(book))
+    assert shown["from"]["words"] == "not so fast"
+    assert as_json(capsys, "skillbook", "stats", "--book", str(book))["corrections"] == 2
+
+
+def test_words_that_no_entry_was_made_of_are_listed_with_the_reason(book, capsys):
+    with Skillbook(str(book)) as opened:
+        parked = opened.record_feedback("mind the gap", "ben", subtask="PICK(cup)")
+        opened.park(parked, "both lists are empty")
+        opened.record_feedback("a bit higher", "anna", subtask="PICK(cup)")
+    waiting = as_json(capsys, "skillbook", "list", "--book", str(book))["waiting"]
+    assert [(one["words"], one["status"], one["reason"]) for one in waiting] == [
+        ("mind the gap", "parked", "both lists are empty"),
+        ("a bit higher", "pending", ""),
+    ]
+    assert run("skillbook", "list", "--book", str(book)) == 0
+    said = capsys.readouterr().err
+    assert "mind the gap" in said and "both lists are empty" in said and "a bit higher" in said
+
+
+def test_a_book_can_be_exported(book, capsys, tmp_path):
+    out = tmp_path / "export.jsonl"
+    assert run("skillbook", "export", "--book", str(book), "--out", str(out)) == 0
+    first, *records = [json.loads(line) for line in out.read_text().splitlines()]
+    assert first["record"] == "book"
+    words = {record["words"] for record in records if record["record"] == "feedback"}
+    assert words == {"pull it in an arc", "not so fast"}
+    assert sum(record["record"] == "entry" for record in records) == 3
+
+
+def test_a_person_can_withdraw_and_is_asked_for_in_a_script(book, capsys):
+    assert run("skillbook", "forget", "anna", "--book", str(book)) == 2
+    assert "--yes" in capsys.readouterr().err
+    assert as_json(capsys, "skillbook", "forget", "anna", "--yes", "--book", str(book))["entries"] == 2
+    assert [e["text"] for e in as_json(capsys, "skillbook", "list", "--book", str(book))["entries"]] == ["Move slowly."]
+    assert run("skillbook", "forget", "anna", "--yes", "--book", str(book)) == 2
+
+
+def test_a_mistyped_book_is_not_made(tmp_path, capsys):
+    missing = tmp_path / "none.db"
+    for command in (["stats"], ["forget", "anna", "--yes"], ["reembed"]):
+        assert run("skillbook", *command, "--book", str(missing)) != 0
+    assert not missing.exists()
+
+
+def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_line(tmp_path, capsys):
+    many = tmp_path / "many.py"
+    many.write_text("".join(f"nothing_{i}()\n" for i in range(1000)))
+    assert run("exec", str(many), "--task", "stack-the-cubes") == 1
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert "not run: line 1" in line and "more" in line and len(line) < 2200
+
+
+def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, capsys):
+    from memo_core.environment.simulated import SimulatedEnvironment
+    from memo_core.errors import BackendUnavailable
+
+    def unavailable(world: SimulatedEnvironment) -> None:
+        raise BackendUnavailable("simulator", "mujoco", "a library is missing")
+
+    monkeypatch.setattr(SimulatedEnvironment, "open", unavailable)
+    assert run("demo", "--seed", "0", "--out", str(tmp_path), "--json") == 1
+    told = json.loads(capsys.readouterr().out)
+    assert not told["told"] and "a library is missing" in told["reasons"]["transfer"]

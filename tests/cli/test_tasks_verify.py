@@ -1,0 +1,146 @@
+"""``memo tasks verify`` keeps results and goes on from them; ``memo tasks pictures`` draws what is there."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from memo_core.cli.options import load
+from memo_core.cli.verification import Trial, TrialLog, digest_of, holds, report_of, run_trials
+from memo_core.errors import InvalidArgument
+
+RESULT = {
+    "task": "lift",
+    "seed": 3,
+    "reference": True,
+    "reference_why": "it is up",
+    "null": False,
+    "null_why": "it is not up",
+    "wall_s": 2.0,
+    "sim_s": 30.0,
+    "cpu_s": 1.5,
+}
+TRIAL = Trial(None, (), "lift", 3)
+
+
+def same(name: str, seed: int) -> str:
+    return f"{name} {seed}"
+
+
+def memo(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_what_is_in_the_file_is_not_run_again(tmp_path, monkeypatch):
+    log = TrialLog(tmp_path / "deep" / "out.jsonl", same)
+    log.add(RESULT)
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: pytest.fail("it ran again"))
+    assert run_trials([TRIAL], 1, TrialLog(tmp_path / "deep" / "out.jsonl", same))[0]["sim_s"] == 30.0
+
+
+def test_a_line_that_a_kill_cut_off_is_run_again_and_the_file_stays_readable(tmp_path):
+    file = tmp_path / "out.jsonl"
+    log = TrialLog(file, same)
+    log.add(RESULT)
+    log.add(RESULT | {"seed": 4})
+    file.write_bytes(file.read_bytes()[:-30])
+    again = TrialLog(file, same)
+    assert again.known(TRIAL) is not None and again.known(Trial(None, (), "lift", 4)) is None
+    again.add(RESULT | {"seed": 4})
+    assert TrialLog(file, same).known(Trial(None, (), "lift", 4)) is not None
+
+
+def test_a_result_of_another_scene_or_setting_does_not_count(tmp_path):
+    TrialLog(tmp_path / "out.jsonl", same).add(RESULT)
+    assert TrialLog(tmp_path / "out.jsonl", lambda name, seed: "changed").known(TRIAL) is None
+
+
+def test_a_file_that_cannot_be_written_is_said_before_anything_is_run(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidArgument, match="cannot be used"):
+        TrialLog(tmp_path / "file" / "out.jsonl", same)
+
+
+@pytest.mark.parametrize("text", ["hello\nworld\n", '{"task": "lift"}\n', "[1, 2]\n{}\n"])
+def test_another_kind_of_file_is_refused_and_left_as_it_is(tmp_path, text):
+    file = tmp_path / "notes.txt"
+    file.write_text(text)
+    with pytest.raises(InvalidArgument, match=r"line 1"):
+        TrialLog(file, same)
+    assert file.read_text() == text
+
+
+def test_the_digest_depends_on_scene_solution_and_settings():
+    one = digest_of(load(None, [])[1])
+    assert one("open-the-fridge", 0) == digest_of(load(None, [])[1])("open-the-fridge", 0)
+    assert one("open-the-fridge", 0) != one("open-the-fridge", 1)
+    other = digest_of(load(None, ["simulator.timestep=0.001"])[1])
+    assert one("open-the-fridge", 0) != other("open-the-fridge", 0)
+
+
+def test_nineteen_of_twenty_hold_and_eighteen_do_not():
+    results = [RESULT | {"seed": seed, "reference": seed > 0} for seed in range(20)]
+    assert holds(report_of("lift", results)) and report_of("lift", results)["real_time_factor"] == 20.0
+    assert not holds(report_of("lift", [RESULT | {"seed": s, "reference": s > 1} for s in range(20)]))
+    assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
+
+
+def test_a_result_without_the_plain_attempt_does_not_answer_for_it(tmp_path):
+    file = tmp_path / "out.jsonl"
+    TrialLog(file, same).add(RESULT)
+    asked = Trial(None, (), "lift", 3, plain=True)
+    assert TrialLog(file, same).known(asked) is None
+    TrialLog(file, same).add(RESULT | {"plain": False, "plain_why": "it slipped"})
+    assert TrialLog(file, same).known(asked) is not None and TrialLog(file, same).known(TRIAL) is not None
+
+
+def test_a_plain_attempt_that_succeeds_is_a_failure_and_one_that_is_missing_is_none():
+    results = [RESULT | {"seed": seed, "plain": seed == 1, "plain_why": "it is up"} for seed in range(3)]
+    report = report_of("lift", results)
+    assert (report["plain"], report["plain_seeds"]) == (1, 3) and not holds(report)
+    [failure] = report["failures"]
+    assert failure == {"seed": 1, "what": "the plain attempt succeeded", "why": "it is up"}
+    report = report_of("lift", [RESULT | {"plain": None, "plain_why": ""}])
+    assert (report["plain"], report["plain_seeds"]) == (None, 0) and holds(report)
+
+
+def test_the_command_tries_what_one_would_do_untaught_too_and_goes_on_from_its_file(tmp_path):
+    file = tmp_path / "out.jsonl"
+    command = ("tasks", "verify", "open-the-rice-cooker", "--suite", "quirks", "--plain", "--seeds", "0", "--json")
+    first = memo(*command, "--out", str(file))
+    assert first.returncode == 0, first.stderr
+    [report] = json.loads(first.stdout)["tasks"]
+    assert json.loads(first.stdout)["suite"] == "quirks" and report["sim_s"] > 0 and report["real_time_factor"] > 0
+    assert (report["reference"], report["null"], report["plain"], report["plain_seeds"]) == (1, 0, 0, 1)
+    [line] = file.read_text().splitlines()
+    second = memo(*command, "--out", str(file))
+    assert "1 of 1 trials are in the file already" in second.stderr
+    assert json.loads(second.stdout) == json.loads(first.stdout)
+    assert file.read_text().splitlines() == [line]
+
+
+def test_a_task_is_drawn_at_its_start_and_at_its_end(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    done = memo("tasks", "pictures", "pick-the-left-can", "--folder", str(tmp_path / "new"), "--width", "160", "--json")
+    if "cannot be used" in done.stderr:
+        pytest.skip(done.stderr)
+    assert done.returncode == 0, done.stderr
+    [drawn] = json.loads(done.stdout)["pictures"]
+    start, end = (image.open(drawn[when]) for when in ("start", "end"))
+    assert start.size == end.size == (160, 120)
+    assert len(set(start.tobytes())) > 20 and start.tobytes() != end.tobytes()
+
+
+def test_the_list_says_the_suite_and_a_misspelt_one_is_an_error():
+    listed = json.loads(memo("tasks", "list", "--json").stdout)
+    assert listed["suite"] == "tabletop"
+    named = {"name", "instruction", "goal", "type", "split", "suite", "reach"}
+    assert all(set(task) == named for task in listed["tasks"])
+    assert [task["split"] for task in listed["tasks"]] == ["training"] * 20 + ["held-out"] * 5
+    assert {task["type"] for task in listed["tasks"]} == {"LH", "CR", "SR", "TR"}
+    wrong = memo("tasks", "list", "--suite", "tabeltop")
+    assert wrong.returncode == 2 and "did you mean 'tabletop'" in wrong.stderr

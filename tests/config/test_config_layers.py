@@ -1,0 +1,193 @@
+"""What an experiment means: which layer wins, where each value is from, what is taken when nothing is said."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import attrs
+import jsonschema
+import pytest
+import yaml
+from config_backends import Budget, Camera, load, registry
+
+from memo_core.cli.main import main
+from memo_core.config.schema import experiment_schema
+from memo_core.errors import BackendUnavailable
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend, Needs
+from memo_core.plugins import NoDefaultBackend, Registry
+from memo_core.testing.fake_entry_point import FakeEntryPoint
+
+
+def where(experiment) -> dict[str, str]:
+    return {value.path: str(value.origin).split("/")[-1] for value in experiment.values}
+
+
+def test_later_layers_win_and_every_value_says_where_it_is_from(tmp_path):
+    (tmp_path / "lab.yaml").write_text(
+        "seed: 1\nbudget: {seconds: 1}\nperception:\n  width: 10\n  noise: {position: 0.1}\n"
+    )
+    (tmp_path / "mine.yaml").write_text("perception: {height: 20, labels: [a, b]}\n")
+    text = "extends: [lab.yaml, mine.yaml]\nseed: 2\nperception:\n  labels: [c]\n"
+    experiment = load(text, "perception.height=30", folder=tmp_path)
+    camera = experiment.choice("perception").settings
+    assert (camera.width, camera.height, camera.labels, camera.noise.position) == (10, 30, ["c"], 0.1)
+    assert experiment.seed == 2
+    origins = where(experiment)
+    assert origins["seed"] == "experiment.yaml:2"
+    assert origins["budget.seconds"] == "lab.yaml:2"
+    assert origins["perception.width"] == "lab.yaml:4"
+    assert origins["perception.noise.position"] == "lab.yaml:5"
+    assert origins["perception.noise.axes"] == "default"
+    assert origins["perception.height"] == "--set"
+    assert origins["perception.labels"] == "experiment.yaml:4"
+    assert origins["perception.mode"] == "default"
+
+
+def test_a_layer_that_names_another_backend_replaces_the_section(tmp_path):
+    (tmp_path / "base.yaml").write_text("llm: {backend: hosted, model: m, temperature: 1}\n")
+    assert load("extends: base.yaml\nllm: {temperature: 2}", folder=tmp_path).choice("llm").settings.temperature == 2
+    assert load("extends: base.yaml\nllm: local", folder=tmp_path).choice("llm").backend.name == "local"
+    assert load("extends: base.yaml", "llm.backend=local", folder=tmp_path).choice("llm").backend.name == "local"
+
+
+def test_one_word_is_short_for_a_backend(tmp_path):
+    assert load("llm: local", folder=tmp_path).choice("llm").backend.name == "local"
+    assert load(None, "llm=hosted", "llm.model=m").choice("llm").settings.model == "m"
+
+
+def test_without_a_file_the_plugins_defaults_are_taken():
+    experiment = load()
+    assert experiment.choice("llm").backend.name == "local"
+    assert experiment.choice("perception").settings == Camera()
+    assert experiment.section("budget") == Budget()
+    assert (experiment.task, experiment.seed) == (None, 0)
+    with pytest.raises(NoDefaultBackend, match="simulator"):
+        experiment.choice("simulator")
+
+
+def test_interpolation_and_yaml_numbers(tmp_path):
+    text = "seed: 7\nperception: {width: '${seed}', noise: {position: 1e-3}}\nbudget: {seconds: 3}"
+    experiment = load(text, folder=tmp_path)
+    assert experiment.choice("perception").settings.width == 7
+    assert experiment.choice("perception").settings.noise.position == 0.001
+    assert type(experiment.section("budget").seconds) is float
+
+
+def test_words_that_yaml_1_1_would_turn_into_something_else_stay_words(tmp_path):
+    for word in ("no", "on", "1:30", "010", "2024-01-01"):
+        assert load(f"perception: {{note: {word}}}", folder=tmp_path).choice("perception").settings.note == word
+
+
+def test_merge_keys_and_anchors_work(tmp_path):
+    text = "perception: {noise: &n {position: 0.5}}\nllm: {<<: *n}"
+    assert load(text, folder=tmp_path).choice("llm").settings.position == 0.5
+
+
+def test_a_backend_whose_module_is_missing_says_what_brings_it():
+    @hookimpl
+    def memo_vector_stores():
+        needs = Needs(modules={"no_such_module_x": "x-dist"})
+        return [Backend("vectorstore", "x", "for tests", lambda settings: settings, needs=needs)]
+
+    from memo_core.config import load_experiment
+
+    plugin = FakeEntryPoint("p", "d", memo_vector_stores=memo_vector_stores)
+    with pytest.raises(BackendUnavailable, match="install x-dist"):
+        load_experiment(Registry([plugin])).create("vectorstore")
+
+
+def test_what_show_prints_is_an_experiment_again(tmp_path):
+    text = "seed: 3\nllm: {backend: hosted, model: m}\nperception: {noise: {axes: [1, 2]}, mode: depth}"
+    first = load(text, folder=tmp_path)
+    lines = [f"{path}={json.dumps(value)}" for path, value in first.public().items() if value is not None]
+    second = load(None, *lines)
+    assert second.public() == first.public()
+    assert attrs.asdict(second.choice("perception").settings) == attrs.asdict(first.choice("perception").settings)
+
+
+@pytest.mark.parametrize(
+    ("text", "valid"),
+    [
+        ("seed: 3\nllm: local\nperception: {width: 3, noise: {axes: [1, 2]}}", True),
+        ("llm: {backend: hosted, model: m}", True),
+        ("seed: 3\nperception: {width: '${seed}'}", True),
+        ("perception: {widht: 3}", False),
+        ("perception: {width: wide}", False),
+        ("perception: {noise: {axes: [1]}}", False),
+        ("llm: {backend: hosted}", False),
+        ("llm: hostd", False),
+        ("budgte: {}", False),
+    ],
+)
+def test_the_schema_and_the_checks_agree(tmp_path, text, valid):
+    from memo_core.config import ConfigErrors
+
+    schema = experiment_schema(registry(), {"budget": Budget})
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert jsonschema.Draft202012Validator(schema).is_valid(yaml.safe_load(text)) is valid
+    try:
+        load(text, folder=tmp_path)
+    except ConfigErrors:
+        assert not valid
+    else:
+        assert valid
+
+
+def run(*arguments: str) -> object:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return ended.value.code
+
+
+def test_show_and_schema_work_with_the_installed_plugins(tmp_path, capsys):
+    file = tmp_path / "mine.yaml"
+    file.write_text("retrieval: {cut: 0.9}\n")
+    assert run("config", "show", str(file), "--set", "seed=5", "--json") == 0
+    values = {value["path"]: value for value in json.loads(capsys.readouterr().out)["values"]}
+    assert (values["seed"]["value"], values["seed"]["file"]) == (5, "--set")
+    assert (values["retrieval.cut"]["value"], values["retrieval.cut"]["line"]) == (0.9, 1)
+    assert values["retrieval.corrections"]["file"] == "default"
+    assert run("config", "schema") == 0
+    schema = json.loads(capsys.readouterr().out)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert jsonschema.Draft202012Validator(schema).is_valid({"retrieval": {"cut": 0.9}})
+    assert not jsonschema.Draft202012Validator(schema).is_valid({"retrieval": {"cutt": 0.9}})
+
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+def test_every_example_is_in_order_and_its_task_exists(file, capsys):
+    from memo_core.config import load_experiment
+    from memo_core.runs.factories import task_of
+    from memo_core.runs.sections import SECTIONS
+
+    assert run("config", "check", str(file)) == 0
+    experiment = load_experiment(Registry(), file, (), SECTIONS)
+    assert experiment.task is not None
+    assert task_of(experiment, experiment.task).name == experiment.task
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/configuration.md"])
+def test_the_experiment_on_a_page_is_in_order(page, tmp_path):
+    text = (Path(__file__).parents[2] / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert blocks
+    (tmp_path / "lab.yaml").write_text("seed: 1\n")
+    for number, block in enumerate(blocks):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(block)
+        assert run("config", "check", str(file)) == 0
+
+
+def test_every_kind_that_an_experiment_needs_has_a_declared_default():
+    """Being the only one installed is not enough: the next plugin of the kind would unsettle every experiment."""
+    from memo_core.config.experiment import SINGLE_KINDS
+
+    registry = Registry()
+    for kind in SINGLE_KINDS:
+        assert [backend.default for backend in registry.backends(kind)].count(True) == 1, kind

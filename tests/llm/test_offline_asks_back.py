@@ -1,0 +1,81 @@
+"""What the offline backend does not surely understand it asks about, and what it cannot do it says to people."""
+
+from __future__ import annotations
+
+import json
+
+import attrs
+import pytest
+from memo_llm.plugin import memo_language_models
+from offline_prompts import MODEL, box_with_door, plan, request, scene, thing
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.llm import LanguageModelError
+from memo_core.llm.measured import measured_of
+from memo_core.llm.readers import Unreadable
+
+CRATE, *_ = box_with_door()
+PEN = scene(thing("pen"), thing("mug", (0.5, 0.2, 0.05), (0.1, 0.1, 0.1)))
+
+
+def said(words, graph=CRATE, subtask="OPEN(crate)"):
+    asked = request("feedback", graph, task="t", subtask=subtask, code="open_gripper()", ended="done", words=words)
+    return json.loads(MODEL.answer(asked).text)
+
+
+@pytest.mark.parametrize("words", ["Yes, that's right.", "Great job, thanks!", "Well done", "That wasn't bad at all."])
+def test_praise_is_asked_back_as_praise_and_never_noted(words):
+    answer = said(words)
+    assert answer["corrections"] == answer["general"] == []
+    assert "right as it was" in answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("words", "noted"),
+    [
+        ("you were too far to the left", "to the right"),
+        ("that's 2 cm too high", "2 cm lower"),
+        ("slow down!", "slower"),
+        ("ten centimetres further", "10 cm further"),
+        ("it's only half open", "further"),
+        ("the hinge is on the left side", "about the left edge"),
+        ("you can't just pull, push it in first", "Push it in"),
+        ("don't squeeze it so hard", "gently"),
+    ],
+)
+def test_what_is_said_as_a_fault_does_not_come_out_as_its_opposite(words, noted):
+    assert noted in " ".join(said(words)["corrections"])
+
+
+@pytest.mark.parametrize("words", ["go left, no, go right", "do it like I showed you yesterday", "Stop!"])
+def test_what_may_mean_two_things_or_nothing_is_asked(words):
+    answer = said(words, PEN, "PICK_UP(pen)")
+    assert answer["corrections"] == [] and answer["unclear"]
+
+
+def test_of_several_alike_the_one_on_the_named_side_is_meant():
+    jars = scene(thing("red jar", (0.4, 0.2, 0.05)), thing("green jar", (0.4, -0.2, 0.05)))
+    assert plan(jars, "pick up the left jar") == "PICK_UP(red jar)"
+    assert plan(jars, "pick up the right jar") == "PICK_UP(green jar)"
+
+
+def test_a_task_that_names_nothing_to_be_seen_is_said_to_people():
+    with pytest.raises(LanguageModelError) as caught:
+        plan(PEN, "pull out the tray")
+    assert "'tray'" in str(caught.value) and "pen, mug" in str(caught.value) and "ACTION(" not in str(caught.value)
+
+
+def test_an_answer_that_cannot_be_used_is_told_without_the_form_meant_for_a_model():
+    error = Unreadable("plan", "it names no subtask; answer with one line, ACTION(object) or DONE", "pull out the tray")
+    assert "pull out the tray" in error.told and "ACTION(" not in error.told
+
+
+def test_the_tasks_it_was_measured_at_are_declared_and_what_is_beyond_it_is_said():
+    offline = next(backend for backend in memo_language_models() if backend.name == "offline")
+    measured = measured_of(offline)
+    assert measured is not None and set(measured.tasks.values()) == {"untaught", "taught", "no"} and measured.commands
+    for task, reach in measured.tasks.items():
+        assert bool(measured.warning("offline", task)) == (reach != "untaught")
+    assert measured.warning("offline", "never-measured") == ""
+    with pytest.raises(InvalidArgument, match="tasks"):
+        measured_of(attrs.evolve(offline, measured="memo_llm/offline/habits.yaml"))

@@ -1,0 +1,49 @@
+"""What people are shown of a run: whole lines of code, and templates by what they do."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from memo_core.events import CodeWritten
+from memo_core.runs.console import Narrator
+from memo_core.skillbook.entries import headline
+
+TEMPLATE = (
+    'import math\n\n\ndef open_by_an_arc(door="door"):\n'
+    '    """Lead the handle along an arc.\n\n    More."""\n    look()\n'
+)
+
+
+def test_no_line_of_code_is_cut_off_at_the_edge():
+    line = "hold = side_orientation([0.0, 1.0, 0.0], 'horizontal')  # " + "so that the fingers close on flat sides " * 5
+    for terminal in (False, True):
+        shown = io.StringIO()
+        Narrator(Console(file=shown, width=60, force_terminal=terminal, no_color=True, highlight=False))(
+            CodeWritten(subtask="OPEN(door)", attempt=1, code=line)
+        )
+        assert "flat sides" in shown.getvalue() and shown.getvalue().count("flat sides") == 5
+
+
+def test_code_is_folded_where_it_is_not_asked_for_and_never_streamed():
+    for terminal in (False, True):
+        shown = io.StringIO()
+        console = Console(file=shown, width=100, force_terminal=terminal, no_color=True, highlight=False)
+        narrator = Narrator(console, code=False)
+        if terminal:
+            assert narrator.on_text is not None
+            for piece in ("look()\n", "close_gripper()\n"):
+                narrator.on_text("code", piece)
+            narrator.on_text("plan", "OPEN(door)")
+        narrator(CodeWritten(subtask="OPEN(door)", attempt=1, code="look()\nclose_gripper()\n"))
+        assert "close_gripper" not in shown.getvalue()
+        assert "code: 2 lines" in shown.getvalue() and "--verbose" in shown.getvalue()
+        assert not terminal or "OPEN(door)" in shown.getvalue()
+
+
+def test_a_template_is_listed_by_what_it_does():
+    assert headline("template", TEMPLATE) == "open_by_an_arc: Lead the handle along an arc."
+    assert headline("template", "def (") == "def ("
+    assert headline("template", "") == ""
+    assert headline("correction", "Pull\n it  in an arc.") == "Pull it in an arc."

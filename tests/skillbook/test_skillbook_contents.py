@@ -1,0 +1,211 @@
+"""What retrieval keeps in memory follows the book, whoever changes it, and counts only what changed where it can."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from memo_core.skillbook import queries
+from memo_core.skillbook.actions import default_actions
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook.clusters import Condensed, Merged
+from memo_core.skillbook.contents import Contents, read_contents
+from memo_core.skillbook.history import CannotRollBack
+from memo_core.skillbook.index import KeyIndex
+from memo_core.skillbook.key_embedding import KeyVectors, Wording
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.vectors import TextVectors
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_store import FakeStore
+
+KEYS = ("OPEN(microwave)", "CLOSE(microwave)", "PICK(cup)", "PLACE(cup, shelf)", "PUSH(box)")
+STEPS = (
+    "teach",
+    "many",
+    "template",
+    "use",
+    "cluster",
+    "rollback",
+    "forget",
+    "alias",
+    "edit",
+    "remove",
+    "merge",
+    "reembed",
+    "pending",
+)
+
+
+def change(book: Skillbook, step: str, number: int) -> None:
+    key, who = KEYS[number % len(KEYS)], f"person {number % 3}"
+    if step == "teach":
+        feedback = book.record_feedback("words", who, subtask=key)
+        book.add_lessons(feedback, key, [f"lesson {chr(65 + number)}"] * (number % 3), ["mind it"] * (number % 2))
+    elif step == "many":
+        lessons = [Lesson("words", who, Key.parse(key), (f"{'abc'[n]} {chr(65 + number)}",)) for n in range(3)]
+        book.add_many([*lessons, Lesson("words", who, Key("wipe", (f"thing {number}",)), ("slowly",))])
+    elif step == "template":
+        approval = book.record_feedback("", who, kind="approval", subtask=key)
+        book.add_template(approval, key, f"def f(x={number}):\n    pass")
+    elif step == "use" and (there := book.entries(key=key)):
+        book.note_use([one.id for one in there], number % 2 == 0, key)
+    elif step == "cluster":
+        for cluster in book.clusters(unchanged=True)[: number % 3]:
+            together = Merged(cluster.members[0].text, tuple(range(1, len(cluster.members) + 1)))
+            book.condense(cluster, Condensed((together,)), "somebody")
+    elif step == "rollback" and (known := book.history()):
+        with contextlib.suppress(CannotRollBack):
+            book.rollback(known[number % len(known)].id)
+    elif step == "forget" and who in book.people():
+        book.forget(who)
+    elif step == "alias":
+        book.add_alias(key, KEYS[(number + 1) % len(KEYS)])
+    elif step == "edit" and (there := book.entries()):
+        entry = there[number % len(there)]
+        book.edit(
+            entry.id,
+            f"{entry.text}\nnumber = {number}" if entry.kind == "template" else f"lesson {chr(65 + number)} edited",
+            who,
+        )
+    elif step == "remove" and (there := book.entries()):
+        book.remove(there[number % len(there)].id, who)
+    elif step == "merge":
+        with Skillbook("sqlite://") as other:
+            change(other, "many", number)
+            book.merge(other.export(), "another laboratory")
+    elif step == "pending":
+        book.record_feedback("words", who)
+
+
+def seen(contents: Contents) -> dict[str, object]:
+    everything = attrs.asdict(contents, recurse=False, filter=lambda field, _: field.name != "opposites")
+    sizes = {kind: size.tolist() for kind, size in contents.sizes.items()}
+    verbs = [contents.verbs[place] for place in contents.verb_of]
+    return everything | {"sizes": sizes, "verbs": sorted(set(verbs)), "verb_of": verbs}
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.sampled_from(STEPS[:-2]), st.integers(0, 30)), min_size=1, max_size=12), st.data())
+def test_counting_what_changed_is_counting_everything(steps: list[tuple[str, int]], data: st.DataObject) -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as book:
+        database, actions = book._database, default_actions()
+        followed, _ = read_contents(database, actions)
+        for step, number in steps:
+            change(book, step, number)
+            if data.draw(st.booleans()):  # or the next step is seen together with this one
+                followed, _ = read_contents(database, actions, followed)
+                everything, changed = read_contents(database, actions)
+                assert seen(followed) == seen(everything) and changed is None
+
+
+def test_a_lesson_a_template_and_a_cluster_count_their_own_keys_only() -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as book:
+        book.add_many([Lesson("no", "ana", Key.parse(key), ("gently", "slowly")) for key in KEYS])
+        contents, _ = read_contents(book._database, default_actions())
+        for step in ("teach", "template", "cluster"):
+            change(book, step, 31)
+            contents, changed = read_contents(book._database, default_actions(), contents)
+            assert changed is not None and len(changed) <= 2
+        for step in ("forget", "merge", "alias"):
+            change(book, step, 31)
+            contents, changed = read_contents(book._database, default_actions(), contents)
+            assert changed is None
+
+
+def test_a_book_that_another_process_changes_serves_what_a_fresh_one_would(tmp_path: Path) -> None:
+    path = str(tmp_path / "b.db")
+    settings = RetrievalSettings(cut=-1.0)
+    with Skillbook(path, FakeEmbedder(), settings=settings) as book, Skillbook(path, FakeEmbedder()) as other:
+        change(other, "many", 1)
+        for number, step in enumerate(STEPS * 2):
+            if step != "reembed":
+                change(other, step, number)
+            with Skillbook(path, FakeEmbedder(), settings=settings) as fresh:
+                for key in (*KEYS, "WIPE(thing 1)"):
+                    assert book.retrieve(key) == fresh.retrieve(key)
+
+
+# -- scoring every key from its parts ----------------------------------------------------------------------------------
+_NAME = st.sampled_from(["cup", "red cup", "box", "shelf", "oven door", "table", "lid"])
+_KEY = st.builds(
+    lambda verb, objects: Key(verb, tuple(objects)),
+    st.sampled_from(["open", "grab", "pick", "put", "place", "wipe"]),
+    st.lists(_NAME, min_size=1, max_size=3, unique=True),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(_KEY, min_size=1, max_size=60, unique=True), _KEY, st.floats(0.01, 10), st.integers(1, 40))
+def test_every_key_scored_from_its_parts_is_every_key_scored_from_its_vectors(
+    keys: list[Key], query: Key, weight: float, wanted: int
+) -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as book:
+        vectors = KeyVectors(TextVectors(book._database, FakeEmbedder()), Wording(), default_actions())
+        numbered = {3 * n + 1: key for n, key in enumerate(keys)}
+        actions, objects = vectors.get(keys)
+        [action], [thing] = vectors.get([query])
+        r = (weight * (actions @ action).astype(float) + (objects @ thing).astype(float)) / (weight + 1)
+        assert np.allclose(np.linalg.norm(objects, axis=1), 1, atol=1e-5)
+
+        index = KeyIndex(vectors)
+        index.load(numbered, "a book")
+        scores = index.score(action, thing, (weight, 1.0))
+        assert np.allclose(scores.scores, r, atol=2e-6)
+        assert np.allclose(scores.action_cosines, actions @ action, atol=2e-6)
+        assert np.allclose(scores.objects_cosines, objects @ thing, atol=2e-6)
+        rows = scores.best_first(wanted)
+        assert len(rows) >= min(wanted, len(keys)) and len(set(rows.tolist())) == len(rows)
+        assert np.all(np.diff(scores.scores[rows]) <= 0)
+        left_out = np.delete(r, rows)
+        assert not len(left_out) or left_out.max() <= scores.scores[rows[-1]] + 2e-6
+
+
+def test_a_store_is_opened_only_where_texts_count() -> None:
+    class Never(FakeStore):
+        def open(self) -> None:
+            raise AssertionError("it was opened")
+
+    with Skillbook("sqlite://", FakeEmbedder(), Never(), RetrievalSettings.preset("paper")) as book:
+        change(book, "many", 1)
+        assert book.retrieve("WIPE(thing 1)").corrections
+    with Skillbook("sqlite://", FakeEmbedder(), Never()) as book:
+        change(book, "many", 1)
+        with pytest.raises(AssertionError):
+            book.retrieve("WIPE(thing 1)")
+
+
+def test_clusters_are_read_one_after_the_other_and_what_is_clustered_is_not_read_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as book:
+        book.add_many([Lesson("no", "ana", Key.parse(key), ("gently", "slowly")) for key in KEYS])
+        read: list[str] = []
+        original = queries.entries_where
+
+        def spying(connection: object, *conditions: object) -> list[object]:
+            found = original(connection, *conditions)  # type: ignore[arg-type]
+            read.extend(str(one.key) for one in found if one.kind != "template")
+            return found  # type: ignore[return-value]
+
+        monkeypatch.setattr(queries, "entries_where", spying)
+        clusters = book.each_cluster()
+        assert len(clusters) == len(KEYS) and read == []
+        first = next(iter(clusters))
+        assert set(read) == {str(first.key)}
+        for cluster in clusters:
+            book.condense(
+                cluster, Condensed(tuple(Merged(m.text, (n,)) for n, m in enumerate(cluster.members, 1))), "x"
+            )
+        read.clear()
+        assert len(book.each_cluster()) == 0 and list(book.each_cluster()) == [] and read == []
+        change(book, "teach", 1)
+        [again] = book.each_cluster()
+        assert set(read) == {str(again.key)} and len(again.members) == 3

@@ -1,0 +1,165 @@
+"""The person at the terminal: whatever they type is heard, and no odd terminal ends a run."""
+
+from __future__ import annotations
+
+import getpass
+import io
+import os
+import subprocess
+import sys
+
+import attrs
+import pytest
+
+from memo_core.errors import InvalidArgument
+from memo_core.teachers.answers import meaning_of
+from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+from memo_core.testing.teacher import episodes, noted, proposals, task_episodes
+
+ASK = """
+from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+from memo_core.testing.teacher import episodes
+teacher = TerminalTeacher(TerminalSettings(who="ana"))
+teacher.open()
+print(teacher.judge(episodes()[0]).words.encode("utf-8").hex())
+"""
+
+
+@pytest.mark.parametrize("mode", ["0", "1"])
+@pytest.mark.parametrize("typed", ["ziehe über die Tür".encode("latin-1"), "ziehe über die Tür".encode()])
+def test_words_in_any_encoding_arrive_as_text_that_a_book_can_hold(mode, typed):
+    environment = os.environ | {"PYTHONUTF8": mode, "LC_ALL": "C.UTF-8", "PYTHONIOENCODING": ""}
+    heard = subprocess.run([sys.executable, "-c", ASK], input=typed + b"\n", capture_output=True, env=environment)
+    assert heard.returncode == 0, heard.stderr.decode()
+    assert bytes.fromhex(heard.stdout.decode().strip()).decode() == "ziehe über die Tür"
+
+
+def test_a_closed_standard_input_is_said_in_one_line(monkeypatch):
+    closed = io.StringIO()
+    closed.close()
+    for nothing in (None, closed):
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with pytest.raises(InvalidArgument, match="standard input is closed"):
+            TerminalTeacher(TerminalSettings(who="ana")).open()
+
+
+@pytest.mark.parametrize("error", [OSError("no such user"), KeyError("uid"), ImportError("pwd")])
+def test_a_user_without_a_login_name_is_anonymous(monkeypatch, error):
+    def unknown() -> str:
+        raise error
+
+    monkeypatch.setattr(getpass, "getuser", unknown)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    teacher = TerminalTeacher(TerminalSettings())
+    teacher.open()
+    assert teacher.who == "anonymous"
+    assert teacher.judge(episodes()[0]).kind == "silent", "the end of input means that nobody watches"
+
+
+def typing(monkeypatch, *lines: str, **settings) -> TerminalTeacher:
+    """A teacher whose person types these lines, into a pipe."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+    teacher = TerminalTeacher(TerminalSettings(who="ana", **settings))
+    teacher.open()
+    return teacher
+
+
+APPROVING = [
+    "y", "Yes!", "Great job, thanks!", "good", "Perfect.", "that worked", "well done", "it works now", "that's right",
+    "Nice work, robot", "all right", "ok thanks", "yes, that's it", "very good", "It worked, thank you so much!",
+]  # fmt: skip
+CORRECTING = [
+    "no, an arc", "more to the right", "the right one", "not good", "a bit lower", "wrong", "you forgot the napkin",
+    "go up", "turn it further", "to the right", "don't squeeze it", "open it all the way", "stop",
+]  # fmt: skip
+DOUBTFUL = ["good, but a bit lower", "Great, now go up", "right", "yes but slower", "nice try", "it worked, almost"]
+
+
+@pytest.mark.parametrize("words", APPROVING)
+def test_praise_is_approval(words):
+    assert meaning_of(words) == "approve"
+
+
+@pytest.mark.parametrize("words", CORRECTING)
+def test_what_is_no_praise_is_a_correction(words):
+    assert meaning_of(words) == "correct"
+
+
+@pytest.mark.parametrize("words", DOUBTFUL)
+def test_praise_that_says_more_is_asked_back(monkeypatch, capsys, words):
+    assert meaning_of(words) == "unsure"
+    assert typing(monkeypatch, words, "y").judge(episodes()[0]).kind == "approve"
+    assert typing(monkeypatch, words, "c").judge(episodes()[0]).words == words
+    assert "is it fine as it is" in capsys.readouterr().err
+
+
+def test_empty_asks_again_and_a_question_mark_explains(monkeypatch, capsys):
+    verdict = typing(monkeypatch, "", "   ", "?", "a bit lower").judge(episodes()[0])
+    assert verdict.words == "a bit lower"
+    shown = capsys.readouterr().err
+    assert shown.count("Did it work?") == 4 and "put the cube in the bowl" in shown and "plan:" in shown
+
+
+def test_words_about_the_plan_can_be_marked_as_such(monkeypatch):
+    verdict = typing(monkeypatch, "plan: open the door first").judge(episodes()[0])
+    assert verdict.about_plan and verdict.words == "open the door first"
+    assert typing(monkeypatch, "plan:", "s").judge(episodes()[0]).kind == "silent"
+
+
+def test_picture_and_video_stand_beside_the_question(monkeypatch, capsys):
+    episode = attrs.evolve(episodes()[0], recordings=("runs/x/pictures/1.png", "runs/x/video/1.mp4"))
+    typing(monkeypatch, "y").judge(episode)
+    shown = capsys.readouterr().err
+    assert shown.index("runs/x/video/1.mp4") < shown.index("Did it work?")
+
+
+def test_the_whole_task_is_asked_about(monkeypatch, capsys):
+    verdict = typing(monkeypatch, "?", "you forgot the napkin").judge_task(task_episodes()[0])
+    assert verdict.kind == "correct" and verdict.words == "you forgot the napkin"
+    shown = capsys.readouterr().err
+    assert "put the cube in the bowl" in shown and "the red cube is in the bowl" in shown
+
+
+def test_plans_are_asked_about_only_when_wanted(monkeypatch):
+    assert typing(monkeypatch, "open it first").judge_plan(proposals()[0]).kind == "silent"
+    objected = typing(monkeypatch, "open it first", plans=True).judge_plan(proposals()[0])
+    assert objected.about_plan and objected.words == "open it first"
+    assert typing(monkeypatch, "y", plans=True).judge_plan(proposals()[0]).kind == "approve"
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind", "words", "struck"),
+    [
+        (["", "y"], "accepted", "", ()),
+        (["x"], "struck", "", ()),
+        (["x 2"], "struck", "", (1,)),
+        (["strike 1, 2"], "struck", "", (0, 1)),
+        (["no", "only for this drawer"], "reworded", "only for this drawer", ()),
+        (["x 3", "y"], "accepted", "", ()),
+        ([], "accepted", "", ()),
+    ],
+)
+def test_notes_are_accepted_struck_or_said_anew(monkeypatch, capsys, typed, kind, words, struck):
+    answer = typing(monkeypatch, *typed).read_back(noted()[0])
+    assert (answer.kind, answer.words, answer.struck) == (kind, words, struck)
+    shown = capsys.readouterr().err
+    assert "OPEN(drawer): Pull the handle straight." in shown and "everywhere: Approach handles" in shown
+
+
+def test_nothing_learnt_is_answered_with_a_question(monkeypatch, capsys):
+    answer = typing(monkeypatch, "", "go lower").read_back(noted()[1])
+    assert answer.kind == "reworded" and answer.words == "go lower"
+    assert "What should be done differently?" in capsys.readouterr().err
+    assert typing(monkeypatch, "s").read_back(noted()[1]).kind == "accepted"
+
+
+def test_read_back_can_be_switched_off():
+    assert TerminalTeacher(TerminalSettings()).reads_back
+    assert not TerminalTeacher(TerminalSettings(read_back=False)).reads_back
+
+
+@pytest.mark.parametrize("ask", ["put_back", "confirm"])
+@pytest.mark.parametrize(("typed", "agreed"), [(["", "hm", "y"], True), (["n"], False), ([], False)])
+def test_only_a_yes_lets_a_robot_that_cannot_undo_go_on(monkeypatch, ask, typed, agreed):
+    teacher = typing(monkeypatch, *typed)
+    assert getattr(teacher, ask)(episodes()[0]) is agreed

