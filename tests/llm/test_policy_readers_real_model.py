@@ -45,7 +45,8 @@ def test_every_answer_is_read(file):
             key = read_plan(text, names)
             assert key is None or isinstance(key, Key)
         else:
-            assert READ[call.request.phase](text)
+            answer = READ[call.request.phase](text)
+            assert answer or answer.unclear
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
