@@ -20,7 +20,7 @@ def memo_methods() -> list[Backend]:
 
 def _language_method(name: str) -> Any:
     def make(settings: Any) -> Any:
-        from memo_core.policy.language_method import LanguageMethod
+        from memo_core.policy.method_interface import LanguageMethod
         from memo_core.policy.methods import METHODS
 
         return LanguageMethod(name, METHODS[name])

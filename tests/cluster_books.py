@@ -12,7 +12,7 @@ from memo_core.policy.clustering import Clustering, ClusteringSettings
 from memo_core.runlog.log import RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore

@@ -23,8 +23,8 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events", "redaction", "scratch"),
-    ("stopping",),
+    ("errors", "events", "redaction", "temporary_folders"),
+    ("stop_switch",),
     ("terminal",),
     ("scene",),
     ("robot",),

@@ -15,7 +15,7 @@ from memo_benchmarks.planted_book import judge_book, plan_book, write_book
 from memo_core.config import Experiment
 from memo_core.runs.clustering import Spending, clustering_of
 from memo_core.runs.factories import book_of
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 
 
 @attrs.frozen

@@ -10,7 +10,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
-from memo_core.cli.stopping import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.terminal import console
 

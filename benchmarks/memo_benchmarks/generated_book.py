@@ -14,7 +14,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.keys import Key
 
 _THINGS = """

@@ -17,7 +17,7 @@ import numpy as np
 
 from memo_core.arm.collision import Obstacle
 from memo_core.arm.ik_seeds import Seeds, seeds_of
-from memo_core.arm.kinematics import Kinematics, thin
+from memo_core.arm.inverse_kinematics import Kinematics, thin
 from memo_core.arm.motion import MotionPlanner, PlanningScene
 from memo_core.errors import MotionError
 from memo_core.robot.description import RobotDescription

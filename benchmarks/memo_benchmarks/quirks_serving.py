@@ -22,10 +22,10 @@ from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk import Lesson
-from memo_core.skillbook.context import SubtaskContext
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings, as_text
+from memo_core.skillbook.scene_context import SubtaskContext
 
 FIRST = 20  # as many places as are served by default
 

@@ -28,7 +28,7 @@ from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.text_vectors import TextVectors
 
 _VERBS = ("open", "close", "pick", "place", "push", "pull", "pour", "wipe", "rotate", "stack", "turn on", "lift")
 _THINGS = (

@@ -23,7 +23,7 @@ from memo_benchmarks.labelled_notes import LabelledNotes, people, templated
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.retrieval import RetrievalSettings, as_text
 
 PAPER = RetrievalSettings.preset("paper")

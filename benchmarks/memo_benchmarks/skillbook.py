@@ -42,7 +42,7 @@ from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings, as_text
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.text_vectors import TextVectors
 
 DIMENSION = 384
 _WRITE = 2_000  # vectors given to a store at once

@@ -35,11 +35,11 @@ from memo_core.policy.settings import RunSettings
 from memo_core.robot.description import RobotDescription
 from memo_core.runlog.log import RunLog
 from memo_core.runs.factories import book_of, library_of, sandbox_of
-from memo_core.runs.signals import NOBODY_S, Supervisor
+from memo_core.runs.signal_handling import NOBODY_S, Supervisor
 from memo_core.scene.description import SceneDescription
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval import Retrieval
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 
 PHASES = ("planning", "retrieval", "writing", "computing", "moving", "grasping", "waiting")
 PROMISED_COMMAND_MS = 50.0

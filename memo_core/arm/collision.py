@@ -13,7 +13,7 @@ from typing import Any, Literal
 import attrs
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import attrs
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.trajectory import stopping
 from memo_core.arm.wrench import ToolDynamics
 from memo_core.errors import MotionError, Stopped

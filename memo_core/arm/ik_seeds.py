@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics, first_of_cells
+from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
 from memo_core.scene.pose import Array
 
 _COUNT = 16384

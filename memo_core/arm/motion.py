@@ -10,12 +10,12 @@ from itertools import islice, product
 import attrs
 import numpy as np
 
+from memo_core.arm.cartesian_path import CartesianPath, lagging, turned_about_x, turns_between
 from memo_core.arm.collision import Checker, Held, Hit, Mode, Obstacle, RobotShape
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.motion_errors import Reasons
-from memo_core.arm.path import CartesianPath, lagging, turned_about_x, turns_between
-from memo_core.arm.planner import densified, plan_free
 from memo_core.arm.redundancy_resolution import Blocked, BranchSearch, Motion, tilt_choices
+from memo_core.arm.rrt_connect import densified, plan_free
 from memo_core.arm.trajectory import Speed, Trajectory, time_path
 from memo_core.errors import MotionError
 from memo_core.robot.description import RobotDescription

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
-from memo_core.arm.path import CartesianPath
+from memo_core.arm.cartesian_path import CartesianPath
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.redundancy_resolution import Blocked
 from memo_core.errors import MotionError
 from memo_core.robot.description import RobotDescription

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 import attrs
 import numpy as np
 
+from memo_core.arm.cartesian_path import CartesianPath
 from memo_core.arm.collision import Checker, Hit, Mode
 from memo_core.arm.ik_seeds import seeds_of
-from memo_core.arm.kinematics import Kinematics, first_of_cells
-from memo_core.arm.path import CartesianPath
+from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
 from memo_core.scene.pose import Array
 
 _LAYER = 0.06  # m of path between layers

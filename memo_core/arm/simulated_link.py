@@ -7,7 +7,7 @@ from base64 import b85decode, b85encode
 
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.wrench import WrenchEstimate
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.driver import GripperDriver, RobotDriver

@@ -13,7 +13,7 @@ import itertools
 import attrs
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.pose import Array
 
 _SHARE = 0.95  # of the velocity limits is used

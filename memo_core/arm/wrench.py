@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.pose import Array
 
 _FILTER = 0.01  # s, time constant

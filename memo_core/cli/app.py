@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from memo_core.cli.stopping import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED
 
 # name -> the line in the help. Its module has an ``app`` (a group of commands) or one ``command``.
 COMMANDS = {

@@ -14,7 +14,7 @@ import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, progress_bar
-from memo_core.cli.stopping import INTERRUPTED, stopping
+from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.terminal import console
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.clusters import Cluster
     from memo_core.skillbook.key_aliases import NearKeys
-    from memo_core.stopping import StopSwitch
+    from memo_core.stop_switch import StopSwitch
 
 
 def command(

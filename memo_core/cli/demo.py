@@ -10,7 +10,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json, print_table
-from memo_core.cli.stopping import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -35,9 +35,9 @@ def command(
     Four runs: without memory; taught; another task with an empty book; the same with the book of the lesson. Says what
     happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs took place.
     """
-    from memo_core.runs.console import Narrator
     from memo_core.runs.demo import run_demo
-    from memo_core.runs.recording import recorded, replayed, shipped
+    from memo_core.runs.narration import Narrator
+    from memo_core.runs.record_replay import recorded, replayed, shipped
 
     if record is not None and replay:
         raise InvalidArgument("--replay", "beside --record", "one of them")

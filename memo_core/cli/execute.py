@@ -13,7 +13,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json
-from memo_core.cli.stopping import INTERRUPTED, handling
+from memo_core.cli.signal_handling import INTERRUPTED, handling
 from memo_core.errors import InvalidArgument, MemoError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from memo_core.cli.stopping import INTERRUPTED, Interrupt, handling, ignore
+from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling, ignore
 from memo_core.terminal import guarded
 
 

@@ -11,7 +11,7 @@ import typer
 
 from memo_core.cli.options import Json, Overrides, Seed, load, one_file
 from memo_core.cli.output import note, print_json, while_read
-from memo_core.cli.stopping import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument, MemoError
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
-    from memo_core.runs.console import Narrator
-    from memo_core.runs.recording import recorded, replayed
+    from memo_core.runs.narration import Narrator
+    from memo_core.runs.record_replay import recorded, replayed
     from memo_core.runs.resuming import run_config
     from memo_core.runs.run import resume_experiment, run_experiment
 

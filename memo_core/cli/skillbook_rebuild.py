@@ -11,7 +11,7 @@ import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json
-from memo_core.cli.stopping import INTERRUPTED, stopping
+from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, Stopped, UnknownName
 
 

@@ -16,10 +16,10 @@ from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
 
 if TYPE_CHECKING:
+    from memo_core.skillbook.authors_books import Lorebook
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.importing import Imported
-    from memo_core.skillbook.lorebook import Lorebook
-    from memo_core.skillbook.rescue import Rescued
+    from memo_core.skillbook.recovery import Rescued
 
 FORMATS = ("memo", "lorebook")
 
@@ -48,7 +48,7 @@ def import_book(
     if source is not None and source not in FORMATS:
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
-    from memo_core.skillbook.lorebook import looks_like_lorebook, read_lorebook
+    from memo_core.skillbook.authors_books import looks_like_lorebook, read_lorebook
 
     name = whose or file.stem
     try:
@@ -119,7 +119,7 @@ def check(
 
 
 def _rescue(path: Path, out: Path) -> Rescued:
-    from memo_core.skillbook.rescue import rescue
+    from memo_core.skillbook.recovery import rescue
 
     return rescue(path, out)
 

@@ -78,7 +78,7 @@ class Backend:
     suite          a sequence of ``memo_core.interfaces.task.Task``
     teacher        ``memo_core.interfaces.teacher.Teacher``
     skills         a sequence of ``memo_core.skills.skill.Skill``
-    method         ``memo_core.policy.language_method.Method``
+    method         ``memo_core.policy.method_interface.Method``
     ============== ===========================================================
     """
 

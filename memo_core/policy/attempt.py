@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 
 from memo_core.interfaces.teacher import Sighting
-from memo_core.policy.serving import Served
+from memo_core.policy.retrieving import Served
 from memo_core.scene.graph import SceneGraph
 
 

@@ -17,7 +17,7 @@ from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
-from memo_core.policy.questions import put
+from memo_core.policy.model_questions import put
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed, Merged
 from memo_core.skillbook.condensing import ClusterChanged, ClusterLimits, Clusters

@@ -23,8 +23,8 @@ from memo_core.runlog.words import WordsFile
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph
-from memo_core.scene.record import pack_scenes, scene_of, scene_record, unpack_scenes
-from memo_core.stopping import Leaving
+from memo_core.scene.graph_json import pack_scenes, scene_of, scene_record, unpack_scenes
+from memo_core.stop_switch import Leaving
 
 
 @attrs.frozen(eq=False)

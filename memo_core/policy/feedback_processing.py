@@ -15,8 +15,8 @@ from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Notes, Unreadable, read_notes
 from memo_core.policy import prompting
-from memo_core.policy.plans import for_plans, is_of_plans
-from memo_core.policy.questions import Asked, put, schema_of
+from memo_core.policy.model_questions import Asked, put, schema_of
+from memo_core.policy.plan_feedback import for_plans, is_of_plans
 from memo_core.policy.settings import TeachingSettings
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
@@ -28,7 +28,7 @@ NOT_NOW = (LanguageModelError, BudgetExceeded)  # a model cannot be asked; anoth
 
 
 class Ask(Protocol):
-    """Puts one phase's question, as ``memo_core.policy.questions.Questions.ask``."""
+    """Puts one phase's question, as ``memo_core.policy.model_questions.Questions.ask``."""
 
     def __call__(
         self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], Any], **context: Any

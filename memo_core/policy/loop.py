@@ -21,13 +21,13 @@ from memo_core.events import CodeEnded, CodeWritten, SubtaskEnded, SubtaskStarte
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
 from memo_core.llm.readers import Unreadable, read_code, read_plan
-from memo_core.policy import serving
+from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
 from memo_core.policy.effects import Effects, Heard, Words
 from memo_core.policy.methods import Memory
-from memo_core.policy.plans import PlanNote, for_plans
+from memo_core.policy.model_questions import Questions
+from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line
-from memo_core.policy.questions import Questions
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
 from memo_core.policy.teaching import Corrected, Judged, Teaching
 from memo_core.runlog.log import InDoubt
@@ -239,7 +239,7 @@ class Loop:
     def _plan_notes(self) -> list[PlanNote]:
         """What people said about plans before this run."""
         noted = self._teaching.noted(self._planning)
-        served = serving.retrieve_for_plans(self._session, self._memory, self._planning)
+        served = retrieving.retrieve_for_plans(self._session, self._memory, self._planning)
         return [PlanNote(one.entry.key.objects[0], one.text) for one in served if one.entry.id not in noted]
 
     def _open_remarks(self) -> list[Corrected]:
@@ -298,7 +298,7 @@ class Loop:
         """What the skillbook knows about the subtask."""
         at.attempt.scene = self._effects.look()
         self._teaching.process_pending()
-        at.attempt.served = serving.retrieve(self._session, self._memory, at.key, at.attempt.scene)
+        at.attempt.served = retrieving.retrieve(self._session, self._memory, at.key, at.attempt.scene)
 
     # -- phase 2: code -------------------------------------------------------------------------------------------------
     def _code(self, at: _Subtask, tried: list[Tried], repair: int) -> str:
@@ -316,7 +316,7 @@ class Loop:
             skills=documentation(self._session.skills),
             subset=f"{self._session.sandbox.subset()}\n{_SUBTASK_LIMIT.format(self._settings.subtask_limit_s)}",
             corrected=before,
-            corrections=serving.shown([o for o in served.corrections if o.entry.id not in noted], self._extensions),
+            corrections=retrieving.shown([o for o in served.corrections if o.entry.id not in noted], self._extensions),
             competing=self._extensions.competing,
             general=[one for one in served.general if one.entry.id not in noted],
             templates=served.templates,

@@ -22,7 +22,7 @@ from memo_core.policy.methods import Memory
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, Note, ReadBack
 from memo_core.skillbook.keys import Key, NotAKey
-from memo_core.skillbook.rawlog import RawLog
+from memo_core.skillbook.rebuild_input import RawLog
 
 KEPT = "answered when a book was rebuilt before"
 LEAST_ALIKE = 0.5  # share of the words that two notes have in common, of all that either has

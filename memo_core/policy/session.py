@@ -19,7 +19,7 @@ from memo_core.runlog.log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 
 Status = Literal["approved", "corrected", "unobserved"]
 

@@ -17,9 +17,9 @@ from memo_core.policy.effects import Effects, Heard, Words
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, Noted, Noting
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
 from memo_core.policy.methods import Memory
+from memo_core.policy.model_questions import Questions
 from memo_core.policy.prompting import scene_table
-from memo_core.policy.questions import Questions
-from memo_core.policy.serving import Shown
+from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
 from memo_core.runlog.words import WordsFile
 from memo_core.scene.graph import SceneGraph

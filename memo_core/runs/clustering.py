@@ -22,7 +22,7 @@ from memo_core.llm.spending import Spent
 from memo_core.runlog.log import RunLog
 from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
 from memo_core.llm.prompt_files import Prompts
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.key_aliases import NearKeys
 

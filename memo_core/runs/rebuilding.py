@@ -19,7 +19,7 @@ from memo_core.runs.clustering import calls_without_a_run
 from memo_core.runs.factories import book_of, prompts_of
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Feedback
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 
 
 @attrs.frozen(eq=False)

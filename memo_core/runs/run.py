@@ -19,7 +19,7 @@ from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.filming import Filmed
-from memo_core.runs.signals import Supervisor
+from memo_core.runs.signal_handling import Supervisor
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.llm import LanguageModel
 from memo_core.runlog.file import FILE
@@ -31,12 +31,12 @@ from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.kept_calls import ASK, spent_in
 from memo_core.llm.spending import Spent
-from memo_core.policy.language_method import Method
+from memo_core.policy.method_interface import Method
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Unreadable
 from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings, TeachingSettings
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill

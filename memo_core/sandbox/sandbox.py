@@ -29,12 +29,12 @@ from pydantic_monty import (
 from memo_core.errors import InvalidArgument, MemoError, Stopped, UnknownName
 from memo_core.events import SkillCalled
 from memo_core.sandbox import prelude
-from memo_core.sandbox.checker import Checker
+from memo_core.sandbox.check_process import Checker
 from memo_core.sandbox.execution import Ended, Execution, refused
+from memo_core.sandbox.interpreter_process import Watch, WorkerPool, watching
 from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.marshalling import arguments_from_sandbox, result_for_sandbox
 from memo_core.sandbox.subset import Finding
-from memo_core.sandbox.worker import Watch, WorkerPool, watching
 from memo_core.sandbox.workspace import Workspace
 from memo_core.skills.control import Control
 from memo_core.skills.skill import Skill

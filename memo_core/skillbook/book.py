@@ -16,9 +16,9 @@ import sqlalchemy as sa
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook import bulk, queries, tables, templates
-from memo_core.skillbook.adding import add_notes, add_template
-from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook import bulk_adding, queries, tables, templates
+from memo_core.skillbook.adding_entries import add_notes, add_template
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
 from memo_core.skillbook.condensing import (
     CLUSTERED,
@@ -28,7 +28,6 @@ from memo_core.skillbook.condensing import (
     find_clusters,
     without_duplicates,
 )
-from memo_core.skillbook.context import SubtaskContext
 from memo_core.skillbook.database import Database, SkillbookError
 from memo_core.skillbook.entries import (
     GLOBAL_KEY,
@@ -42,8 +41,8 @@ from memo_core.skillbook.entries import (
     Stats,
 )
 from memo_core.skillbook.export import records
-from memo_core.skillbook.forget import forget_person, words_of
-from memo_core.skillbook.harm import Evidence, evidence_of, withhold
+from memo_core.skillbook.forget_in_database import forget_person, words_of
+from memo_core.skillbook.forget_in_files import BEYOND, BEYOND_SERVER, clean
 from memo_core.skillbook.history import (
     Difference,
     Revision,
@@ -54,21 +53,22 @@ from memo_core.skillbook.history import (
     versions,
 )
 from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
-from memo_core.skillbook.index import KeyIndex
 from memo_core.skillbook.key_aliases import NearKeys, join, near_keys
 from memo_core.skillbook.key_embedding import KeyVectors
+from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.known_copies import Place, PlaceKind, drop_place, note_place, places_of
+from memo_core.skillbook.negative_transfer import Evidence, evidence_of, withhold
 from memo_core.skillbook.origins import origins_of
-from memo_core.skillbook.places import Place, PlaceKind, drop_place, note_place, places_of
-from memo_core.skillbook.rawlog import RawLog, keep_answer, kept_answer, read_log
+from memo_core.skillbook.rebuild_input import RawLog, keep_answer, kept_answer, read_log
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
 from memo_core.skillbook.revising import edit, kept_read_backs, read_back, remove
+from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.stats import stats_of
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
+from memo_core.skillbook.text_vectors import TextVectors
 from memo_core.skillbook.unclustered import copy_without_clustering, is_clustered
-from memo_core.skillbook.vectors import TextVectors
-from memo_core.skillbook.withdrawal import BEYOND, BEYOND_SERVER, clean
 
 _F, _E = tables.feedback.c, tables.entries.c
 
@@ -238,7 +238,7 @@ class Skillbook:
         much faster than one by one. Calling it twice stores them twice. Returns the number of entries. Raises
         ``ReadOnlyBook``."""
         with self._database.write() as connection:
-            return bulk.add_lessons(self._database, connection, lessons)
+            return bulk_adding.add_lessons(self._database, connection, lessons)
 
     def prepare(self, progress: Callable[[float], None] = lambda share: None) -> None:
         """Make now what retrieval would make when it is first asked: vectors of all keys, texts' vectors and sketches.
@@ -320,8 +320,8 @@ class Skillbook:
         """Count that entries were served to code that ran and, with ``success``, that the code was approved.
 
         With the ``subtask`` that the code was for, it is counted for that key, too: an entry that is corrected where it
-        was served for another key is withheld there (``memo_core.skillbook.harm``), and a key's own template gives way
-        to an older version once that has the better record (``memo_core.skillbook.templates``).
+        was served for another key is withheld there (``memo_core.skillbook.negative_transfer``), and a key's own
+        template is replaced by an older version once that has the better record (``memo_core.skillbook.templates``).
         """
         ids = sorted(set(entry_ids))
         if not ids:
@@ -339,8 +339,8 @@ class Skillbook:
 
     # -- made anew from the raw log -----------------------------------------------------------------------------------
     def log(self, until: int | float | None = None) -> RawLog:
-        """What was said, and what was made of it (``memo_core.skillbook.rawlog``): up to and with feedback number
-        ``until``, or before a time (a float, s since the epoch)."""
+        """What was said, and what was made of it (``memo_core.skillbook.rebuild_input``), up to and including feedback
+        number ``until`` (an int), or before a time (a float, s since the epoch)."""
         with self._database.read() as connection:
             return read_log(self._database, connection, until)
 

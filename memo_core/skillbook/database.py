@@ -223,7 +223,7 @@ class Database:
         """Count the change that this write transaction makes to what can be retrieved.
 
         ``by_revisions``: new revisions and what they list as changed tell all of it, so that who has counted the
-        generation before need not count everything again (``memo_core.skillbook.contents``).
+        generation before need not count everything again (``memo_core.skillbook.retrieval_cache``).
         """
         generation = int(self.meta(connection)["generation"]) + 1
         self.set_meta(connection, "generation", str(generation))

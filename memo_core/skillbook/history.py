@@ -19,7 +19,7 @@ from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.superseding import restore, supersede
 from memo_core.skillbook.templates import records_of
-from memo_core.skillbook.vectors import batched
+from memo_core.skillbook.text_vectors import batched
 
 _E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
 _CHUNK = 500

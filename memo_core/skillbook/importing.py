@@ -17,10 +17,10 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables, templates
-from memo_core.skillbook.adding import CLUSTER, EDIT
+from memo_core.skillbook.adding_entries import CLUSTER, EDIT
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.export import IMPORTED
-from memo_core.skillbook.forget import forget_feedback
+from memo_core.skillbook.forget_in_database import forget_feedback
 from memo_core.skillbook.import_records import BadImport, ImportRecords, When, key_of, phase_of
 from memo_core.skillbook.key_aliases import join
 from memo_core.skillbook.keys import Key

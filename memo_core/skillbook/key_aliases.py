@@ -15,7 +15,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables, templates
-from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key

@@ -9,10 +9,10 @@ import attrs
 import numpy as np
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.key_factors import KeyParts, distinct
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.text_vectors import TextVectors
 
 _KEPT = 20_000  # keys' vectors in memory
 

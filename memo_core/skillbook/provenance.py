@@ -9,7 +9,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, batched, places
+from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, batched, places
 
 _F, _S = tables.feedback.c, tables.sources.c
 _SAID = (

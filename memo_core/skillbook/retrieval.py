@@ -2,8 +2,8 @@
 
 Keys are compared by r(q, v), all of them and exactly. Entries are found by their key, by their text through the vector
 store, and, for actions that take hold of something, among remarks about gripping that were made at the opposite action.
-Whatever was found is scored here (``memo_core.skillbook.ranking``). An entry whose action undoes the subtask's is never
-served otherwise, however it was found.
+Whatever was found is scored (``memo_core.skillbook.retrieval_score``). An entry whose action undoes the subtask's is
+never served otherwise, however it was found.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
-from memo_core.skillbook.contents import KINDS, Contents, read_contents
-from memo_core.skillbook.context import SubtaskContext
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry, headline
-from memo_core.skillbook.index import KeyIndex, KeyScores
 from memo_core.skillbook.key_embedding import KeyVectors
+from memo_core.skillbook.key_index import KeyIndex, KeyScores
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.provenance import Provenance, provenance_of
 from memo_core.skillbook.queries import generation_of, served_rows
-from memo_core.skillbook.ranking import TIE, Candidates, best
+from memo_core.skillbook.retrieval_cache import KINDS, Contents, read_contents
+from memo_core.skillbook.retrieval_result import ALIKE, Cut, Retrieval, Served, alike
+from memo_core.skillbook.retrieval_score import TIE, Candidates, best
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
-from memo_core.skillbook.served import ALIKE, Cut, Retrieval, Served, alike
-from memo_core.skillbook.terms import Terms
+from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.skillbook.shared_terms import Terms
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
-from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
+from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 __all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text", "score"]
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook.actions import Actions, default_actions
+from memo_core.skillbook.action_relations import Actions, default_actions
 from memo_core.skillbook.key_embedding import Wording
 
 
@@ -53,7 +53,7 @@ class RetrievalSettings:
         s(q, e) = (1 - w_t - w_o) r(q, v) + w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)
 
     where the cosines are those of the plain words of subtask, text and key, and the overlap is the share of the
-    subtask's terms that the text has (``memo_core.skillbook.terms``).
+    subtask's terms that the text has (``memo_core.skillbook.shared_terms``).
     """
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {

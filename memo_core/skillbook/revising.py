@@ -15,7 +15,7 @@ import sqlalchemy as sa
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook import queries, tables
-from memo_core.skillbook.adding import EDIT
+from memo_core.skillbook.adding_entries import EDIT
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, ReadBack, key_label
 from memo_core.skillbook.superseding import supersede

@@ -19,7 +19,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
+from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
 

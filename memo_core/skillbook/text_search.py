@@ -16,10 +16,10 @@ import sqlalchemy as sa
 from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import queries, tables
-from memo_core.skillbook.contents import KINDS, Contents
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.retrieval_cache import KINDS, Contents
 from memo_core.skillbook.text_index import Likeness
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.text_vectors import TextVectors
 
 _E, _C, _M = tables.entries.c, tables.changes.c, tables.meta.c
 _BATCH = 20_000  # vectors handed to the store at once

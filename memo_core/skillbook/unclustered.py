@@ -5,12 +5,12 @@ from __future__ import annotations
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables
-from memo_core.skillbook.adding import CLUSTER
+from memo_core.skillbook.adding_entries import CLUSTER
 from memo_core.skillbook.condensing import CLUSTERED, DUPLICATES
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.export import IMPORTED
-from memo_core.skillbook.vectors import batched
+from memo_core.skillbook.text_vectors import batched
 
 _E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
 _DERIVED = ("vectors", "sheets")  # tables that are not copied

@@ -38,7 +38,7 @@ INTERFACES = {
     "gripper_driver": "memo_core.interfaces.driver:GripperDriver",
     "perception": "memo_core.interfaces.perception:Perception",
     "teacher": "memo_core.interfaces.teacher:Teacher",
-    "method": "memo_core.policy.language_method:Method",
+    "method": "memo_core.policy.method_interface:Method",
 }
 # Run on its own: what a plugin's module loads beyond what the core itself brings.
 _LOADS = """

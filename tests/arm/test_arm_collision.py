@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from memo_franka.description import panda
 
 from memo_core.arm.collision import Held, RobotShape, obstacles_of
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import side_orientation

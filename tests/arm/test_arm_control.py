@@ -13,7 +13,7 @@ from arms import box, control_of, limits_used
 from memo_franka.description import panda
 from memo_perception.ground_truth import GroundTruth
 from memo_sim_mujoco.simulator import MujocoSimulator
-from promptness import shortest
+from timing import shortest
 
 from memo_core.arm.control import ArmControl
 from memo_core.arm.simulated_link import SimulatorLink

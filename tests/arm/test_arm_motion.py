@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
 
+from memo_core.arm.cartesian_path import CartesianPath
 from memo_core.arm.collision import RobotShape, obstacles_of
-from memo_core.arm.kinematics import Kinematics
-from memo_core.arm.path import CartesianPath
-from memo_core.arm.planner import plan_free
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.redundancy_resolution import Blocked, BranchSearch, tilt_choices
+from memo_core.arm.rrt_connect import plan_free
 from memo_core.errors import MotionError
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle, quaternion_from_rotation

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
 
-from memo_core.arm.kinematics import Kinematics
-from memo_core.arm.planner import densified
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.rrt_connect import densified
 from memo_core.arm.trajectory import Speed, stopping, time_path
 
 ARMS = {"panda": Kinematics(panda()), "six": Kinematics(six_joint_arm())}

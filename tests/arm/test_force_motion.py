@@ -12,7 +12,7 @@ from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.arm.control import ArmControl
 from memo_core.arm.force import STRAY, spiral
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.simulated_link import SimulatorLink
 from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.scene.description import Body, Geom, Material, SceneDescription

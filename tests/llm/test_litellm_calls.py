@@ -8,9 +8,9 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from fake_openai_server import Reply, Wire, error
 from memo_llm.litellm.model import LiteLLMModel
 from memo_llm.settings import LiteLLMSettings
-from wire import Reply, Wire, error
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request

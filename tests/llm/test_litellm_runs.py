@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
+from fake_openai_server import Asked, Reply, Wire, error
 from memo_llm.offline.model import OfflineModel
-from wire import Asked, Reply, Wire, error
 
 from memo_core.config import load_experiment
 from memo_core.interfaces.llm import Message, Request

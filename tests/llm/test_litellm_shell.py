@@ -19,7 +19,7 @@ from memo_core.interfaces.llm import Usage
 from memo_core.llm.ledger import Ledger
 from memo_core.llm.spending import Spent
 from memo_core.plugins import Registry
-from memo_core.runs.console import Narrator
+from memo_core.runs.narration import Narrator
 from memo_core.runs.sections import SECTIONS
 
 # Whatever wants to leave the machine, looks up where to, or reads an .env file, is noted here.

@@ -27,7 +27,7 @@ from memo_core.policy.settings import RunSettings
 from memo_core.redaction import Redactor
 from memo_core.runlog.log import RunLog
 from memo_core.runs.factories import budget_of
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
 
 QUESTION = Request("plan", (Message("user", "What is next, please?"),))

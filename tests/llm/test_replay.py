@@ -19,7 +19,7 @@ from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request
 from memo_core.plugins import Registry
-from memo_core.runs.recording import recorded, replayed, shipped
+from memo_core.runs.record_replay import recorded, replayed, shipped
 from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS
 from memo_core.testing.fake_llm import ScriptedModel

@@ -12,7 +12,7 @@ import pytest
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Usage
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.interfaces.teacher import ReadBack, Teacher, Verdict
-from memo_core.policy.language_method import Method
+from memo_core.policy.method_interface import Method
 from memo_core.policy.session import RunResult
 from memo_core.scene.description import Body, Geom, SceneDescription
 from memo_core.scene.pose import Pose

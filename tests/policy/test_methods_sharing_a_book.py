@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from loop_bench import BESIDE, GRASP, NO, NOTES, SAID, YES, Bench
+from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, YES, Bench
 
 from memo_core.events import Retrieved
 from memo_core.interfaces.teacher import Verdict

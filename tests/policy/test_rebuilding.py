@@ -8,7 +8,7 @@ from pathlib import Path
 import attrs
 import pytest
 from cluster_books import approve, new_book
-from loop_bench import NOTES
+from loop_setup import NOTES
 
 from memo_core.interfaces.llm import LanguageModel, Request
 from memo_core.llm.budget import Budget
@@ -22,8 +22,8 @@ from memo_core.runlog.log import RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import GLOBAL_KEY, Note, ReadBack
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.rawlog import RawLog
-from memo_core.stopping import StopSwitch
+from memo_core.skillbook.rebuild_input import RawLog
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 

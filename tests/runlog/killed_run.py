@@ -33,7 +33,7 @@ from memo_core.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_store import FakeStore

@@ -19,7 +19,7 @@ from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.policy.clustering import ClusteringSettings
 from memo_core.llm.prompt_files import Prompts
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
 
 BOTH = json.dumps({"entries": [{"text": "Swing it.", "from": [1, 2]}], "dropped": []})

@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from memo_core.events import CodeWritten
-from memo_core.runs.console import Narrator
+from memo_core.runs.narration import Narrator
 from memo_core.skillbook.entries import headline
 
 TEMPLATE = (

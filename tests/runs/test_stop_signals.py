@@ -14,13 +14,13 @@ import time
 from pathlib import Path
 
 import pytest
-from promptness import shortest
+from timing import shortest
 
 from memo_core.errors import Stopped
 from memo_core.teachers.silent import SilentTeacher
-from memo_core.runs.signals import Supervisor
+from memo_core.runs.signal_handling import Supervisor
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
-from memo_core.stopping import StopSwitch, abandonable
+from memo_core.stop_switch import StopSwitch, abandonable
 from memo_core.testing.fake_environment import FakeEnvironment
 
 PROMISE_S = 0.1  # last command within 50 ms of the signal, prompt ready within another 50 ms
@@ -160,7 +160,7 @@ def test_two_signals_at_once_end_the_run_and_nothing_escapes():
 
 
 def test_two_signals_far_apart_are_two_stops(monkeypatch):
-    monkeypatch.setattr("memo_core.runs.signals.SECOND_PRESS_S", 0.05)
+    monkeypatch.setattr("memo_core.runs.signal_handling.SECOND_PRESS_S", 0.05)
     supervisor = Supervisor(StopSwitch(), Patient())
     send_after(0.05)
 
@@ -201,8 +201,8 @@ def test_a_stop_already_pressed_is_not_slept_through():
 PROGRAM = textwrap.dedent(
     """
     import sys, time
-    from memo_core.runs.signals import Supervisor
-    from memo_core.stopping import StopSwitch
+    from memo_core.runs.signal_handling import Supervisor
+    from memo_core.stop_switch import StopSwitch
 
     supervisor = Supervisor(StopSwitch())
 

@@ -131,7 +131,7 @@ def test_most_ordinary_programs_run_unchanged():
     assert len(REFUSED) / len(PROGRAMS) < 0.15
 
 
-if __name__ == "__main__":  # python tests/test_sandbox_ordinary.py: the share that docs/sandbox.md reports
+if __name__ == "__main__":  # python tests/sandbox/test_sandbox_ordinary.py: the share that docs/sandbox.md reports
     with Sandbox(skill_library(BUILTIN_SKILLS)) as opened:
         endings = {p.stem: in_sandbox(opened, p.read_text())[0] for p in PROGRAMS}
     for name, execution in endings.items():

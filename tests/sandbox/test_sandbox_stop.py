@@ -7,11 +7,11 @@ import threading
 import time
 
 import pytest
-from promptness import shortest
+from timing import shortest
 
 from memo_core.errors import MotionError, Stopped
 from memo_core.events import SkillCalled
-from memo_core.sandbox import Limits, Sandbox, Workspace, worker
+from memo_core.sandbox import Limits, Sandbox, Workspace, interpreter_process
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.control import Control
 from memo_core.skills.skill import skill, skill_library
@@ -183,15 +183,15 @@ def test_the_fake_refuses_like_a_robot():
 
 def test_threads_that_open_a_sandbox_at_once_share_one_pool(monkeypatch):
     started = []
-    start = worker.Monty
+    start = interpreter_process.Monty
 
     def slowly(**options):
         started.append(options)
         time.sleep(0.05)
         return start(**options)
 
-    monkeypatch.setattr(worker, "Monty", slowly)
-    pool = worker.WorkerPool(Limits())
+    monkeypatch.setattr(interpreter_process, "Monty", slowly)
+    pool = interpreter_process.WorkerPool(Limits())
     threads = [threading.Thread(target=pool.open) for _ in range(4)]
     for thread in threads:
         thread.start()

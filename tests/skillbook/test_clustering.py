@@ -14,7 +14,7 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.policy.clustering import ClusteringSettings
 from memo_core.skillbook.clusters import Condensed, Merged
 from memo_core.skillbook.condensing import ClusterChanged
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
 
 

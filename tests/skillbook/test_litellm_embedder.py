@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_openai_server import Reply, Wire, error
 from memo_embedder.litellm_embedder import LiteLLMEmbedder
 from memo_embedder.settings import LiteLLMEmbedderSettings
-from wire import Reply, Wire, error
 
 from memo_core.errors import BackendUnavailable
 from memo_core.skillbook.book import Skillbook

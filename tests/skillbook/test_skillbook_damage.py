@@ -14,7 +14,7 @@ import pytest
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.skillbook import tables
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.rescue import rescue
+from memo_core.skillbook.recovery import rescue
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 

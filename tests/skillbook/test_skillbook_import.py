@@ -18,12 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from memo_core.errors import UnknownName
+from memo_core.skillbook.authors_books import NotALorebook, read_lorebook
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Condensed, Merged
 from memo_core.skillbook.entries import GLOBAL_KEY, ReadBack
 from memo_core.skillbook.import_records import BadImport
-from memo_core.skillbook.lorebook import NotALorebook, read_lorebook
-from memo_core.skillbook.pickles import UnsafePickle
+from memo_core.skillbook.safe_pickle import UnsafePickle
 
 
 def content(book: Skillbook) -> dict[str, object]:

@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from memo_core.skillbook import pickles
-from memo_core.skillbook.pickles import UnsafePickle, load
+from memo_core.skillbook import safe_pickle
+from memo_core.skillbook.safe_pickle import UnsafePickle, load
 
 PROTOCOLS = range(pickle.HIGHEST_PROTOCOL + 1)
 plain = st.recursive(
@@ -209,14 +209,14 @@ def test_any_bytes_are_read_or_refused(data: bytes) -> None:
 
 
 def test_a_file_that_is_too_large_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pickles, "MOST_BYTES", 100)
+    monkeypatch.setattr(safe_pickle, "MOST_BYTES", 100)
     with pytest.raises(UnsafePickle, match="101 bytes"):
         load(b"x" * 101)
 
 
 def test_nothing_is_imported_because_a_pickle_names_it() -> None:
     code = (
-        "import sys\nfrom memo_core.skillbook.pickles import UnsafePickle, load\n"
+        "import sys\nfrom memo_core.skillbook.safe_pickle import UnsafePickle, load\n"
         "for name in ('antigravity', 'torch', 'this'):\n"
         "    try: load(b'c' + name.encode() + b'\\nfly\\n.')\n    except UnsafePickle: pass\n"
         "assert not {'antigravity', 'torch', 'this', 'pickle'} & set(sys.modules) - {'pickle'}, 'imported'"

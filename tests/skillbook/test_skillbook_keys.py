@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook.actions import Actions, default_actions
+from memo_core.skillbook.action_relations import Actions, default_actions
 from memo_core.skillbook.keys import Key, NotAKey
 
 

@@ -16,7 +16,7 @@ from memo_vectorstore.settings import FaissSettings
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook.actions import default_actions
+from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.database import SkillbookError
 from memo_core.skillbook.keys import Key

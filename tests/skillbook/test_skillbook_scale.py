@@ -20,7 +20,7 @@ from memo_benchmarks.skillbook import Source, WordVectors, bench_skillbook
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook import queries, tables, text_index
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.database import Database, ReadOnlyBook
 from memo_core.skillbook.history import CannotRollBack
 from memo_core.skillbook.keys import Key

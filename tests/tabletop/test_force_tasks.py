@@ -13,7 +13,7 @@ import pytest
 from memo_tabletop.reference import solution
 from memo_tabletop.tasks.bottle import CapTurned, CloseTheBottle, OpenTheBottle, cap_on_bottle, screwed_on
 from memo_tabletop.tasks.plate import HEIGHT, SPONGE, Wiped, WipeThePlate
-from tabletop_wrong import Wrong, judged, rehearsal_fixture
+from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.description import SceneDescription

@@ -19,7 +19,7 @@ from memo_tabletop.quirks.doors import (
 )
 from memo_tabletop.quirks.drawers import OpenTheDresser, OpenTheNightstand, OpenTheWorkbench
 from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
-from tabletop_wrong import Wrong, each, rehearsal_fixture
+from wrong_behaviours import Wrong, each, rehearsal_fixture
 
 from memo_core.cli.options import load
 from memo_core.environment.simulated import run_code

@@ -14,7 +14,7 @@ from memo_tabletop.tasks.cooking import CookTheFood
 from memo_tabletop.tasks.faucet import TurnOnTheFaucet
 from memo_tabletop.tasks.heating import HeatTheFood, Started
 from memo_tabletop.tasks.toast import MakeToast
-from tabletop_wrong import Wrong, judged, rehearsal_fixture
+from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.pose import Pose

@@ -10,7 +10,7 @@ from memo_tabletop.tasks.drawer import PutTheCubeAway
 from memo_tabletop.tasks.fridge import OpenTheFridge
 from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 from memo_tabletop.tasks.oven import PutTheFoodInTheOven
-from tabletop_wrong import Wrong, judged, rehearsal_fixture
+from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 DOOR = ("handling", "open_door", "put_inside")
 DRAWER = ("handling", "put_the_cube_away")

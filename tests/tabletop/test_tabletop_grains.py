@@ -19,7 +19,7 @@ from memo_tabletop.objects import block
 from memo_tabletop.tasks import pouring, seasoning
 from memo_tabletop.tasks.pouring import PourTheCan
 from memo_tabletop.tasks.seasoning import SeasonTheFood
-from tabletop_wrong import Wrong, judged, rehearsal_fixture
+from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.arm.attached_objects import Attachment, grasped
 from memo_core.arm.collision import obstacles_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import SAMPLE_S, HeldUp, Mishaps, Moved, Standing
 from memo_tabletop.objects import apple, banana, can, cup, cutlery, open_box, pan, plate
 
@@ -217,7 +217,7 @@ def test_the_spread_of_a_thing_holds_all_of_it_and_no_more(thing, seed):
     rng = np.random.default_rng(seed)
     turn = rng.normal(size=4)
     frame = Pose(tuple(rng.uniform(-1, 1, 3)), tuple(turn / np.linalg.norm(turn)))
-    low, high = predicates.spread(thing, frame)
+    low, high = checks.spread(thing, frame)
     points = np.vstack([(frame * g.pose).apply(surface(g, 3000, rng)) for g in thing.geoms if g.collides])
     assert np.all(points >= low - 1e-9) and np.all(points <= high + 1e-9)
     assert np.all(points.min(axis=0) <= low + 0.006) and np.all(points.max(axis=0) >= high - 0.006)
@@ -229,7 +229,7 @@ def test_inside_means_that_no_part_sticks_out(x, y, z, yaw):
     fork = cutlery("fork", (0, 0, 0), 0.0)
     world = StillWorld(SceneDescription((box, fork)))
     world.moved["fork"] = Pose.from_yaw((0.5 + x, y, z), yaw)
-    said = predicates.inside(world, "box", box.cavities[0], fork, tolerance=0.0)
+    said = checks.inside(world, "box", box.cavities[0], fork, tolerance=0.0)
     space = world.body_pose("box") * box.cavities[0].pose
     corners = [
         (space.inverse() * world.body_pose("fork") * geom.pose).apply(np.array(corner) * geom.size)

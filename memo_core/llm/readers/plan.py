@@ -10,7 +10,7 @@ from typing import Any
 
 from memo_core.llm.readers.json_objects import json_objects
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
-from memo_core.skillbook.actions import default_actions
+from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.keys import Key, NotAKey
 
 WANTED = "answer with one line, ACTION(object), ACTION(object, place) or DONE"

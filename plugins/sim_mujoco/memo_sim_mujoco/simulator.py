@@ -22,7 +22,7 @@ from memo_core.scene.building import families
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
-from memo_sim_mujoco.pictures import REMEDY, Pictures, require_display
+from memo_sim_mujoco.rendering import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
 _log = logging.getLogger("memo.mujoco")

@@ -21,10 +21,10 @@ from memo_core.scene.building import families
 from memo_core.scene.description import Camera, SceneDescription
 from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
-from memo_core.scratch import scratch_folder
-from memo_sim_pybullet.chatter import caught_output
-from memo_sim_pybullet.pictures import Pictures
+from memo_core.temporary_folders import scratch_folder
+from memo_sim_pybullet.rendering import Pictures
 from memo_sim_pybullet.settings import PybulletSettings
+from memo_sim_pybullet.stdout_capture import caught_output
 
 _MAGIC = b"MEMOPB01"
 _HEADER = struct.Struct("<8s16sII")  # magic, fingerprint, bytes of JSON, bytes of Bullet's own
@@ -70,7 +70,7 @@ class PybulletSimulator(Simulator):
             raise BackendUnavailable(
                 "simulator", "pybullet", "it is not open", "call open() or use it as a context manager"
             )
-        from memo_sim_pybullet.drive import RobotDrive, SceneDrive
+        from memo_sim_pybullet.actuators import RobotDrive, SceneDrive
         from memo_sim_pybullet.world import build_world
 
         self._close_window()

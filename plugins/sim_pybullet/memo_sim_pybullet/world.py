@@ -16,11 +16,11 @@ from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, joined_pairs
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
-from memo_core.scratch import scratch_folder
-from memo_sim_pybullet.chatter import caught_output
+from memo_core.temporary_folders import scratch_folder
 from memo_sim_pybullet.friction import Frictions, frictions_of
-from memo_sim_pybullet.links import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
 from memo_sim_pybullet.settings import PybulletSettings
+from memo_sim_pybullet.stdout_capture import caught_output
+from memo_sim_pybullet.urdf_trees import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
 
 _HARD_S = 0.005  # s: materials up to this time constant are as hard as Bullet makes them
 # What a soft thing is pressed with is an arm, not its own weight: with that, a sponge has the stiffness of a feather.

@@ -15,7 +15,7 @@ from typing import Any
 
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 
 SAMPLE_S = 0.02
 FALLING_M_S = 1.4  # after 10 cm; nobody sets anything down from higher
@@ -85,7 +85,7 @@ class HeldUp(Since):
         return super().start(world) | {"from": world.body_pose(self.thing).position[2]}
 
     def holds(self, world: WorldState) -> bool:
-        return self.lifted(world) >= self.height and predicates.held(world, self.thing)
+        return self.lifted(world) >= self.height and checks.held(world, self.thing)
 
     def lifted(self, world: WorldState) -> float:
         """How far above its start it is now (m)."""
@@ -129,8 +129,8 @@ class Standing(Since):
         # Heights first: contacts are dear to ask for.
         if any(height[upper] - height[lower] < self.rise for lower, upper in pairs):
             return False
-        return all(predicates.touches(world, upper, lower) for lower, upper in pairs) and all(
-            predicates.released(world, thing) for thing in order
+        return all(checks.touches(world, upper, lower) for lower, upper in pairs) and all(
+            checks.released(world, thing) for thing in order
         )
 
 
@@ -155,15 +155,15 @@ class Mishaps(Sampled):
             pose = world.body_pose(thing)
             before, now = known["at"], pose.position
             if math.dist(before, now) < STILL_M:
-                if known["carried"] and predicates.at_rest(world, thing):
-                    known["carried"] = predicates.held(world, thing)
+                if known["carried"] and checks.at_rest(world, thing):
+                    known["carried"] = checks.held(world, thing)
                 continue
             known["at"] = list(now)
-            held = predicates.held(world, thing)
+            held = checks.held(world, thing)
             if known["carried"] and not held and (before[2] - now[2]) / SAMPLE_S > FALLING_M_S:
                 self._note(known, "dropped")
-            known["carried"] = held or (known["carried"] and not predicates.at_rest(world, thing))
-            if thing in self.upright and not held and predicates.tilt(pose) > OVER_RAD:
+            known["carried"] = held or (known["carried"] and not checks.at_rest(world, thing))
+            if thing in self.upright and not held and checks.tilt(pose) > OVER_RAD:
                 self._note(known, "dropped" if known["carried"] else "pushed over")
             if now[2] < BELOW_TABLE_M:
                 self._note(known, "off the table")
@@ -196,6 +196,6 @@ class Mishaps(Sampled):
 
 
 def story_of(monitors: Mapping[str, Any], world: WorldState) -> str:
-    """What befell the things, for ``predicates.judge``; empty where no ``Mishaps`` watched them."""
+    """What befell the things, for ``checks.judge``; empty where no ``Mishaps`` watched them."""
     mishaps = monitors.get("mishaps")
     return mishaps.story(world) if isinstance(mishaps, Mishaps) else ""

@@ -20,7 +20,7 @@ def quiet_litellm() -> Any:
         import httpx
         import litellm
 
-        from memo_llm.litellm.line import traced_transport
+        from memo_llm.litellm.connection import traced_transport
 
         litellm.telemetry = False
         litellm.suppress_debug_info = True  # it prints advice to stdout otherwise

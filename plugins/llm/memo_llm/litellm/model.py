@@ -14,10 +14,10 @@ import attrs
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.redaction import Redactor
+from memo_llm.litellm.call_errors import problem_of
+from memo_llm.litellm.connection import Line
+from memo_llm.litellm.conversion import Spoken, messages_of, read_stream, read_whole, response_format
 from memo_llm.litellm.library import quiet_litellm, warm_up
-from memo_llm.litellm.line import Line
-from memo_llm.litellm.problems import problem_of
-from memo_llm.litellm.speech import Spoken, messages_of, read_stream, read_whole, response_format
 from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut

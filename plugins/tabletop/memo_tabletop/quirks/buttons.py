@@ -14,7 +14,7 @@ from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Slide
 from memo_core.scene.hollow import shell
 from memo_core.scene.mechanisms import Mechanism
 from memo_core.scene.pose import Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import CHROME, LYING_ALONG_X
 from memo_tabletop.furniture import DARK, STEEL, WHITE, DoorHinge, Handle
 from memo_tabletop.quirks.code import quirk_code
@@ -53,7 +53,7 @@ class OpenTheRiceCooker(OpenAThing):
     quirk = "hold the button"
     lesson = "You have to keep the rice cooker's button pressed for two seconds until the lid pops up."
     thing = "rice cooker"
-    mover, motion, still, looked_at = "lid", "hinge", predicates.AT_REST_RAD_S, 0.15
+    mover, motion, still, looked_at = "lid", "hinge", checks.AT_REST_RAD_S, 0.15
     size: Vector = (0.22, 0.22, 0.15)  # depth, width, height without the lid
 
     def furniture(self, rng: np.random.Generator) -> Body:
@@ -107,7 +107,7 @@ class OpenTheRiceCooker(OpenAThing):
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         outcome = super().check(world, monitors)
-        if outcome.success and not predicates.released(world, f"{self.thing}/button"):
+        if outcome.success and not checks.released(world, f"{self.thing}/button"):
             return Outcome(False, "the robot still touches the button", outcome.measures)
         return outcome
 

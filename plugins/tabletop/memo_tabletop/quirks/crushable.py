@@ -11,7 +11,7 @@ from memo_core.interfaces.task import Monitor, Outcome
 from memo_core.scene.description import Body, Colour, Free, Geom, SceneDescription, Slide, Vector
 from memo_core.scene.mechanisms import Above, Lasting, Lock, Mechanism, Pressed
 from memo_core.scene.pose import Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import RED, cameras
 from memo_tabletop.quirks.code import quirk_code
@@ -130,24 +130,24 @@ class CarryAThinThing(QuirkTask):
         conditions = (
             (dent < BULGE_M, f"the {self.thing} is crushed"),
             (
-                over and predicates.touches(world, self.thing, self.target),
+                over and checks.touches(world, self.thing, self.target),
                 f"the {self.thing} is not on the {self.target}",
             ),
-            (predicates.upright(world, self.thing), f"the {self.thing} does not stand upright"),
-            *predicates.let_go(world, self.thing),
+            (checks.upright(world, self.thing), f"the {self.thing} does not stand upright"),
+            *checks.let_go(world, self.thing),
         )
         done = f"the {self.thing} stands whole on the {self.target}"
-        return predicates.judge(done, conditions, {"dent_m": dent}, story_of(monitors, world))
+        return checks.judge(done, conditions, {"dent_m": dent}, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         if not names or names[0] != self.thing:
             return None
-        if action in predicates.PICKING:
+        if action in checks.PICKING:
             if self.dent(world) >= BULGE_M:
                 return Outcome(False, f"the {self.thing} is crushed")
-            return predicates.picked(world, (self.thing,), names)
-        return self.check(world, {}) if action in predicates.PLACING else None
+            return checks.picked(world, (self.thing,), names)
+        return self.check(world, {}) if action in checks.PLACING else None
 
     def code(self, force: str) -> str:
         calls = f'carry("{self.thing}", "{self.target}", {force})\n'

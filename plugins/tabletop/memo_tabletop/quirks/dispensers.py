@@ -17,7 +17,7 @@ from memo_core.scene.description import Body, Cavity, Colour, Free, Geom, SceneD
 from memo_core.scene.hollow import cup
 from memo_core.scene.mechanisms import Below, Lock, Mechanism, Times
 from memo_core.scene.pose import Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import WOOD
 from memo_tabletop.grains import SALT, grains
 from memo_tabletop.monitors import Mishaps, story_of
@@ -142,19 +142,19 @@ class ShakeOver(QuirkTask):
 
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         given = self.given(world)
-        stands = predicates.upright(world, self.thing) and predicates.on_table(world, self.thing)
+        stands = checks.upright(world, self.thing) and checks.on_table(world, self.thing)
         conditions = (
             (given >= ENOUGH, f"{given} of {COUNT} grains are in the {self.target}"),
             (stands, f"the {self.thing} does not stand upright on the table"),
-            *predicates.let_go(world, self.thing),
+            *checks.let_go(world, self.thing),
         )
         done = f"{given} grains are in the {self.target}, the {self.thing} stands on the table"
-        return predicates.judge(done, conditions, {"grains": float(given)}, story_of(monitors, world))
+        return checks.judge(done, conditions, {"grains": float(given)}, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, (self.thing,), names)
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, (self.thing,), names)
         if action in ("SHAKE", "POUR", "SPRINKLE", "SEASON", "DUST", "PEPPER"):
             given = self.given(world)
             return Outcome(given >= ENOUGH, f"{given} of {COUNT} grains are in the {self.target}")

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import Body, Colour, Vector
 from memo_core.scene.mechanisms import Mechanism
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import DARK, STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle
@@ -22,7 +22,7 @@ OPENING = math.radians(88)
 class OpenADoor(OpenAThing):
     """Success: the door stands open so far that a hand reaches straight in, still and let go."""
 
-    mover, motion, still, looked_at = "door", "hinge", predicates.AT_REST_RAD_S, 0.25
+    mover, motion, still, looked_at = "door", "hinge", checks.AT_REST_RAD_S, 0.25
     size: Vector = (0.30, 0.36, 0.34)  # depth, width, height
     place: tuple[float, float] = (0.70, 0.0)
     hinge = DoorHinge("left", math.radians(110))
@@ -36,8 +36,8 @@ class OpenADoor(OpenAThing):
 
     def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
         angle = world.joint_position(self.joint)
-        width = predicates.passage(angle, self.size[1] - 2 * WALL, self.size[1])
-        wide = width >= predicates.HAND_PASSAGE_M
+        width = checks.passage(angle, self.size[1] - 2 * WALL, self.size[1])
+        wide = width >= checks.HAND_PASSAGE_M
         how = f"lets {'' if wide else 'only '}{max(width, 0):.2f} m through"
         return wide, "is shut" if angle < math.radians(3) else how, {"door_rad": angle, "passage_m": width}
 

@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.scene.description import Body, Vector
 from memo_core.scene.mechanisms import Mechanism
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.quirks.code import quirk_code
 from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle, with_mover
@@ -25,7 +25,7 @@ TRAVEL = 0.18  # m
 class OpenADrawer(OpenAThing):
     """Success: the drawer is out so far that a hand reaches into it, still and let go."""
 
-    mover, motion, still, looked_at = "drawer", "slide", predicates.AT_REST_M_S, 0.15
+    mover, motion, still, looked_at = "drawer", "slide", checks.AT_REST_M_S, 0.15
     verbs = ("OPEN", "PULL_OUT", "PULL")
     size: Vector = (0.28, 0.30, 0.16)  # depth, width, height
     place: tuple[float, float] = (0.66, 0.10)

@@ -11,7 +11,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome
 from memo_core.scene.description import Body, SceneDescription
 from memo_core.scene.mechanisms import Mechanism
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.objects import cameras
 from memo_tabletop.quirks.task import QuirkTask
 
@@ -55,10 +55,10 @@ class OpenAThing(QuirkTask):
         how = f"the {self.thing} {self.mover} {how}"
         conditions = (
             (wide, how),
-            (predicates.released(world, f"{self.thing}/{self.mover}"), f"the robot still touches the {self.mover}"),
+            (checks.released(world, f"{self.thing}/{self.mover}"), f"the robot still touches the {self.mover}"),
             (abs(world.joint_velocity(self.joint)) < self.still, f"the {self.mover} is still moving"),
         )
-        return predicates.judge(how, conditions, measures)
+        return checks.judge(how, conditions, measures)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if predicates.read_subtask(subtask)[0] in self.verbs else None
+        return self.check(world, {}) if checks.read_subtask(subtask)[0] in self.verbs else None

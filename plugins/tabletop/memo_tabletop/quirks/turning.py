@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Outcome
 from memo_core.scene.description import Body, Colour, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.mechanisms import Above, AllOf, Below, Lock, Locked, Mechanism, Spring
 from memo_core.scene.pose import Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import DARK, STEEL, WHITE
 from memo_tabletop.objects import cameras
 from memo_tabletop.quirks.code import quirk_code
@@ -125,12 +125,10 @@ class OpenTheMedicineBottle(PressToTurn):
         up = world.joint_position(f"{self.thing}/press")
         turned = math.degrees(self.turned(world))
         conditions = ((up >= CAP_OFF_M, f"the cap is on the bottle, turned by {turned:.0f} degrees"),)
-        return predicates.judge(
-            "the cap is off the bottle", conditions, {"cap_m": up, "turned_rad": self.turned(world)}
-        )
+        return checks.judge("the cap is off the bottle", conditions, {"cap_m": up, "turned_rad": self.turned(world)})
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if predicates.read_subtask(subtask)[0] in ("OPEN", "REMOVE", "TAKE_OFF") else None
+        return self.check(world, {}) if checks.read_subtask(subtask)[0] in ("OPEN", "REMOVE", "TAKE_OFF") else None
 
     def code(self, push: float) -> str:
         name = f"{self.thing} cap"
@@ -176,14 +174,12 @@ class TurnOnTheHeater(PressToTurn):
         turned = self.turned(world)
         conditions = (
             (turned >= TURNED_RAD - 0.1, f"the knob is turned by only {math.degrees(turned):.0f} degrees"),
-            (predicates.released(world, f"{self.thing}/turner"), "the robot still touches the knob"),
+            (checks.released(world, f"{self.thing}/turner"), "the robot still touches the knob"),
         )
-        return predicates.judge("the heater is on", conditions, {"turned_rad": turned})
+        return checks.judge("the heater is on", conditions, {"turned_rad": turned})
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return (
-            self.check(world, {}) if predicates.read_subtask(subtask)[0] in ("TURN_ON", "TURN", "SWITCH_ON") else None
-        )
+        return self.check(world, {}) if checks.read_subtask(subtask)[0] in ("TURN_ON", "TURN", "SWITCH_ON") else None
 
     def code(self, push: float) -> str:
         name = f"{self.thing} knob"

@@ -7,7 +7,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps
 from memo_tabletop.objects import PLATE_RADIUS, apple, banana, cameras, plate
 from memo_tabletop.reference import solution
@@ -40,28 +40,28 @@ class PutTheBananaOnThePlate(Task):
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
         mishaps = monitors["mishaps"]
         assert isinstance(mishaps, Mishaps)
-        away = predicates.level_distance(world, "banana", "plate")
-        return predicates.judge(
+        away = checks.level_distance(world, "banana", "plate")
+        return checks.judge(
             "the banana lies on the plate",
             [
-                (predicates.touches(world, "banana", "plate"), "the banana does not touch the plate"),
+                (checks.touches(world, "banana", "plate"), "the banana does not touch the plate"),
                 (away <= WELL_ON * PLATE_RADIUS, f"the banana's middle is {100 * away:.0f} cm from the plate's"),
-                (not predicates.on_table(world, "banana"), "the banana leans on the table"),
-                (predicates.upright(world, "plate"), "the plate does not lie flat"),
-                (predicates.on_table(world, "plate"), "the plate does not lie on the table"),
-                *predicates.let_go(world, "banana"),
+                (not checks.on_table(world, "banana"), "the banana leans on the table"),
+                (checks.upright(world, "plate"), "the plate does not lie flat"),
+                (checks.on_table(world, "plate"), "the plate does not lie on the table"),
+                *checks.let_go(world, "banana"),
             ],
             {"from_middle_m": away},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("banana", "apple"), names)
-        if action in predicates.PLACING and names and names[0] == "banana":
-            near = predicates.level_distance(world, "banana", "plate") <= WELL_ON * PLATE_RADIUS
-            done = near and predicates.touches(world, "banana", "plate") and predicates.released(world, "banana")
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, ("banana", "apple"), names)
+        if action in checks.PLACING and names and names[0] == "banana":
+            near = checks.level_distance(world, "banana", "plate") <= WELL_ON * PLATE_RADIUS
+            done = near and checks.touches(world, "banana", "plate") and checks.released(world, "banana")
             return Outcome(done, f"the banana {'lies' if done else 'does not lie'} on the plate")
         return None
 

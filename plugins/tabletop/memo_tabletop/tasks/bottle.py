@@ -18,7 +18,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Camera, Colour, Free, Geom, Material, SceneDescription, Vector
 from memo_core.scene.hollow import cup
 from memo_core.scene.pose import Pose, look_at
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Sampled
 from memo_tabletop.objects import METAL, RED, cameras
 from memo_tabletop.reference import solution
@@ -102,7 +102,7 @@ def cap_on_bottle(world: WorldState) -> tuple[float, float, float, float]:
     relative = world.body_pose("bottle").inverse() * world.body_pose("cap")
     x, y, z = relative.position
     rotation = relative.rotation
-    return math.hypot(x, y), predicates.tilt(relative), z, math.atan2(rotation[1, 0], rotation[0, 0])
+    return math.hypot(x, y), checks.tilt(relative), z, math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def screwed_on(away: float, tilt: float, height: float, turn: float) -> bool:
@@ -179,29 +179,27 @@ class OpenTheBottle(Task):
         assert isinstance(turned, CapTurned) and isinstance(mishaps, Mishaps)
         away, _, height, _ = cap_on_bottle(world)
         loosened = turned.loosened()
-        return predicates.judge(
+        return checks.judge(
             "the bottle is open",
             [
                 (away > CLEAR_M or height > NECK_TOP, "the cap is still on the bottle"),
-                (not predicates.touches(world, "cap", "bottle"), "the cap still touches the bottle"),
+                (not checks.touches(world, "cap", "bottle"), "the cap still touches the bottle"),
                 (
                     loosened > TURNED_RAD / 2,
                     f"the cap was torn off, turned by only {math.degrees(loosened):.0f} degrees",
                 ),
                 (
-                    predicates.on_table(world, "cap") or predicates.held(world, "cap"),
+                    checks.on_table(world, "cap") or checks.held(world, "cap"),
                     "the cap is neither in the hand nor on the table",
                 ),
             ],
             {"from_axis_m": away, "height_m": height, "loosened_rad": loosened},
-            "" if predicates.held(world, "cap") else mishaps.story(world),
+            "" if checks.held(world, "cap") else mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        return (
-            predicates.picked(world, ("cap",), names) if action in (*predicates.PICKING, "REMOVE", "TAKE_OFF") else None
-        )
+        action, names = checks.read_subtask(subtask)
+        return checks.picked(world, ("cap",), names) if action in (*checks.PICKING, "REMOVE", "TAKE_OFF") else None
 
     @property
     def reference_solution(self) -> str:
@@ -231,7 +229,7 @@ class CloseTheBottle(Task):
         assert isinstance(turned, CapTurned) and isinstance(mishaps, Mishaps)
         away, tilt, height, turn = cap_on_bottle(world)
         clockwise = turned.clockwise()
-        return predicates.judge(
+        return checks.judge(
             "the bottle is closed",
             [
                 (away < CLEAR_M, "the cap is not on the bottle"),
@@ -244,15 +242,15 @@ class CloseTheBottle(Task):
                     clockwise >= TURNED_RAD and screwed_on(away, tilt, height, turn),
                     f"the cap was turned by only {math.degrees(clockwise):.0f} degrees",
                 ),
-                *predicates.let_go(world, "cap"),
+                *checks.let_go(world, "cap"),
             ],
             {"from_axis_m": away, "tilt_rad": tilt, "height_m": height, "clockwise_rad": clockwise},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        return predicates.picked(world, ("cap",), names) if action in predicates.PICKING else None
+        action, names = checks.read_subtask(subtask)
+        return checks.picked(world, ("cap",), names) if action in checks.PICKING else None
 
     @property
     def reference_solution(self) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import HeldUp, Mishaps, Moved
 from memo_tabletop.objects import CAN_RADIUS, GREEN, RED, cameras, can
 from memo_tabletop.reference import solution
@@ -63,11 +63,14 @@ class PickTheLeftCan(TwoCans):
         held = monitors[f"held up: {left}"]
         assert isinstance(moved, Moved) and isinstance(mishaps, Mishaps) and isinstance(held, HeldUp)
         seconds, lifted, pushed = held.seconds(world), held.lifted(world), moved.farthest(right)
-        return predicates.judge(
+        return checks.judge(
             f"the {left} has been held up for {seconds:.1f} s",
             [
                 (pushed < OTHER_STAYS_M, f"the other can, the {right}, was moved by {100 * pushed:.0f} cm"),
-                (predicates.held(world, left), f"the {left}, which stood on the left, is not held clear of everything"),
+                (
+                    checks.held(world, left),
+                    f"the {left}, which stood on the left, is not held clear of everything",
+                ),
                 (lifted >= HELD_HEIGHT_M, f"the {left} is only {100 * lifted:.0f} cm up"),
                 (seconds >= HELD_S, f"the {left} has been held up for only {seconds:.1f} s"),
             ],
@@ -76,8 +79,8 @@ class PickTheLeftCan(TwoCans):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        return predicates.picked(world, tuple(n for n, _ in CANS), names) if action in predicates.PICKING else None
+        action, names = checks.read_subtask(subtask)
+        return checks.picked(world, tuple(n for n, _ in CANS), names) if action in checks.PICKING else None
 
     @property
     def reference_solution(self) -> str:
@@ -101,31 +104,31 @@ class MoveTheRightCanToTheLeftCan(TwoCans):
         moved, mishaps = monitors["moved"], monitors["mishaps"]
         assert isinstance(moved, Moved) and isinstance(mishaps, Mishaps)
         left, right = self.sides(monitors)
-        gap = max(0.0, predicates.level_distance(world, left, right) - 2 * CAN_RADIUS)
+        gap = max(0.0, checks.level_distance(world, left, right) - 2 * CAN_RADIUS)
         pushed = moved.farthest(left)
-        return predicates.judge(
+        return checks.judge(
             f"the {right} stands {100 * gap:.0f} cm from the {left}",
             [
                 (pushed < LEFT_STAYS_M, f"the left can, the {left}, was moved by {100 * pushed:.0f} cm"),
-                *((predicates.upright(world, n), f"the {n} does not stand upright") for n in (left, right)),
-                (predicates.on_table(world, right), f"the {right} does not stand on the table"),
+                *((checks.upright(world, n), f"the {n} does not stand upright") for n in (left, right)),
+                (checks.on_table(world, right), f"the {right} does not stand on the table"),
                 (gap < TOGETHER_M, f"there are {100 * gap:.0f} cm between the cans"),
-                *predicates.let_go(world, right),
-                *predicates.let_go(world, left),
+                *checks.let_go(world, right),
+                *checks.let_go(world, left),
             ],
             {"gap_m": gap, "left_moved_m": pushed},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         cans = tuple(n for n, _ in CANS)
-        if action in predicates.PICKING:
-            return predicates.picked(world, cans, names)
-        if action in predicates.PLACING and names and names[0] in cans:
-            near = predicates.level_distance(world, *cans) - 2 * CAN_RADIUS < TOGETHER_M
-            stands = predicates.upright(world, names[0]) and predicates.on_table(world, names[0])
-            done = near and stands and predicates.released(world, names[0])
+        if action in checks.PICKING:
+            return checks.picked(world, cans, names)
+        if action in checks.PLACING and names and names[0] in cans:
+            near = checks.level_distance(world, *cans) - 2 * CAN_RADIUS < TOGETHER_M
+            stands = checks.upright(world, names[0]) and checks.on_table(world, names[0])
+            done = near and stands and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'stands' if done else 'does not stand'} beside the other")
         return None
 

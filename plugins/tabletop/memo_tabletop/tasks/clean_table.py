@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps
 from memo_tabletop.objects import BLUE, cameras, crumpled_paper, cup, cutlery, open_box, scatter
 from memo_tabletop.reference import solution
@@ -55,28 +55,28 @@ class CleanUpTheTable(Task):
         mishaps = monitors["mishaps"]
         assert isinstance(mishaps, Mishaps)
         away = {name: self._put_away(world, name) for name in WHERE}
-        return predicates.judge(
+        return checks.judge(
             "the dishes are in the tub, the napkin is in the bin",
             [
                 *((away[name], f"the {name} is not wholly in the {box}") for name, box in WHERE.items()),
-                *(condition for name in WHERE for condition in predicates.let_go(world, name)),
+                *(condition for name in WHERE for condition in checks.let_go(world, name)),
             ],
             {"away": float(sum(away.values()))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, tuple(WHERE), names)
-        if action in predicates.PLACING and names and names[0] in WHERE:
-            done = self._put_away(world, names[0]) and predicates.released(world, names[0])
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, tuple(WHERE), names)
+        if action in checks.PLACING and names and names[0] in WHERE:
+            done = self._put_away(world, names[0]) and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in the {WHERE[names[0]]}")
         return None
 
     def _put_away(self, world: WorldState, name: str) -> bool:
         box = container(WHERE[name])
-        return predicates.inside(world, box.name, box.cavities[0], thing(name))
+        return checks.inside(world, box.name, box.cavities[0], thing(name))
 
     @property
     def reference_solution(self) -> str:

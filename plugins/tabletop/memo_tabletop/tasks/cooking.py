@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import BURNER, BURNER_RADIUS, STOVE_SIZE, stove
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import PAN_APOTHEM, PAN_HEIGHT, cameras, food, pan
@@ -53,22 +53,22 @@ class CookTheFood(Task):
             (self._on_burner(world), f"the pan does not stand on the burner but {off * 100:.0f} cm from its middle"),
             (self._in_pan(world), "the food is not in the pan"),
             (angle >= ON_RAD, f"the knob stands at {math.degrees(angle):.0f} degrees"),
-            *predicates.let_go(world, "pan"),
-            *predicates.let_go(world, "food"),
-            (predicates.released(world, "stove/dial"), "the robot still touches the knob"),
+            *checks.let_go(world, "pan"),
+            *checks.let_go(world, "food"),
+            (checks.released(world, "stove/dial"), "the robot still touches the knob"),
         )
-        return predicates.judge("the food is in the pan on the burner, which is on", conditions, measures, mishaps)
+        return checks.judge("the food is in the pan on the burner, which is on", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("pan", "food"), names)
-        if action in predicates.PLACING and names and names[0] == "pan":
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, ("pan", "food"), names)
+        if action in checks.PLACING and names and names[0] == "pan":
             off = self._off_burner(world)
-            done = self._on_burner(world) and predicates.released(world, "pan")
+            done = self._on_burner(world) and checks.released(world, "pan")
             return Outcome(done, f"the pan's middle is {off * 100:.0f} cm from the burner's", {"pan_to_burner_m": off})
-        if action in predicates.PLACING and names and names[0] == "food":
-            done = self._in_pan(world) and predicates.released(world, "food")
+        if action in checks.PLACING and names and names[0] == "food":
+            done = self._in_pan(world) and checks.released(world, "food")
             return Outcome(done, f"the food {'is' if done else 'is not'} in the pan")
         if action in TURNING:
             angle = world.joint_position("stove/knob")
@@ -85,9 +85,7 @@ class CookTheFood(Task):
     def _on_burner(self, world: WorldState) -> bool:
         at = world.body_pose("stove").inverse().apply(np.asarray(world.body_pose("pan").position))
         stands = (
-            predicates.upright(world, "pan")
-            and abs(at[2] - STOVE_SIZE[2]) < 0.02
-            and predicates.touches(world, "pan", "stove")
+            checks.upright(world, "pan") and abs(at[2] - STOVE_SIZE[2]) < 0.02 and checks.touches(world, "pan", "stove")
         )
         return stands and self._off_burner(world) <= ON_BURNER * BURNER_RADIUS
 
@@ -95,7 +93,7 @@ class CookTheFood(Task):
         """Whether it rests in the pan: it touches it, and its middle is over the pan's floor, hardly above the rim."""
         at = world.body_pose("pan").inverse().apply(np.asarray(world.body_pose("food").position))
         over = math.hypot(at[0], at[1]) < PAN_APOTHEM and 0.0 < at[2] < PAN_HEIGHT + 0.005
-        return over and predicates.touches(world, "food", "pan")
+        return over and checks.touches(world, "food", "pan")
 
     @property
     def reference_solution(self) -> str:

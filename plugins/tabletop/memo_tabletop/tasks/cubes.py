@@ -7,7 +7,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Standing
 from memo_tabletop.objects import BLUE, GREEN, RED, block, cameras, scatter
 from memo_tabletop.reference import solution
@@ -42,7 +42,7 @@ class StackTheCubes(Task):
         tower, mishaps = monitors["standing"], monitors["mishaps"]
         assert isinstance(tower, Standing) and isinstance(mishaps, Mishaps)
         stood = tower.seconds(world)
-        return predicates.judge(
+        return checks.judge(
             f"the tower has stood for {stood:.1f} s",
             [
                 (tower.seen["since"] is not None, "the cubes are not in one tower, let go"),
@@ -53,15 +53,15 @@ class StackTheCubes(Task):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         cubes = tuple(name for name, _ in CUBES)
-        if action in predicates.PICKING:
-            return predicates.picked(world, cubes, names)
-        if action in predicates.PLACING and len(names) == 2 and set(names) <= set(cubes):
+        if action in checks.PICKING:
+            return checks.picked(world, cubes, names)
+        if action in checks.PLACING and len(names) == 2 and set(names) <= set(cubes):
             upper, lower = names
-            rests = predicates.touches(world, upper, lower)
+            rests = checks.touches(world, upper, lower)
             above = world.body_pose(upper).position[2] - world.body_pose(lower).position[2] >= RISE
-            done = rests and above and predicates.released(world, upper) and predicates.at_rest(world, upper)
+            done = rests and above and checks.released(world, upper) and checks.at_rest(world, upper)
             return Outcome(done, f"the {upper} {'rests' if done else 'does not rest'} on the {lower}")
         return None
 

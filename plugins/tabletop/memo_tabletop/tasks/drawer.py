@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import RED, block, cameras
@@ -53,30 +53,30 @@ class PutTheCubeAway(Task):
         conditions = (
             (self._inside(world), "the cube is not in the drawer"),
             (out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open"),
-            *predicates.let_go(world, "cube"),
+            *checks.let_go(world, "cube"),
         )
         story = story_of(monitors, world)
-        return predicates.judge("the cube lies in the shut drawer", conditions, {"drawer_m": out}, story)
+        return checks.judge("the cube lies in the shut drawer", conditions, {"drawer_m": out}, story)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         out = world.joint_position("chest/slide")
         measures = {"drawer_m": out}
         if action == "OPEN":
             return Outcome(out >= REACHED_INTO_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
-        if action in predicates.CLOSING:
+        if action in checks.CLOSING:
             return Outcome(out <= SHUT_M, f"the drawer stands {out * 1000:.0f} mm open", measures)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("cube",), names)
-        if action in predicates.PLACING and names and names[0] == "cube":
-            done = self._inside(world) and predicates.at_rest(world, "cube") and predicates.released(world, "cube")
+        if action in checks.PICKING:
+            return checks.picked(world, ("cube",), names)
+        if action in checks.PLACING and names and names[0] == "cube":
+            done = self._inside(world) and checks.at_rest(world, "cube") and checks.released(world, "cube")
             return Outcome(done, f"the cube {'lies' if done else 'does not lie'} in the drawer", measures)
         return None
 
     def _inside(self, world: WorldState) -> bool:
         drawer = self._chest(np.random.default_rng(0)).bodies[0]
         cube = block("cube", "cube", (0, 0, 0), 0.0, (0.045, 0.045, 0.045), 0.08, RED)
-        return predicates.inside(world, drawer.name, drawer.cavities[0], cube)
+        return checks.inside(world, drawer.name, drawer.cavities[0], cube)
 
     @property
     def reference_solution(self) -> str:

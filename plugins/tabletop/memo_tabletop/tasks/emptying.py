@@ -12,7 +12,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
 from memo_core.scene.hollow import shelf
 from memo_core.scene.pose import Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps
 from memo_tabletop.objects import BLUE, CRUST, GREEN, YELLOW, apple, block, cameras
@@ -57,31 +57,31 @@ class TakeOut(Task):
         assert isinstance(mishaps, Mishaps)
         angle = world.joint_position(f"{self.furniture_name}/hinge")
         out = {name: self._outside(world, name) for name in self.things}
-        return predicates.judge(
+        return checks.judge(
             f"on the table, out of the {self.furniture_name}: {', '.join(self.things)}",
             [
                 *((out[name], f"the {name} is still in the {self.furniture_name}") for name in self.things),
-                *((predicates.on_table(world, name), f"the {name} is not on the table") for name in self.things),
+                *((checks.on_table(world, name), f"the {name} is not on the table") for name in self.things),
                 *(("dropped" not in mishaps.befell(name), "not everything was set down") for name in self.things),
-                *(condition for name in self.things for condition in predicates.let_go(world, name)),
+                *(condition for name in self.things for condition in checks.let_go(world, name)),
             ],
             {"door_rad": angle, "taken_out": float(sum(out.values()))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         if action == "OPEN":
             angle = world.joint_position(f"{self.furniture_name}/hinge")
             clear = self._described().cavities[0].size[1]
-            width = predicates.passage(angle, clear, clear + 2 * WALL)
-            done = width >= predicates.HAND_PASSAGE_M
+            width = checks.passage(angle, clear, clear + 2 * WALL)
+            done = width >= checks.HAND_PASSAGE_M
             return Outcome(done, f"the door stands at {math.degrees(angle):.0f} degrees", {"door_rad": angle})
-        if action in predicates.PICKING:
-            return predicates.picked(world, self.things, names)
-        if action in predicates.PLACING and names and names[0] in self.things:
-            on = predicates.on_table(world, names[0]) and self._outside(world, names[0])
-            done = on and predicates.released(world, names[0])
+        if action in checks.PICKING:
+            return checks.picked(world, self.things, names)
+        if action in checks.PLACING and names and names[0] in self.things:
+            on = checks.on_table(world, names[0]) and self._outside(world, names[0])
+            done = on and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} is {'' if done else 'not '}on the table")
         return None
 
@@ -92,7 +92,7 @@ class TakeOut(Task):
         """Whether its middle is not above the furniture's floor, that is neither in it nor on it."""
         furniture = self._described()
         frame = world.body_pose(self.furniture_name).inverse() * world.body_pose(name)
-        low, high = predicates.spread(furniture, Pose())
+        low, high = checks.spread(furniture, Pose())
         x, y, _ = frame.position
         return not (low[0] <= x <= high[0] and low[1] <= y <= high[1])
 

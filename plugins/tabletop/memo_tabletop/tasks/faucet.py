@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import Lever, faucet
 from memo_tabletop.objects import cameras
 from memo_tabletop.reference import solution
@@ -41,14 +41,14 @@ class TurnOnTheFaucet(Task):
         measures = {"lever_rad": angle}
         if angle < ON_RAD:
             return Outcome(False, f"the lever stands at {math.degrees(angle):.0f} degrees: hardly a drop", measures)
-        if not predicates.released(world, "faucet/handle"):
+        if not checks.released(world, "faucet/handle"):
             return Outcome(False, "the robot still touches the lever", measures)
-        if abs(world.joint_velocity("faucet/lever")) > predicates.AT_REST_RAD_S:
+        if abs(world.joint_velocity("faucet/lever")) > checks.AT_REST_RAD_S:
             return Outcome(False, "the lever is still moving", measures)
         return Outcome(True, f"the lever stands at {math.degrees(angle):.0f} degrees: the water runs", measures)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if predicates.read_subtask(subtask)[0] in TURNING else None
+        return self.check(world, {}) if checks.read_subtask(subtask)[0] in TURNING else None
 
     @property
     def reference_solution(self) -> str:

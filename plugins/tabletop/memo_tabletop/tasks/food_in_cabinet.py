@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import WALL, DoorHinge
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import cameras, food
@@ -45,29 +45,27 @@ class FoodInCabinet(Task):
         name, described = self.cabinet_name, self._described()
         angle = world.joint_position(f"{name}/hinge")
         passage = self._passage(angle, described)
-        inside = predicates.inside(world, name, described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
+        inside = checks.inside(world, name, described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
         conditions = (
             (passage >= self._needed_passage(), f"the {name} door lets only {max(passage, 0):.2f} m through"),
             (inside, f"the food is not wholly inside the {name}"),
-            *predicates.let_go(world, "food"),
+            *checks.let_go(world, "food"),
         )
         measures = {"door_rad": angle, "passage_m": passage}
-        return predicates.judge(
-            f"the food lies inside the open {name}", conditions, measures, story_of(monitors, world)
-        )
+        return checks.judge(f"the food lies inside the open {name}", conditions, measures, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         angle = world.joint_position(f"{self.cabinet_name}/hinge")
         door = f"the door stands at {math.degrees(angle):.0f} degrees"
         if action == "OPEN":
             wide = self._passage(angle, self._described()) >= self._needed_passage()
             return Outcome(wide, door, {"door_rad": angle})
-        if action in predicates.CLOSING:
+        if action in checks.CLOSING:
             return Outcome(angle < SHUT_RAD, door, {"door_rad": angle})
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("food",), names)
-        if action in predicates.PLACING and names and names[0] == "food":
+        if action in checks.PICKING:
+            return checks.picked(world, ("food",), names)
+        if action in checks.PLACING and names and names[0] == "food":
             return self.check(world, {})
         return None
 
@@ -77,10 +75,10 @@ class FoodInCabinet(Task):
     def _passage(self, angle: float, described: Body) -> float:
         extents = described.cavities[0].size
         clear = extents[2] if self.hinge.edge == "bottom" else extents[1]
-        return predicates.passage(angle, clear, clear + 2 * WALL)
+        return checks.passage(angle, clear, clear + 2 * WALL)
 
     def _needed_passage(self) -> float:
-        return predicates.DROP_DOOR_PASSAGE_M if self.hinge.edge == "bottom" else predicates.HAND_PASSAGE_M
+        return checks.DROP_DOOR_PASSAGE_M if self.hinge.edge == "bottom" else checks.HAND_PASSAGE_M
 
     @property
     def reference_solution(self) -> str:

@@ -12,7 +12,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.hollow import shelf
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import BLUE, block, cameras
@@ -58,17 +58,17 @@ class OpenTheFridge(Task):
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         angle = world.joint_position("fridge/hinge")
-        width = predicates.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
+        width = checks.passage(angle, SIZE[1] - 2 * WALL, SIZE[1])
         conditions = (
-            (width >= predicates.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
-            (predicates.released(world, "fridge/door"), "the robot still touches the door"),
-            (abs(world.joint_velocity("fridge/hinge")) < predicates.AT_REST_RAD_S, "the door is still moving"),
+            (width >= checks.HAND_PASSAGE_M, f"the fridge door lets only {max(width, 0):.2f} m through"),
+            (checks.released(world, "fridge/door"), "the robot still touches the door"),
+            (abs(world.joint_velocity("fridge/hinge")) < checks.AT_REST_RAD_S, "the door is still moving"),
         )
         done, measures = f"the fridge stands open, {width:.2f} m wide", {"door_rad": angle, "passage_m": width}
-        return predicates.judge(done, conditions, measures, story_of(monitors, world))
+        return checks.judge(done, conditions, measures, story_of(monitors, world))
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        return self.check(world, {}) if predicates.read_subtask(subtask)[0] == "OPEN" else None
+        return self.check(world, {}) if checks.read_subtask(subtask)[0] == "OPEN" else None
 
     @property
     def reference_solution(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import button_panel
 from memo_tabletop.furniture import DARK, GAP, PANEL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps
@@ -70,7 +70,7 @@ class HeatTheFood(Task):
 
     def _inside(self, world: WorldState) -> bool:
         described = self._microwave(np.random.default_rng(0))
-        return predicates.inside(world, "microwave", described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
+        return checks.inside(world, "microwave", described.cavities[0], food((0.0, 0.0, 0.0), 0.0))
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:
         door = world.joint_position("microwave/hinge")
@@ -83,24 +83,24 @@ class HeatTheFood(Task):
             (self._inside(world), "the food is not inside the microwave"),
             (door < SHUT_RAD, f"the door stands at {math.degrees(door):.0f} degrees"),
             (started.done, why),
-            *predicates.let_go(world, "food"),
-            (predicates.released(world, "microwave/button"), "the robot still touches the button"),
+            *checks.let_go(world, "food"),
+            (checks.released(world, "microwave/button"), "the robot still touches the button"),
         )
-        return predicates.judge("the food is in the microwave, which was started", conditions, measures, mishaps)
+        return checks.judge("the food is in the microwave, which was started", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
+        action, names = checks.read_subtask(subtask)
         door = world.joint_position("microwave/hinge")
         measures, told = {"door_rad": door}, f"the door stands at {math.degrees(door):.0f} degrees"
         if action == "OPEN":
-            clear = predicates.passage(door, SIZE[1] - 0.024, SIZE[1])
-            return Outcome(clear >= predicates.HAND_PASSAGE_M, told, measures)
-        if action in predicates.CLOSING:
+            clear = checks.passage(door, SIZE[1] - 0.024, SIZE[1])
+            return Outcome(clear >= checks.HAND_PASSAGE_M, told, measures)
+        if action in checks.CLOSING:
             return Outcome(door < SHUT_RAD, told, measures)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("food",), names)
-        if action in predicates.PLACING and names and names[0] == "food":
-            done = self._inside(world) and predicates.released(world, "food") and predicates.at_rest(world, "food")
+        if action in checks.PICKING:
+            return checks.picked(world, ("food",), names)
+        if action in checks.PLACING and names and names[0] == "food":
+            done = self._inside(world) and checks.released(world, "food") and checks.at_rest(world, "food")
             return Outcome(done, f"the food {'lies' if done else 'does not lie'} inside the microwave", measures)
         return None
 

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Moved
 from memo_tabletop.objects import APPLE_RADIUS, BLUE, CAN_RADIUS, GREEN, apple, block, cameras, can, cup
 from memo_tabletop.reference import solution
@@ -67,7 +67,7 @@ class MoveTheLonelyObjectToTheOthers(Task):
         others = [name for name in RADII if name != lonely]
         gap = min(self._gap(world, lonely, other) for other in others)
         pushed = max(others, key=moved.farthest)
-        return predicates.judge(
+        return checks.judge(
             f"the {lonely} is {100 * gap:.0f} cm from the others",
             [
                 (
@@ -75,30 +75,26 @@ class MoveTheLonelyObjectToTheOthers(Task):
                     f"the {pushed} was moved by {100 * moved.farthest(pushed):.0f} cm",
                 ),
                 (gap < WITH_THE_OTHERS_M, f"the {lonely} is {100 * gap:.0f} cm from the nearest of the others"),
-                *((predicates.upright(world, name), f"the {name} does not stand upright") for name in STANDING),
-                (predicates.on_table(world, lonely), f"the {lonely} is not on the table"),
-                *predicates.let_go(world, lonely),
+                *((checks.upright(world, name), f"the {name} does not stand upright") for name in STANDING),
+                (checks.on_table(world, lonely), f"the {lonely} is not on the table"),
+                *checks.let_go(world, lonely),
             ],
             {"gap_m": gap, "others_moved_m": moved.farthest(pushed)},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, tuple(RADII), names)
-        if action in predicates.PLACING and names and names[0] in RADII:
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, tuple(RADII), names)
+        if action in checks.PLACING and names and names[0] in RADII:
             gap = min(self._gap(world, names[0], other) for other in RADII if other != names[0])
-            done = (
-                gap < WITH_THE_OTHERS_M
-                and predicates.on_table(world, names[0])
-                and predicates.released(world, names[0])
-            )
+            done = gap < WITH_THE_OTHERS_M and checks.on_table(world, names[0]) and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} is {100 * gap:.0f} cm from the nearest other", {"gap_m": gap})
         return None
 
     def _gap(self, world: WorldState, one: str, other: str) -> float:
-        return max(0.0, predicates.level_distance(world, one, other) - RADII[one] - RADII[other])
+        return max(0.0, checks.level_distance(world, one, other) - RADII[one] - RADII[other])
 
     @property
     def reference_solution(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps
 from memo_tabletop.objects import PAN_APOTHEM, cameras, food, pan
 from memo_tabletop.reference import solution
@@ -41,37 +41,37 @@ class PutTheFoodInThePanAndPlaceItInTheMicrowave(Task):
         mishaps = monitors["mishaps"]
         assert isinstance(mishaps, Mishaps)
         angle = world.joint_position("microwave/hinge")
-        return predicates.judge(
+        return checks.judge(
             "the pan with the food in it is in the microwave",
             [
                 (self._food_in_pan(world), "the food is not in the pan"),
                 (self._pan_inside(world), "the pan is not wholly inside the microwave"),
-                (predicates.upright(world, "pan"), "the pan does not stand level"),
-                *predicates.let_go(world, "pan"),
-                *predicates.let_go(world, "food"),
+                (checks.upright(world, "pan"), "the pan does not stand level"),
+                *checks.let_go(world, "pan"),
+                *checks.let_go(world, "food"),
             ],
             {"door_rad": angle, "food_in_pan": float(self._food_in_pan(world))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action == "OPEN" or action in predicates.CLOSING:
+        action, names = checks.read_subtask(subtask)
+        if action == "OPEN" or action in checks.CLOSING:
             return PutTheFoodInTheMicrowave().check_subtask(subtask, world)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("food", "pan"), names)
-        if action in predicates.PLACING and names and names[0] in ("food", "pan"):
+        if action in checks.PICKING:
+            return checks.picked(world, ("food", "pan"), names)
+        if action in checks.PLACING and names and names[0] in ("food", "pan"):
             there = self._food_in_pan(world) if names[0] == "food" else self._pan_inside(world)
-            done = there and predicates.released(world, names[0])
+            done = there and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} is {'' if done else 'not '}where it belongs")
         return None
 
     def _food_in_pan(self, world: WorldState) -> bool:
         """Whether no part of it reaches over the pan's inner wall, and it rests on the pan."""
         frame = world.body_pose("pan").inverse() * world.body_pose("food")
-        low, high = predicates.spread(food((0.0, 0.0, 0.0), 0.0), frame)
+        low, high = checks.spread(food((0.0, 0.0, 0.0), 0.0), frame)
         return (
-            predicates.touches(world, "food", "pan")
+            checks.touches(world, "food", "pan")
             and math.hypot(*frame.position[:2]) < PAN_APOTHEM
             and bool(np.all(low[:2] > -PAN_APOTHEM) and np.all(high[:2] < PAN_APOTHEM))
             and frame.position[2] > 0
@@ -79,7 +79,7 @@ class PutTheFoodInThePanAndPlaceItInTheMicrowave(Task):
 
     def _pan_inside(self, world: WorldState) -> bool:
         [furniture] = PutTheFoodInTheMicrowave().cabinet(np.random.default_rng(0))
-        return predicates.inside(world, "microwave", furniture.cavities[0], pan("pan", (0.0, 0.0, 0.0), 0.0))
+        return checks.inside(world, "microwave", furniture.cavities[0], pan("pan", (0.0, 0.0, 0.0), 0.0))
 
     @property
     def reference_solution(self) -> str:

@@ -11,7 +11,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Colour, Free, Geom, Material, SceneDescription, Vector
 from memo_core.scene.pose import Array, Pose
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Moved, Sampled
 from memo_tabletop.objects import PORCELAIN, cameras
 from memo_tabletop.reference import solution
@@ -121,7 +121,7 @@ class WipeThePlate(Task):
         wiped, moved, mishaps = monitors["wiped"], monitors["moved"], monitors["mishaps"]
         assert isinstance(wiped, Wiped) and isinstance(moved, Moved) and isinstance(mishaps, Mishaps)
         share, far, hardest = wiped.share(), moved.farthest("plate"), wiped.hardest()
-        return predicates.judge(
+        return checks.judge(
             f"{100 * share:.0f} % of the plate are wiped",
             [
                 (far < MOVED_M, f"the plate was moved by {1000 * far:.0f} mm"),
@@ -133,8 +133,8 @@ class WipeThePlate(Task):
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        return predicates.picked(world, ("sponge",), names) if action in predicates.PICKING else None
+        action, names = checks.read_subtask(subtask)
+        return checks.picked(world, ("sponge",), names) if action in checks.PICKING else None
 
     @property
     def reference_solution(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.grains import CEREAL, contained, grains, vessel
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import PORCELAIN, RED, YELLOW, cameras
@@ -57,19 +57,19 @@ class PourTheCan(Task):
         mishaps = story_of(monitors, world)
         conditions = (
             (
-                predicates.upright(world, "bowl") and predicates.on_table(world, "bowl"),
+                checks.upright(world, "bowl") and checks.on_table(world, "bowl"),
                 "the bowl does not stand on the table",
             ),
             (len(there) >= SHARE * COUNT, f"{missing}, {spilt} beside" if spilt else missing),
             (len(still) >= SHARE * COUNT, "the cereal is still moving"),
-            (predicates.released(world, "bowl"), "the robot still touches the bowl"),
+            (checks.released(world, "bowl"), "the robot still touches the bowl"),
         )
-        return predicates.judge(f"{len(there)} of {COUNT} balls are in the bowl", conditions, measures, mishaps)
+        return checks.judge(f"{len(there)} of {COUNT} balls are in the bowl", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("can",), names) if "can" in names else None
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, ("can",), names) if "can" in names else None
         return self.check(world, {}) if action in POURING else None
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.grains import SALT, contained, grains, vessel
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import CRUST, block, cameras, plate
@@ -56,28 +56,28 @@ class SeasonTheFood(Task):
         told = f"{len(on)} of {COUNT} grains are on the food, {left} in the shaker" + (
             f", {beside} beside" if beside else ""
         )
-        stands = predicates.upright(world, "salt shaker") and predicates.on_table(world, "salt shaker")
+        stands = checks.upright(world, "salt shaker") and checks.on_table(world, "salt shaker")
         conditions = (
             (len(on) >= ENOUGH, told),
             (len(still) >= ENOUGH, "the grains still roll"),
             (stands, "the salt shaker does not stand upright on the table"),
-            *predicates.let_go(world, "salt shaker"),
-            (predicates.released(world, "food"), "the robot still touches the food"),
+            *checks.let_go(world, "salt shaker"),
+            (checks.released(world, "food"), "the robot still touches the food"),
         )
-        return predicates.judge(
+        return checks.judge(
             f"{len(on)} grains are on the food, the shaker stands on the table", conditions, measures, mishaps
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("salt shaker",), names)
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, ("salt shaker",), names)
         if action in SHAKING:
             on = len(self._on_food(world))
             return Outcome(on >= ENOUGH, f"{on} of {COUNT} grains are on the food", {"on_food": float(on)})
-        if action in predicates.PLACING and names and names[0] in ("salt shaker", "shaker"):
-            done = predicates.upright(world, "salt shaker") and predicates.on_table(world, "salt shaker")
-            done = done and predicates.released(world, "salt shaker")
+        if action in checks.PLACING and names and names[0] in ("salt shaker", "shaker"):
+            done = checks.upright(world, "salt shaker") and checks.on_table(world, "salt shaker")
+            done = done and checks.released(world, "salt shaker")
             return Outcome(done, f"the salt shaker {'stands' if done else 'does not stand'} upright on the table")
         return None
 

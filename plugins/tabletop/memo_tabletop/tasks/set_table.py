@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Moved
 from memo_tabletop.objects import PLATE_RADIUS, cameras, cutlery, plate, scatter
 from memo_tabletop.reference import solution
@@ -52,28 +52,28 @@ class SetTheTable(Task):
         apart = max(turns.values()) - min(turns.values())
         askew = max(abs(turn) for turn in turns.values())
         pushed = moved.farthest("plate")
-        return predicates.judge(
+        return checks.judge(
             "fork, knife and spoon lie in their places",
             [
                 (pushed < PLATE_STAYS_M, f"the plate was moved by {100 * pushed:.0f} cm"),
                 *((self._in_place(world, name), f"the {name} is not in its place beside the plate") for name in PIECES),
-                *((predicates.on_table(world, name), f"the {name} does not lie on the table") for name in PIECES),
-                *((predicates.upright(world, name), f"the {name} does not lie flat") for name in PIECES),
+                *((checks.on_table(world, name), f"the {name} does not lie on the table") for name in PIECES),
+                *((checks.upright(world, name), f"the {name} does not lie flat") for name in PIECES),
                 (askew <= ASKEW, f"a piece lies {math.degrees(askew):.0f} degrees askew"),
                 (apart <= ASKEW, f"two pieces are {math.degrees(apart):.0f} degrees from parallel"),
-                *(condition for name in PIECES for condition in predicates.let_go(world, name)),
+                *(condition for name in PIECES for condition in checks.let_go(world, name)),
             ],
             {"askew_rad": askew, "apart_rad": apart, "placed": float(sum(self._in_place(world, n) for n in PIECES))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, tuple(PIECES), names)
-        if action in predicates.PLACING and names and names[0] in PIECES:
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, tuple(PIECES), names)
+        if action in checks.PLACING and names and names[0] in PIECES:
             straight = abs(self._turn(world, names[0])) <= ASKEW
-            done = straight and self._in_place(world, names[0]) and predicates.released(world, names[0])
+            done = straight and self._in_place(world, names[0]) and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in its place")
         return None
 

@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import DOWN, LATCHED_WITHIN, SLICE, TOASTER_SIZE, bread_rack, toaster
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import CRUST, block, cameras
@@ -49,17 +49,17 @@ class MakeToast(Task):
             (self._in_slot(world), "the bread is not in the toaster's slot"),
             (self._latched(world), f"the lever is not latched, {max(0.0, down) * 1000:.0f} mm down"),
             (sunk > SUNK_M, f"the bread's top is {-sunk * 1000:.0f} mm above the toaster"),
-            *predicates.let_go(world, "bread"),
-            (predicates.released(world, "toaster/carriage"), "the robot still touches the lever"),
+            *checks.let_go(world, "bread"),
+            (checks.released(world, "toaster/carriage"), "the robot still touches the lever"),
         )
-        return predicates.judge("the bread is down in the toaster, the lever latched", conditions, measures, mishaps)
+        return checks.judge("the bread is down in the toaster, the lever latched", conditions, measures, mishaps)
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, ("bread",), names)
-        if action in predicates.PLACING and names and names[0] in ("bread", "slice", "slice of bread"):
-            done = self._in_slot(world) and predicates.released(world, "bread")
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, ("bread",), names)
+        if action in checks.PLACING and names and names[0] in ("bread", "slice", "slice of bread"):
+            done = self._in_slot(world) and checks.released(world, "bread")
             return Outcome(done, f"the bread {'is' if done else 'is not'} in the slot", {"sunk_m": self._sunk(world)})
         if action in LOWERING:
             down = world.joint_position("toaster/lever")
@@ -72,7 +72,7 @@ class MakeToast(Task):
     def _sunk(self, world: WorldState) -> float:
         """How far the highest corner of the slice is below the toaster's top (m)."""
         slice_ = block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST)
-        _, high = predicates.spread(slice_, world.body_pose("toaster").inverse() * world.body_pose("bread"))
+        _, high = checks.spread(slice_, world.body_pose("toaster").inverse() * world.body_pose("bread"))
         return float(TOASTER_SIZE[2] - high[2])
 
     def _in_slot(self, world: WorldState) -> bool:
@@ -80,7 +80,7 @@ class MakeToast(Task):
         machine, _ = toaster("toaster", (0.0, 0.0, 0.0), 0.0)
         slot = machine.cavities[0]
         frame = (world.body_pose("toaster") * slot.pose).inverse() * world.body_pose("bread")
-        low = predicates.spread(block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST), frame)[0]
+        low = checks.spread(block("bread", "bread", (0.0, 0.0, 0.0), 0.0, SLICE, 0.04, CRUST), frame)[0]
         centre = np.abs(np.asarray(frame.position))
         return bool(np.all(centre <= np.asarray(slot.size) / 2) and low[2] < 0.0)
 

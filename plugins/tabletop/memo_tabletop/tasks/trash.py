@@ -9,7 +9,7 @@ import numpy as np
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, SceneDescription
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps
 from memo_tabletop.objects import (
     GREEN,
@@ -75,29 +75,29 @@ class PutTheTrashAway(Task):
         away = [name for name in TRASH if self._in_bin(world, name)]
         left = [name for name in TRASH if name not in away]
         thrown = [name for name in KEPT if self._in_bin(world, name)]
-        return predicates.judge(
+        return checks.judge(
             "all the trash is in the bin",
             [
                 (not left, f"not in the bin, below its rim: {', '.join(left)}"),
                 (not thrown, f"no trash, but in the bin: {', '.join(thrown)}"),
-                *((predicates.on_table(world, name), f"the {name} is not on the table any more") for name in KEPT),
-                *(condition for name in TRASH for condition in predicates.let_go(world, name)),
+                *((checks.on_table(world, name), f"the {name} is not on the table any more") for name in KEPT),
+                *(condition for name in TRASH for condition in checks.let_go(world, name)),
             ],
             {"away": float(len(away)), "thrown": float(len(thrown))},
             mishaps.story(world),
         )
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        action, names = predicates.read_subtask(subtask)
-        if action in predicates.PICKING:
-            return predicates.picked(world, (*TRASH, *KEPT), names)
-        if action in predicates.PLACING and names and names[0] in TRASH:
-            done = self._in_bin(world, names[0]) and predicates.released(world, names[0])
+        action, names = checks.read_subtask(subtask)
+        if action in checks.PICKING:
+            return checks.picked(world, (*TRASH, *KEPT), names)
+        if action in checks.PLACING and names and names[0] in TRASH:
+            done = self._in_bin(world, names[0]) and checks.released(world, names[0])
             return Outcome(done, f"the {names[0]} {'lies' if done else 'does not lie'} in the bin")
         return None
 
     def _in_bin(self, world: WorldState, name: str) -> bool:
-        return predicates.inside(world, "bin", bin_at(0, 0, 0).cavities[0], thing(name))
+        return checks.inside(world, "bin", bin_at(0, 0, 0).cavities[0], thing(name))
 
     @property
     def reference_solution(self) -> str:

@@ -12,17 +12,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from memo_core.skillbook import queries
-from memo_core.skillbook.actions import default_actions
+from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk import Lesson
+from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.contents import Contents, read_contents
 from memo_core.skillbook.history import CannotRollBack
-from memo_core.skillbook.index import KeyIndex
 from memo_core.skillbook.key_embedding import KeyVectors, Wording
+from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval import RetrievalSettings
-from memo_core.skillbook.vectors import TextVectors
+from memo_core.skillbook.retrieval_cache import Contents, read_contents
+from memo_core.skillbook.text_vectors import TextVectors
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

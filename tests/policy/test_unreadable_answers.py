@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 
 import pytest
-from loop_bench import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
+from loop_setup import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import EntryStored, Problem
 from memo_core.llm.readers import Unreadable
 from memo_core.policy.feedback_processing import Noting, retry
-from memo_core.policy.questions import Questions
+from memo_core.policy.model_questions import Questions
 
 BESIDE = "```python\nmove_to([0.4, 0.2, 0.3])\n```"
 

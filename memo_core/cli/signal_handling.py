@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from memo_core.stopping import StopSwitch
+    from memo_core.stop_switch import StopSwitch
 
 STOPS = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
 INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
@@ -19,7 +19,7 @@ INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 @contextmanager
 def stopping() -> Iterator[StopSwitch]:
     """A switch that a signal presses: what is being written is finished first. A second one ends the work at once."""
-    from memo_core.stopping import StopSwitch
+    from memo_core.stop_switch import StopSwitch
 
     stop = StopSwitch()
 

@@ -21,7 +21,7 @@ from memo_core.errors import MemoError
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.export import FORMAT
 from memo_core.skillbook.keys import Key, NotAKey
-from memo_core.skillbook.pickles import load
+from memo_core.skillbook.safe_pickle import load
 
 BOOK = "lorebook"  # all of them count as one book: what stands in two of them is one entry
 _KEYED = re.compile(r"\s*(TEMPLATE\b)?([^()]*\([^()]*\))(.*)", re.DOTALL)

@@ -22,7 +22,7 @@ import attrs
 
 from memo_core.errors import Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 
 T = TypeVar("T")
 SECOND_PRESS_S = 2.0

@@ -1,48 +1,27 @@
-"""Kinematics of a serial arm, for many configurations at once.
+"""Forward kinematics and Jacobian of a serial arm, for many configurations at once.
 
-Pinocchio reads the URDF; the recursion itself runs over batches in numpy, because choosing a branch means solving some
+Pinocchio reads the URDF; the recursion itself runs over batches in numpy, because choosing a branch means solving
 hundreds of inverse-kinematics problems together. Batch arrays are (n, N): n joints, N configurations, N last, so that
 every operation runs over contiguous memory. Rotations are (3, 3, N), positions (3, N); base frame, metres, radians.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from xml.etree import ElementTree
 
-import attrs
 import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
-POSITION_TOLERANCE = 2e-4  # m; a solution is one within both
-ROTATION_TOLERANCE = 1e-3  # rad
-_MAXIMUM_STEP = 0.4  # rad a joint may move in one iteration
 
+class ForwardKinematics:
+    """Poses and Jacobians of the tool frame of a described arm. Raises ``InvalidArgument`` where the description does
+    not fit its URDF."""
 
-@attrs.frozen(eq=False)
-class Solutions:
-    """What ``Kinematics.solve`` found: joints (n, N), their remaining errors (N,), and which are solutions."""
-
-    joints: Array
-    position_error: Array  # m
-    rotation_error: Array  # rad
-    solved: np.ndarray  # bool, (N,)
-
-
-class Kinematics:
-    """Forward and inverse kinematics of the tool frame of a described arm. Raises ``InvalidArgument`` where the
-    description does not fit its URDF.
-
-    ``poll`` is called every few milliseconds while something is searched for, here and by all planning that works on
-    these kinematics; what it raises (``Stopped``) ends the search.
-    """
-
-    def __init__(self, description: RobotDescription, poll: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, description: RobotDescription) -> None:
         self.description = description
-        self.poll = poll
         self.lower = np.array([joint.lower for joint in description.joints])
         self.upper = np.array([joint.upper for joint in description.joints])
         self.velocity = np.array([joint.velocity for joint in description.joints])
@@ -61,6 +40,9 @@ class Kinematics:
     def count(self) -> int:
         """Number of arm joints n."""
         return len(self.lower)
+
+    def within_limits(self, joints: Array, tolerance: float = 1e-6) -> bool:
+        return bool(np.all(joints >= self.lower - tolerance) and np.all(joints <= self.upper + tolerance))
 
     def _read(self, description: RobotDescription) -> None:
         """Fill the chain: constant transforms between joints whose axes are turned onto z."""
@@ -117,10 +99,9 @@ class Kinematics:
         self.fingerprint = b"".join(np.asarray(part).tobytes() for part in parts)
         self.shoulder = np.asarray(model.jointPlacements[ids[0]].translation).copy()
 
-    # -- forward -----------------------------------------------------------------------------------------------------
     def forward(self, joints: Array) -> tuple[Array, Array]:
         """Tool rotations (3, 3, N) and positions (3, N) for joints (n, N)."""
-        columns, position, _, _ = self._chain(joints)
+        columns, position, _, _ = self.propagate(joints)
         return columns.transpose(1, 0, 2), position
 
     def pose(self, joints: Array) -> Pose:
@@ -130,15 +111,15 @@ class Kinematics:
 
     def jacobian(self, joints: Array) -> Array:
         """Of the tool's origin in base axes, linear over angular, shape (6, n), for one configuration (n,)."""
-        _columns, position, axes, origins = self._chain(np.asarray(joints, dtype=float)[:, None])
-        return self._jacobian(position, axes, origins)[0].T
+        _columns, position, axes, origins = self.propagate(np.asarray(joints, dtype=float)[:, None])
+        return self.jacobians(position, axes, origins)[0].T
 
     def chain(self, joints: Array) -> tuple[Array, Array, Array, Array]:
         """Tool rotations (3, 3, N), tool positions (3, N), joint axes and joint origins (n, 3, N) for joints (n, N)."""
-        columns, position, axes, origins = self._chain(joints)
+        columns, position, axes, origins = self.propagate(joints)
         return columns.transpose(1, 0, 2), position, axes, origins
 
-    def _chain(self, joints: Array) -> tuple[Array, Array, Array, Array]:
+    def propagate(self, joints: Array) -> tuple[Array, Array, Array, Array]:
         """Columns of the tool's rotation (3, 3, N), the column's number first; tool position (3, N); joint axes and
         joint origins (n, 3, N)."""
         count, size = joints.shape
@@ -163,7 +144,7 @@ class Kinematics:
         moved = (self._onwards_to_tool @ columns.reshape(3, -1)).reshape(4, 3, size)
         return moved[:3], position + moved[3], axes, origins
 
-    def _jacobian(self, position: Array, axes: Array, origins: Array) -> Array:
+    def jacobians(self, position: Array, axes: Array, origins: Array) -> Array:
         """Transposed, configurations first: (N, n, 6)."""
         count, _, size = axes.shape
         arm = position - origins
@@ -177,88 +158,6 @@ class Kinematics:
                 result[i, :3] = axes[i]
                 result[i, 3:] = 0.0
         return np.ascontiguousarray(result.transpose(2, 0, 1))
-
-    # -- inverse -----------------------------------------------------------------------------------------------------
-    def solve(
-        self, seeds: Array, rotation: Array, position: Array, iterations: int = 25, margin: float = 0.01
-    ) -> Solutions:
-        """Damped least squares from every seed (n, N) to its own goal (3, 3, N), (3, N), inside the joint limits.
-
-        Steps are Levenberg-Marquardt's with the damping of Sugihara (2011), which vanishes with the error, clipped to
-        the joint limits drawn in by ``margin`` (rad); the minimal-norm step leaves the
-        redundant degree of freedom where the seed had it.
-        """
-        lower, upper = self.lower + margin, self.upper - margin
-        seeds = np.asarray(seeds, dtype=float)
-        size = seeds.shape[1]
-        goals = np.ascontiguousarray(np.broadcast_to(rotation, (3, 3, size)).transpose(1, 0, 2))
-        position = np.broadcast_to(position, (3, size))
-        joints = np.clip(seeds, lower[:, None], upper[:, None])
-        place_error = np.full(size, np.inf)
-        turn_error = np.full(size, np.inf)
-        active = np.arange(size)
-        for iteration in range(iterations + 1):
-            self.poll()
-            now = joints[:, active]
-            turned, placed, axes, origins = self._chain(now)
-            error = np.empty((6, active.size))
-            error[:3] = position[:, active] - placed
-            error[3:] = _rotation_vectors(turned, goals[:, :, active])
-            place_error[active] = np.sqrt((error[:3] ** 2).sum(axis=0))
-            turn_error[active] = np.sqrt((error[3:] ** 2).sum(axis=0))
-            open_ = (place_error[active] > POSITION_TOLERANCE / 4) | (turn_error[active] > ROTATION_TOLERANCE / 4)
-            if iteration == iterations or not open_.any():
-                break
-            jacobian = self._jacobian(placed, axes, origins)
-            if not open_.all():
-                active, now, error, jacobian = active[open_], now[:, open_], error[:, open_], jacobian[open_]
-            step = _damped_step(jacobian, error)
-            largest = np.abs(step).max(axis=0)
-            step *= np.minimum(1.0, _MAXIMUM_STEP / np.maximum(largest, 1e-12))
-            joints[:, active] = np.clip(now + step, lower[:, None], upper[:, None])
-        solved = (place_error < POSITION_TOLERANCE) & (turn_error < ROTATION_TOLERANCE)
-        return Solutions(joints, place_error, turn_error, solved)
-
-    def samples(self, count: int, moving: slice = slice(None)) -> Array:
-        """Configurations spread evenly over the joint limits, shape (n, count); always the same ones (Halton).
-        ``moving``: only these joints are spread, the others stand in the middle."""
-        primes = (2, 3, 5, 7, 11, 13, 17, 19, 23)
-        unit = np.full((self.count, count), 0.5)
-        for number, i in enumerate(range(self.count)[moving]):
-            unit[i] = _halton(count, primes[number % len(primes)])
-        return self.lower[:, None] + unit * (self.upper - self.lower)[:, None]
-
-    def inverse(self, pose: Pose, seeds: Array | None = None, samples: int = 300) -> Array:
-        """Distinct configurations (n, K) that reach ``pose``, from ``seeds`` (n, N) and ``samples`` spread seeds."""
-        start = self.samples(samples)
-        if seeds is not None:
-            start = np.concatenate([seeds, start], axis=1)
-        found = self.solve(start, pose.rotation[:, :, None], np.asarray(pose.position)[:, None])
-        return thin(found.joints[:, found.solved], 0.15)
-
-    def within_limits(self, joints: Array, tolerance: float = 1e-6) -> bool:
-        return bool(np.all(joints >= self.lower - tolerance) and np.all(joints <= self.upper + tolerance))
-
-
-def thin(joints: Array, distance: float, most: int = 400) -> Array:
-    """Those of the configurations (n, N) that differ from all earlier ones by ``distance`` rad in some joint."""
-    kept = np.empty((joints.shape[0], 0))
-    for i in range(joints.shape[1]):
-        one = joints[:, i : i + 1]
-        if kept.shape[1] == 0 or np.abs(kept - one).max(axis=0).min() > distance:
-            kept = np.concatenate([kept, one], axis=1)
-            if kept.shape[1] >= most:
-                break
-    return kept
-
-
-def first_of_cells(cells: np.ndarray) -> np.ndarray:
-    """Indices, ascending, of the first of each distinct column of whole numbers (m, N)."""
-    # One number a column, since sorting columns takes several times as long; two differ with 1 - 2^-64.
-    mixed = (cells.astype(np.int64) * _MIXERS[: len(cells), None]).sum(axis=0)
-    _, first = np.unique(mixed, return_index=True)
-    first.sort()
-    return first
 
 
 def _with_angles(urdf: str) -> str:
@@ -286,45 +185,6 @@ def _z_onto(axis: Array) -> Array:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def _halton(count: int, base: int) -> Array:
-    result = np.zeros(count)
-    index = np.arange(1, count + 1)
-    fraction = 1.0
-    while index.any():
-        fraction /= base
-        result += fraction * (index % base)
-        index = index // base
-    return result
-
-
 def _onwards(rotation: Array, translation: Array) -> Array:
     """Matrix (4, 3) that maps a frame's columns to the next frame's columns and, last, the translation to it."""
     return np.vstack([rotation.T, translation])
-
-
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-def _rotation_vectors(current: Array, goal: Array) -> Array:
-    """Rotation vectors (3, N), base axes, that turn ``current`` into ``goal``, both columns first (3, 3, N)."""
-    axis = 0.5 * (current[:, _NEXT] * goal[:, _LAST] - current[:, _LAST] * goal[:, _NEXT]).sum(axis=0)
-    trace = (current * goal).sum(axis=(0, 1))
-    sine = np.sqrt((axis**2).sum(axis=0))
-    angle = np.arctan2(sine, (trace - 1.0) / 2.0)
-    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
-    # At half a turn the formula gives no axis; any axis lets the iteration continue.
-    stuck = (sine <= 1e-9) & (trace < 0)
-    axis[0, stuck] = 1.0
-    return axis * scale
-
-
-def _damped_step(jacobian: Array, error: Array) -> Array:
-    """J^T (J J^T + d I)^-1 e for a batch: J^T (N, n, 6), e (6, N) -> (n, N)."""
-    damping = np.minimum(0.5 * (error**2).sum(axis=0), 0.05) + 1e-6
-    square = jacobian.transpose(0, 2, 1) @ jacobian
-    square[:, _SIX, _SIX] += damping[:, None]
-    return (jacobian @ np.linalg.solve(square, error.T[:, :, None]))[:, :, 0].T
-
-
-_SIX = np.arange(6)
-_MIXERS = np.random.default_rng(1).integers(-(2**62), 2**62, 64) * 2 + 1

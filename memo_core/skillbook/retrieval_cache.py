@@ -11,7 +11,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables
-from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.keys import Key

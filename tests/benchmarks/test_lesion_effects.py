@@ -15,7 +15,7 @@ import pytest
 from memo_benchmarks.demo_sweep import Lesioned, Lesson, demos
 
 from memo_core.cli.main import main
-from memo_core.cli.stopping import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.config import load_experiment
 from memo_core.errors import UnknownName
 from memo_core.plugins import Registry

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from memo_franka.description import panda
 
 from memo_core.arm.collision import Obstacle, RobotShape
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.wrench import ToolDynamics
 from memo_core.errors import InvalidArgument
 from memo_core.scene.pose import Pose

@@ -37,12 +37,12 @@ class Actions:
     groups: dict[str, str]  # verb -> the verb that stands for its group
     opposites: frozenset[frozenset[str]]
     parts: dict[str, tuple[str, ...]] = attrs.field(factory=dict)  # visible part -> how it is usually worked
-    phases: dict[str, tuple[str, ...]] = attrs.field(factory=dict)  # see ``actions.toml``
+    phases: dict[str, tuple[str, ...]] = attrs.field(factory=dict)  # see ``action_relations.toml``
 
     @classmethod
     def build(cls, synonyms: Mapping[str, Iterable[str]], pairs: Iterable[Iterable[str]]) -> Actions:
-        """From tables as in ``actions.toml``. Raises ``InvalidArgument`` for a verb in two groups, a pair that is not
-        two different groups, and ``NotAKey`` for what is no verb."""
+        """From tables as in ``action_relations.toml``. Raises ``InvalidArgument`` for a verb in two groups and for a
+        pair that is not two different groups, ``NotAKey`` for what is no verb."""
         groups: dict[str, str] = {}
         for head, others in synonyms.items():
             for verb in (head, *others):
@@ -119,8 +119,10 @@ class Actions:
 
 @cache
 def default_actions() -> Actions:
-    """The shipped table ``actions.toml``."""
-    table = tomllib.loads(resources.files("memo_core.skillbook").joinpath("actions.toml").read_text(encoding="utf-8"))
+    """The shipped table ``action_relations.toml``."""
+    table = tomllib.loads(
+        resources.files("memo_core.skillbook").joinpath("action_relations.toml").read_text(encoding="utf-8")
+    )
     built = Actions.build(table["synonyms"], table["opposites"]["pairs"])
     parts = {part: tuple(verbs) for part, verbs in table["parts"].items()}
     return attrs.evolve(built, parts=parts, phases={name: tuple(words) for name, words in table["phases"].items()})

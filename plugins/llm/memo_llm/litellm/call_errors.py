@@ -6,7 +6,7 @@ import email.utils
 import time
 
 from memo_core.interfaces.llm import LanguageModelError, Usage
-from memo_llm.litellm.line import Line
+from memo_llm.litellm.connection import Line
 
 _LONGEST = 400  # characters of what a server said
 

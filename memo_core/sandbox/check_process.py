@@ -19,7 +19,7 @@ import attrs
 
 import memo_core
 from memo_core.errors import Stopped
-from memo_core.sandbox.checking import Checked, from_json
+from memo_core.sandbox.check_worker import Checked, from_json
 from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.subset import Finding, SkillShape
 from memo_core.skills.skill import Skill
@@ -27,7 +27,7 @@ from memo_core.skills.skill import Skill
 _POLL_MS = 4  # between two looks at the stop
 _START_S = 10.0  # a machine under load may take so long to start Python
 _IMPORTED = (memo_core.__file__, attr.__file__)  # all that the process needs besides Python's own modules
-_SERVE = "import sys; sys.path[:0] = sys.argv[1:]; from memo_core.sandbox.checking import serve; serve()"
+_SERVE = "import sys; sys.path[:0] = sys.argv[1:]; from memo_core.sandbox.check_worker import serve; serve()"
 
 
 class Checker:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from memo_core.arm.kinematics import Kinematics
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.pose import Array
 
 _RESOLUTION = 0.035  # rad of the joint that moves most, between collision checks

@@ -1,7 +1,7 @@
 """Words that a subtask and a note share, with verbs of one synonym group counted as one.
 
 A sentence model puts "turn the knob" and "press the cap down while you turn it" far apart; that both are about turning
-is in the words. Compared are terms: stems of nouns, and for verbs the group they belong to (``actions.toml``).
+is in the words. Compared are terms: stems of nouns, and for verbs the group they belong to (``action_relations.toml``).
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-from memo_core.skillbook.actions import Actions
-from memo_core.skillbook.context import SubtaskContext
+from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.scene_context import SubtaskContext
 
 _GRIP = "~grip"  # the term of everything that says how a thing is held
 _SEEN, _GRIPPED, _ATTRIBUTE = 0.5, 0.5, 0.25  # weights beside the 1 of what the subtask names

@@ -1,4 +1,4 @@
-"""What each lesion does to a lesson, and to a scene. Where the benefit goes: tests/test_lesions.py."""
+"""What each lesion does to a lesson and to a scene. Its effect on a run: tests/benchmarks/test_lesion_effects.py."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from memo_benchmarks.retrieval_quality import (
 from memo_embedder.sentence_transformers import SentenceTransformersEmbedder
 from memo_embedder.settings import SentenceTransformersSettings
 
-from memo_core.skillbook.actions import default_actions
+from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder

@@ -14,9 +14,9 @@ from typing import Any
 import attrs
 
 from memo_core.errors import MemoError, UnknownName
-from memo_core.skillbook.adding import CLUSTER, EDIT
-from memo_core.skillbook.places import Place
-from memo_core.skillbook.scrubbing import Scrubber
+from memo_core.skillbook.adding_entries import CLUSTER, EDIT
+from memo_core.skillbook.file_scrubbing import Scrubber
+from memo_core.skillbook.known_copies import Place
 
 BEYOND = (
     "copies of the book, its exports, run folders and recordings that were moved, sent or made by hand",

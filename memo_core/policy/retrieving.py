@@ -12,16 +12,16 @@ import cattrs
 from memo_core.events import Retrieved
 from memo_core.policy.logged_book import entries_of
 from memo_core.policy.methods import Memory
-from memo_core.policy.plans import is_of_plans
+from memo_core.policy.plan_feedback import is_of_plans
 from memo_core.policy.session import Session
 from memo_core.policy.settings import TeachingSettings
 from memo_core.runlog.log import Effect
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook import retrieval
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.context import SubtaskContext
 from memo_core.skillbook.keys import Key
-from memo_core.stopping import abandonable
+from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.stop_switch import abandonable
 
 _ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
 

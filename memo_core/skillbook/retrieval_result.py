@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 
 from memo_core import events
-from memo_core.skillbook.actions import Actions
+from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.entries import Entry, key_label
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.provenance import Provenance

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from memo_tabletop import predicates
+from memo_tabletop import success_checks as checks
 from memo_tabletop.tasks.cubes import SIDE, StackTheCubes
 from memo_tabletop.tasks.drawer import PutTheCubeAway
 from memo_tabletop.tasks.fridge import OpenTheFridge
@@ -100,10 +100,10 @@ def test_food_that_is_held_or_moves_is_not_done(name):
 
 
 def test_an_opening_is_as_wide_as_what_one_can_reach_straight_into():
-    assert predicates.passage(0.0, 0.336, 0.36) < 0
-    assert predicates.passage(math.radians(60), 0.336, 0.36) == pytest.approx(0.336 - 0.18)
-    assert predicates.passage(math.radians(90), 0.336, 0.36) == pytest.approx(0.336)
-    assert predicates.passage(math.radians(110), 0.336, 0.36) == pytest.approx(0.336)
+    assert checks.passage(0.0, 0.336, 0.36) < 0
+    assert checks.passage(math.radians(60), 0.336, 0.36) == pytest.approx(0.336 - 0.18)
+    assert checks.passage(math.radians(90), 0.336, 0.36) == pytest.approx(0.336)
+    assert checks.passage(math.radians(110), 0.336, 0.36) == pytest.approx(0.336)
 
 
 @pytest.mark.parametrize(("degrees", "done"), [(0, False), (30, False), (60, False), (85, True), (110, True)])

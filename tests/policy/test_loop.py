@@ -7,14 +7,14 @@ import threading
 import time
 
 import pytest
-from loop_bench import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
+from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import CodeEnded, EntryStored, FeedbackGiven, ModelCalled, Problem, Retrieved
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.readers import Unreadable
 from memo_core.policy.feedback_processing import Noted, Noting, retry
-from memo_core.policy.questions import Questions
+from memo_core.policy.model_questions import Questions
 from memo_core.sandbox import Limits, Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.contract import BUILTIN_SKILLS

@@ -6,11 +6,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from loop_bench import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
+from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import CodeEnded
 from memo_core.interfaces.teacher import ReadBack, Verdict
-from memo_core.policy.plans import for_plans
+from memo_core.policy.plan_feedback import for_plans
 from memo_core.testing.fake_environment import FakeEnvironment
 
 PICK = "PICK_UP(red cube)"

@@ -13,7 +13,7 @@ from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
-from memo_core.stopping import StopSwitch
+from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 

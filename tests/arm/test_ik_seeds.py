@@ -13,7 +13,7 @@ from memo_benchmarks.planning import bench_planning, hard_motions
 from memo_franka.description import panda
 
 from memo_core.arm.ik_seeds import Seeds, seeds_of
-from memo_core.arm.kinematics import Kinematics, first_of_cells
+from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
 from memo_core.cli.main import main
 from memo_core.errors import Stopped
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from loop_bench import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
+from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Verdict

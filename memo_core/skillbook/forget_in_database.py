@@ -7,12 +7,12 @@ import time
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables
-from memo_core.skillbook.adding import CLUSTER, EDIT
+from memo_core.skillbook.adding_entries import CLUSTER, EDIT
 from memo_core.skillbook.entries import Forgotten
 from memo_core.skillbook.origins import note_withdrawn
 from memo_core.skillbook.superseding import gave_way_to, restore
 from memo_core.skillbook.templates import succeed
-from memo_core.skillbook.vectors import digest
+from memo_core.skillbook.text_vectors import digest
 
 _F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c
 _CHUNK = 500

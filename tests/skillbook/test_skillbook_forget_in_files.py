@@ -10,7 +10,7 @@ import pytest
 
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.scrubbing import WITHDRAWN, Scrubber
+from memo_core.skillbook.file_scrubbing import WITHDRAWN, Scrubber
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 WORDS = 'Nein, the "zebra" handle — pull it, round!'
