@@ -10,7 +10,7 @@ from memo_core.interfaces.backend import Backend
 
 @hookimpl
 def memo_methods() -> list[Backend]:
-    from memo_core.policy.methods import METHODS
+    from memo_core.policy.memo_and_baselines import METHODS
 
     return [
         Backend("method", name, memory.summary, _language_method(name), default=name == "memo")
@@ -20,8 +20,8 @@ def memo_methods() -> list[Backend]:
 
 def _language_method(name: str) -> Any:
     def make(settings: Any) -> Any:
+        from memo_core.policy.memo_and_baselines import METHODS
         from memo_core.policy.method_interface import LanguageMethod
-        from memo_core.policy.methods import METHODS
 
         return LanguageMethod(name, METHODS[name])
 

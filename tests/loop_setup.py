@@ -8,7 +8,7 @@ from collections.abc import Callable
 from memo_core.events import Event
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.loop import Loop
-from memo_core.policy.methods import METHODS
+from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.session import RunResult, Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.sandbox import Sandbox

@@ -29,7 +29,7 @@ from memo_core.interfaces.simulator import Simulator, WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.policy.loop import Loop
-from memo_core.policy.methods import METHODS
+from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.robot.description import RobotDescription

@@ -24,7 +24,7 @@ from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
 from memo_core.policy.effects import Effects, Heard, Words
-from memo_core.policy.methods import Memory
+from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from memo_core.policy.methods import Memory
+from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.session import RunResult, Session
 
 

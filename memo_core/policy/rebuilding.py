@@ -18,7 +18,7 @@ import attrs
 from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_core.policy.clustering import Clustering
 from memo_core.policy.feedback_processing import Noting
-from memo_core.policy.methods import Memory
+from memo_core.policy.memo_and_baselines import Memory
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, Note, ReadBack
 from memo_core.skillbook.keys import Key, NotAKey

@@ -11,7 +11,7 @@ import cattrs
 
 from memo_core.events import Retrieved
 from memo_core.policy.logged_book import entries_of
-from memo_core.policy.methods import Memory
+from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.plan_feedback import is_of_plans
 from memo_core.policy.session import Session
 from memo_core.policy.settings import TeachingSettings

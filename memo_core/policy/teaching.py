@@ -16,7 +16,7 @@ from memo_core.policy.attempt import Tried
 from memo_core.policy.effects import Effects, Heard, Words
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, Noted, Noting
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
-from memo_core.policy.methods import Memory
+from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.prompting import scene_table
 from memo_core.policy.retrieving import Shown

@@ -12,6 +12,7 @@ import numpy as np
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_factors import KeyParts
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval_score import key_score
 
 
 @attrs.frozen(eq=False)
@@ -57,5 +58,5 @@ class KeyIndex:
             nothing = np.zeros(0)
             return KeyScores(nothing, nothing, nothing, nothing)
         by_action, by_objects, by_moved = self._parts.cosines(action, objects)
-        scores = (weights[0] * by_action + weights[1] * by_objects) / (weights[0] + weights[1])
+        scores = key_score(by_action, by_objects, *weights)
         return KeyScores(scores, by_action, by_objects, by_moved)

@@ -23,7 +23,8 @@ from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Cut, Retrieval, Served, score
+from memo_core.skillbook.retrieval import Cut, Retrieval, Served
+from memo_core.skillbook.retrieval_score import key_score
 
 # All-MiniLM-L6-v2: OPEN(microwave) has r = 0.91 to 0.94 with fridge and oven, 0.86 to 0.87 with drawers of all kinds;
 # OPEN(drawer) has 0.96 to 0.99 with other drawers, at most 0.94 with cabinets and 0.92 with their doors.
@@ -100,6 +101,6 @@ def _alikeness(
     """r of the query and each key."""
     actions, objects = key_vectors.get([query, *keys])
     return {
-        key: score(float(actions[0] @ action), float(objects[0] @ thing), *weights)
+        key: key_score(float(actions[0] @ action), float(objects[0] @ thing), *weights)
         for key, action, thing in zip(keys, actions[1:], objects[1:], strict=True)
     }

@@ -35,7 +35,7 @@ from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
-__all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text", "score"]
+__all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text"]
 
 _SHOWN = 5  # near misses that are reported, of each rule
 _FIRST = 32  # nearest keys that near misses are looked for among
@@ -49,11 +49,6 @@ _FOUND = sa.select(_E.id, _E.kind, _E.key, _E.text).where(
 )
 
 _Ranked = list[tuple[Entry, int]]  # entries and their places among the candidates
-
-
-def score(action_cosine: float, objects_cosine: float, lambda_action: float, lambda_objects: float) -> float:
-    """r(q, v) of two keys from their cosines; λ1 = ``lambda_action``, λ2 = ``lambda_objects``, both above 0."""
-    return (lambda_action * action_cosine + lambda_objects * objects_cosine) / (lambda_action + lambda_objects)
 
 
 def as_text(subtask: Key) -> str:

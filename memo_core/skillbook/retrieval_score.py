@@ -1,15 +1,24 @@
-"""Candidates for one subtask and kind of entry, and in which order which of them are served."""
+"""The scores that decide what is served: r(q, v) of keys, and of entries r together with what they say."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import attrs
 import numpy as np
 
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 
+Cosine = TypeVar("Cosine", float, np.ndarray)
+
 TIE = 1e-6  # float32 cosines of equal texts differ by rounding
+
+
+def key_score(action_cosine: Cosine, objects_cosine: Cosine, lambda_action: float, lambda_objects: float) -> Cosine:
+    """r(q, v) of keys from their cosines, numbers or arrays of shape (n,); λ1 = ``lambda_action`` and
+    λ2 = ``lambda_objects`` are above 0."""
+    return (lambda_action * action_cosine + lambda_objects * objects_cosine) / (lambda_action + lambda_objects)
 
 
 @attrs.frozen(eq=False)

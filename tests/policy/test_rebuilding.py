@@ -16,7 +16,7 @@ from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.clustering import Clustering
 from memo_core.policy.feedback_processing import Noting, asking_without_a_run
-from memo_core.policy.methods import METHODS
+from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
 from memo_core.runlog.log import RunLog
 from memo_core.skillbook.book import Skillbook

@@ -22,7 +22,7 @@ from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.budget import Budget
 from memo_core.llm.kept_calls import spent_in
 from memo_core.policy.loop import Loop
-from memo_core.policy.methods import METHODS
+from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.runlog.file import FILE, LogFile

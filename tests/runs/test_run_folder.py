@@ -25,7 +25,7 @@ from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.plugins import Registry
-from memo_core.policy.methods import METHODS
+from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.method_interface import LanguageMethod
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.skillbook.book import Skillbook

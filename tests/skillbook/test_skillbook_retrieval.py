@@ -20,7 +20,8 @@ from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.database import SkillbookError
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, as_text, score
+from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, as_text
+from memo_core.skillbook.retrieval_score import key_score
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
@@ -80,7 +81,7 @@ def test_r_is_exact_for_any_weights(
         assert (
             served.score
             == pytest.approx(wanted, abs=1e-9)
-            == score(served.action_cosine, served.objects_cosine, one, two)
+            == key_score(served.action_cosine, served.objects_cosine, one, two)
         )
         assert -1.001 <= served.action_cosine <= 1.001 and -1.001 <= served.objects_cosine <= 1.001
     scores = [served.score for served in found.corrections]
