@@ -18,6 +18,7 @@ import numpy as np
 from memo_benchmarks.labelled_notes import Note, people
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.scene.appearance import appearance
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
@@ -53,16 +54,19 @@ def quirks(tasks: Sequence[Any]) -> list[Quirk]:
 
 
 def labels_of(scene: SceneDescription) -> SceneGraph:
-    """The things and parts that a look at a scene shows, without where they are; the hand is empty."""
+    """The things and parts that a look at a scene shows and what they look like, not where they are; the hand is
+    empty."""
     nodes: list[Node] = []
     whole: dict[str, str | None] = {}  # of each body the object that it belongs to
     for body, parent in scene.walk():
         above = whole[parent.name] if parent is not None else None
         whole[body.name] = above or (body.name if body.label else None)
         if body.label:
-            nodes.append(Node(body.name, body.label, Pose(), (0.1, 0.1, 0.1), part_of=above))
+            looks = appearance(body)
+            nodes.append(Node(body.name, body.label, Pose(), (0.1, 0.1, 0.1), part_of=above, attributes=looks))
         for part in body.parts:
-            nodes.append(Node(part.id, part.label, Pose(), (0.1, 0.1, 0.1), part_of=whole[body.name], kind="part"))
+            owner, looks = whole[body.name], appearance(body, part)
+            nodes.append(Node(part.id, part.label, Pose(), (0.1, 0.1, 0.1), owner, "part", attributes=looks))
     return SceneGraph(tuple(nodes), (), Observation(Pose(), 0.08, False))
 
 

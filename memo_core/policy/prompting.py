@@ -57,16 +57,18 @@ def scene_table(scene: SceneGraph) -> str:
         "## Scene",
         f"Scene: {_cell(scene.label)}. The table's top is at z = {scene.table_height:.3f}.",
         "Each row is a box in the base frame, in metres: its centre, its full size along its own x y z axes, and how "
-        "these axes are turned (yaw: about z; nothing: not at all). A part belongs to the thing it is part of; a space "
+        "these axes are turned (yaw: about z; nothing: not at all). Its looks are its main colours and what it is made "
+        "of, where that was seen. A part belongs to the thing it is part of; a space "
         "is the visible inside of one, open in the direction given.",
         "",
-        "| name | kind | part of | centre x y z | size along own axes | turned | opens towards |",
-        "|---|---|---|---|---|---|---|",
+        "| name | kind | part of | looks | centre x y z | size along own axes | turned | opens towards |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for node in scene.nodes:
         opening = _numbers(node.opening, 2) if node.opening else ""
         owner = labels.get(node.part_of, "") if node.part_of else ""
-        names = [_cell(text) for text in (node.label, node.kind, owner)]
+        looks = ", ".join(node.attributes)
+        names = [_cell(text) for text in (node.label, node.kind, owner, looks)]
         cells = [*names, _numbers(node.pose.position), _numbers(node.size), _turn(node), opening]
         lines.append("| " + " | ".join(cells) + " |")
     o = scene.observation

@@ -111,6 +111,7 @@ class Part:
     label: str
     pose: Pose
     size: Vector  # full extents
+    made_of: str = ""  # what it is seen to be made of, if one can see that: "steel", "wood"
 
 
 @attrs.frozen
@@ -152,6 +153,7 @@ class Body:
     bodies: tuple[Body, ...] = ()
     fixture: bool = False  # furniture: seen, but not something one picks up
     heap: str = ""
+    made_of: str = ""  # what it is seen to be made of, without its parts: "wood", "glass"; "": nothing one would say
 
 
 @attrs.frozen

@@ -6,11 +6,17 @@ limits, masses or frictions, and nothing hidden in a closed container.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import attrs
 import numpy as np
 
 from memo_core.errors import UnknownName
 from memo_core.scene.pose import Array, Pose
+
+
+def _words(given: Iterable[str]) -> tuple[str, ...]:
+    return tuple(given)
 
 
 @attrs.frozen
@@ -27,9 +33,8 @@ class Node:
     opening: tuple[float, float, float] | None = None  # of a "space": outward direction of its open side, base frame
     confidence: float = 1.0
     time: float = 0.0  # s, when it was last seen
-    attributes: tuple[str, ...] = attrs.field(
-        default=(), converter=tuple
-    )  # what is seen of it, in words: "white", "wooden"
+    # What it looks like, in words: main colours, then what it is made of, where that is seen ("white", "porcelain").
+    attributes: tuple[str, ...] = attrs.field(default=(), converter=_words)
 
     def corners(self) -> Array:
         """The box's corners in the base frame (m), shape (8, 3)."""

@@ -204,6 +204,8 @@ def _check_graph(graph: SceneGraph) -> None:
         if node.opening is not None:
             assert abs(float(np.linalg.norm(node.opening)) - 1) < 1e-6, f"{node.id!r}: the opening is not a unit vector"
         assert 0.0 <= node.confidence <= 1.0, f"{node.id!r}: confidence {node.confidence}"
+        numbers = [word for word in node.attributes if any(character.isdigit() for character in word)]
+        assert not numbers, f"{node.id!r}: looks are words, not {numbers[0]!r}"
     for relation in graph.relations:
         assert relation.predicate in PREDICATES, f"unknown predicate {relation.predicate!r}"
         assert relation.subject in ids, f"a relation is about {relation.subject!r}, which is not there"

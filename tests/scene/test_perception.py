@@ -64,6 +64,7 @@ WRONG = {
     "extents": lambda self, n: attrs.evolve(n, size=(0.0, 1.0, 1.0)),
     "an inside, and only that": lambda self, n: attrs.evolve(n, opening=(0.0, 0.0, 1.0)),
     "kind": lambda self, n: attrs.evolve(n, kind="thing"),
+    "looks are words": lambda self, n: attrs.evolve(n, attributes=("0.4 kg",)),
     "restore": lambda self, n: attrs.evolve(n, confidence=1.0 / self.looks),
     "deterministic": lambda self, n: attrs.evolve(n, confidence=0.5 + 0.4 * (id(self) % 997) / 997),
 }

@@ -15,6 +15,7 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.scene import relations
+from memo_core.scene.appearance import appearance
 from memo_core.scene.description import Body, Cavity, Free, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
@@ -39,6 +40,7 @@ class _Seen:
     lineage: tuple[str, ...] = ()  # names of its body and that body's ancestors
     door: str | None = None  # of a cavity: name of the body that closes it
     pieces: tuple[str, ...] = ()  # bodies without a name of their own that belong to it and move: its box is theirs too
+    attributes: tuple[str, ...] = ()  # what it looks like, in words
 
 
 @attrs.frozen
@@ -110,6 +112,7 @@ class GroundTruth(Perception):
                 kind=thing.kind,
                 opening=_turned(seen_as[thing.body.name], thing.cavity.opening) if thing.cavity else None,
                 time=time,
+                attributes=thing.attributes,
             )
             for thing in visible
         ) + tuple(self._heap_nodes(shut, poses, exact))
@@ -250,7 +253,8 @@ def _visible_things(scene: SceneDescription) -> Iterator[_Seen]:
         owners[body.name] = (owner, loose)
         for part in body.parts:
             id = _unique(part.id, body, taken)
-            yield _Seen(id, part.label, "part", body, part.pose, part.size, owner, None, loose, lineage)
+            seen = _Seen(id, part.label, "part", body, part.pose, part.size, owner, None, loose, lineage)
+            yield attrs.evolve(seen, attributes=appearance(body, part))
         for cavity in body.cavities:
             id = _unique(cavity.id, body, taken)
             door = movers.get(cavity.door or "")
@@ -264,7 +268,8 @@ def _body_thing(body: Body, owner: str | None, loose: str | None) -> _Seen:
     independent = owner is None or isinstance(body.joint, Free)
     kind = "fixture" if independent and body.fixture else "object" if independent else "part"
     part_of = None if independent else owner
-    return _Seen(body.name, body.label, kind, body, *box, part_of, None, loose, pieces=loose_pieces(body))
+    pieces, looks = loose_pieces(body), appearance(body)
+    return _Seen(body.name, body.label, kind, body, *box, part_of, None, loose, pieces=pieces, attributes=looks)
 
 
 def _unique(id: str, body: Body, taken: set[str]) -> str:

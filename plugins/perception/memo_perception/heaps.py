@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 import attrs
 import numpy as np
 
-from memo_core.scene.description import SceneDescription
+from memo_core.scene.appearance import appearance
+from memo_core.scene.description import Body, SceneDescription
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Array, Pose
 
@@ -21,6 +22,7 @@ class Heap:
     label: str
     bodies: tuple[str, ...]
     radius: float
+    attributes: tuple[str, ...] = ()  # what its grains look like, in words
 
     @property
     def id(self) -> str:
@@ -28,16 +30,19 @@ class Heap:
 
 
 def heaps(scene: SceneDescription) -> tuple[Heap, ...]:
-    """All heaps of a scene, in the order of their first grains."""
-    found: dict[str, list[tuple[str, float]]] = {}
+    """All heaps of a scene, in the order of their first grains, each looking like its first grain."""
+    found: dict[str, list[Body]] = {}
     for body, _ in scene.walk():
         if body.heap:
-            radius = max((max(geom.size) for geom in body.geoms), default=0.0)
-            found.setdefault(body.heap, []).append((body.name, radius))
+            found.setdefault(body.heap, []).append(body)
     return tuple(
-        Heap(label, tuple(name for name, _ in grains), max(radius for _, radius in grains))
+        Heap(label, tuple(grain.name for grain in grains), max(map(_radius, grains)), appearance(grains[0]))
         for label, grains in found.items()
     )
+
+
+def _radius(grain: Body) -> float:
+    return max((max(geom.size) for geom in grain.geoms), default=0.0)
 
 
 def heap_node(
@@ -50,7 +55,8 @@ def heap_node(
     points = _largest_group(np.asarray(places), 2 * heap.radius * TOGETHER)
     low, high = points.min(axis=0) - heap.radius, points.max(axis=0) + heap.radius
     size = tuple(float(v) for v in high - low)
-    return Node(heap.id, heap.label, Pose(tuple(float(v) for v in (low + high) / 2)), size, kind="heap", time=time)  # type: ignore[arg-type]
+    middle = Pose(tuple(float(v) for v in (low + high) / 2))
+    return Node(heap.id, heap.label, middle, size, kind="heap", time=time, attributes=heap.attributes)  # type: ignore[arg-type]
 
 
 def _largest_group(points: Array, reach: float) -> Array:

@@ -59,9 +59,10 @@ def faucet(name: str, place: Vector, yaw: float, lever: Lever, height: float = 0
             armature=SMALL_ARMATURE,
         ),
         mass=0.1,
+        made_of="metal",
     )
     sink = Body(f"{name}/sink", basin, label="sink", fixture=True)
-    body = Body(f"{name}/column", (column, spout, nozzle), label=name, fixture=True, bodies=(handle,))
+    body = Body(f"{name}/column", (column, spout, nozzle), label=name, fixture=True, bodies=(handle,), made_of="metal")
     return Body(name, (), Pose.from_yaw(place, yaw), fixture=True, bodies=(sink, body))
 
 
@@ -168,6 +169,7 @@ def toaster(name: str, place: Vector, yaw: float) -> tuple[Body, Latch]:
         fixture=True,
         cavities=(slot,),
         bodies=(carriage,),
+        made_of="steel",
     )
     return body, Latch(joint, DOWN, 12.0, LATCHED_WITHIN)
 
@@ -180,4 +182,4 @@ def bread_rack(name: str, place: Vector, yaw: float) -> Body:
     walls = [
         Geom("box", (0.08, 0.006, 0.04), Pose((0.0, sign * (gap / 2 + 0.003), 0.026)), wood) for sign in (-1.0, 1.0)
     ]
-    return Body(name, (base, *walls), Pose.from_yaw(place, yaw), label=name, fixture=True)
+    return Body(name, (base, *walls), Pose.from_yaw(place, yaw), label=name, fixture=True, made_of="wood")

@@ -61,8 +61,10 @@ def cabinet(
     handle: Handle,
     colour: Colour,
     door_colour: Colour,
+    made_of: str = "",
 ) -> Body:
-    """A hollow box with a door in front. ``size`` is (depth, width, height); its hinge joint is ``NAME/hinge``."""
+    """A hollow box with a door in front, both ``made_of`` one material. ``size`` is (depth, width, height); its hinge
+    joint is ``NAME/hinge``."""
     centre, extents, opening = inside(size, WALL)
     joint = f"{name}/hinge"
     return Body(
@@ -72,7 +74,8 @@ def cabinet(
         geoms=shell(size, WALL, colour=colour),
         pose=Pose.from_yaw(place, yaw),
         cavities=(Cavity(f"{name}/inside", f"{name} inside", Pose(centre), extents, opening, joint),),
-        bodies=(_door(name, size, hinge, handle, joint, door_colour),),
+        bodies=(attrs.evolve(_door(name, size, hinge, handle, joint, door_colour), made_of=made_of),),
+        made_of=made_of,
     )
 
 
@@ -105,7 +108,7 @@ def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str,
         pose=pose,
         joint=Hinge(joint, axis, range=(0.0, hinge.opens_to), friction=hinge.friction, damping=hinge.damping),
         mass=hinge.mass,
-        parts=(Part(f"{name}/handle", f"{name} handle", Pose(centre), box),),
+        parts=(Part(f"{name}/handle", f"{name} handle", Pose(centre), box, "metal"),),
     )
 
 
@@ -137,10 +140,11 @@ def chest(name: str, place: Vector, yaw: float, size: Vector, plinth: float, han
         pose=Pose((0.0, 0.0, WALL + gap)),
         joint=Slide(joint, (-1.0, 0.0, 0.0), range=(0.0, opens_to), friction=1.5, damping=8.0),
         mass=0.8,
-        parts=(Part(f"{name}/handle", "drawer handle", Pose(grip), (thick, handle.length, thick)),),
+        parts=(Part(f"{name}/handle", "drawer handle", Pose(grip), (thick, handle.length, thick), "metal"),),
         cavities=(
             Cavity(f"{name}/inside", "drawer inside", Pose(centre), extents, opening, joint, closed_within=0.03),
         ),
+        made_of="wood",
     )
     return Body(
         name=name,
@@ -149,6 +153,7 @@ def chest(name: str, place: Vector, yaw: float, size: Vector, plinth: float, han
         geoms=(*shell(size, WALL, colour=WOOD), base),
         pose=Pose.from_yaw((place[0], place[1], place[2] + plinth), yaw),
         bodies=(drawer,),
+        made_of="wood",
     )
 
 

@@ -50,7 +50,7 @@ def can(name: str, place: Vector, colour: Colour, yaw: float = 0.0) -> Body:
         Geom("cylinder", (CAN_RADIUS, CAN_HEIGHT), colour=colour, mass=0.20),
         Geom("cylinder", (0.022, 0.002), Pose((0.0, 0.0, CAN_HEIGHT / 2)), METAL, mass=0.0, collides=False),
     )
-    return Body(name, geoms, Pose.from_yaw((x, y, z + CAN_HEIGHT / 2), yaw), Free(), label=name)
+    return Body(name, geoms, Pose.from_yaw((x, y, z + CAN_HEIGHT / 2), yaw), Free(), label=name, made_of="metal")
 
 
 def banana(name: str, place: Vector, yaw: float) -> Body:
@@ -89,7 +89,7 @@ def plate(name: str, place: Vector, colour: Colour = PORCELAIN) -> Body:
         at = ((PLATE_RADIUS - 0.003) * math.cos(yaw), (PLATE_RADIUS - 0.003) * math.sin(yaw), (PLATE_RIM + clear) / 2)
         size = (0.006, 2 * PLATE_RADIUS * math.tan(math.pi / sides), PLATE_RIM - clear)
         geoms.append(Geom("box", size, Pose.from_yaw(at, yaw), colour, mass=0.01))
-    return Body(name, tuple(geoms), Pose(place), Free(), label=name)
+    return Body(name, tuple(geoms), Pose(place), Free(), label=name, made_of="porcelain")
 
 
 def cup(name: str, place: Vector, colour: Colour = BLUE, yaw: float = 0.0) -> Body:
@@ -117,7 +117,7 @@ def cutlery(name: str, place: Vector, yaw: float) -> Body:
         + [Geom("box", (0.03, 0.03, high), Pose((0.06, 0, 0)), METAL, mass=0.006)],
     }
     geoms = (handle, *ends[name])
-    return Body(name, geoms, Pose.from_yaw((x, y, z + high / 2), yaw), Free(), label=name)
+    return Body(name, geoms, Pose.from_yaw((x, y, z + high / 2), yaw), Free(), label=name, made_of="metal")
 
 
 def crumpled_paper(name: str, place: Vector, yaw: float) -> Body:
@@ -128,7 +128,7 @@ def crumpled_paper(name: str, place: Vector, yaw: float) -> Body:
         Geom("box", (0.034, 0.034, 0.034), Pose(orientation=quaternion_from_axis_angle(axis, angle)), PAPER, mass=0.007)
         for axis, angle in turns
     ]
-    return Body(name, tuple(geoms), Pose.from_yaw((x, y, z + 0.025), yaw), Free(), label=name)
+    return Body(name, tuple(geoms), Pose.from_yaw((x, y, z + 0.025), yaw), Free(), label=name, made_of="paper")
 
 
 def pan(name: str, place: Vector, yaw: float) -> Body:
@@ -141,10 +141,18 @@ def pan(name: str, place: Vector, yaw: float) -> Body:
     hollow = Cavity(
         f"{name}/inside", f"{name} inside", Pose((0, 0, (PAN_HEIGHT + PAN_WALL) / 2)), (side, side, depth), (0, 0, 1)
     )
-    handle = Part(f"{name}/handle", f"{name} handle", grip.pose, PAN_HANDLE)
+    handle = Part(f"{name}/handle", f"{name} handle", grip.pose, PAN_HANDLE, "wood")
     geoms = (*cup_geoms(PAN_APOTHEM, PAN_HEIGHT, PAN_WALL, colour=IRON), grip)
     return Body(
-        name, geoms, Pose.from_yaw(place, yaw), Free(), mass=0.18, label=name, parts=(handle,), cavities=(hollow,)
+        name,
+        geoms,
+        Pose.from_yaw(place, yaw),
+        Free(),
+        mass=0.18,
+        label=name,
+        parts=(handle,),
+        cavities=(hollow,),
+        made_of="iron",
     )
 
 

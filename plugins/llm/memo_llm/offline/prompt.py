@@ -256,6 +256,7 @@ def _node(cells: dict[str, str]) -> Node:
         part_of=cells.get("part of") or None,
         kind=cells.get("kind") or "object",
         opening=opening if len(opening) == 3 else None,
+        attributes=tuple(word.strip() for word in cells.get("looks", "").split(",") if word.strip()),
     )
 
 

@@ -28,11 +28,14 @@ class OpenADoor(OpenAThing):
     hinge = DoorHinge("left", math.radians(110))
     handle = Handle(length=0.16, distance=0.045, inset=0.03, height=0.20)
     colours: tuple[Colour, Colour] = (WHITE, DARK)
+    made_of = ""
 
     def furniture(self, rng: np.random.Generator) -> Body:
         x, y = np.asarray(self.place) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
-        return cabinet(self.thing, (x, y, 0.0), yaw, self.size, self.hinge, self.handle, *self.colours)
+        return cabinet(
+            self.thing, (x, y, 0.0), yaw, self.size, self.hinge, self.handle, *self.colours, made_of=self.made_of
+        )
 
     def opened(self, world: WorldState) -> tuple[bool, str, dict[str, float]]:
         angle = world.joint_position(self.joint)
@@ -56,7 +59,7 @@ class OpenTheCupboard(OpenADoor):
     lesson = "Push the cupboard door in first, then it springs open by itself."
     thing = "cupboard"
     handle = Handle(length=0.12, distance=0.045, inset=0.03, height=0.22)
-    colours = (WOOD, WOOD)
+    colours, made_of = (WOOD, WOOD), "wood"
 
     def changed(self, fixture: Body) -> Body:
         joint = {"range": (-0.02, self.hinge.opens_to), "stiffness": 0.55, "rest": 2.5, "friction": 0.1}
@@ -79,7 +82,7 @@ class OpenTheLocker(OpenADoor):
     quirk = "lift the handle"
     lesson = "You have to lift the locker's handle up before you pull the door."
     thing = "locker"
-    colours = (STEEL, STEEL)
+    colours, made_of = (STEEL, STEEL), "steel"
 
     def changed(self, fixture: Body) -> Body:
         return with_lifting_handle(fixture, 0.03)
@@ -106,7 +109,7 @@ class OpenTheWardrobe(OpenADoor):
     place = (0.72, 0.05)
     hinge = DoorHinge("left", math.radians(115))
     handle = Handle(length=0.20, distance=0.045, inset=0.03, height=0.30)
-    colours = (WOOD, WOOD)
+    colours, made_of = (WOOD, WOOD), "wood"
 
     def mechanisms(self) -> tuple[Mechanism, ...]:
         return half_way_catch(self.joint, stop=0.68, strain=0.06, hard=0.12, stiffness=60.0)

@@ -119,6 +119,7 @@ class OpenTheMedicineBottle(PressToTurn):
             geoms=(clamp, glass),
             pose=Pose.from_yaw((*place, 0.0), yaw),
             bodies=(pressed_turner(self.thing, f"{self.thing} cap", cap, on_top, up=0.15),),
+            made_of="glass",
         )
 
     def check(self, world: WorldState, monitors: dict[str, Any]) -> Outcome:

@@ -71,7 +71,8 @@ def bottle(place: Vector, yaw: float, friction: float = 0.3) -> Body:
     geoms.append(Geom("box", (0.09, 0.11, 0.012), Pose((0, 0, 0.006 - SEAT)), METAL))
     for side in (-1.0, 1.0):  # the clamp's jaws
         geoms.append(Geom("box", (0.06, 0.02, 0.045), Pose((0, side * 0.039, 0.0225 - SEAT)), METAL))
-    return Body("bottle", tuple(geoms), Pose.from_yaw((x, y, z + SEAT), yaw), label="bottle", fixture=True)
+    pose = Pose.from_yaw((x, y, z + SEAT), yaw)
+    return Body("bottle", tuple(geoms), pose, label="bottle", fixture=True, made_of="glass")
 
 
 def _shorter(wall: Geom) -> Geom:

@@ -151,7 +151,7 @@ class _Cabinet(TakeOut):
         yaw = rng.uniform(-math.radians(5), math.radians(5))
         hinge = DoorHinge("left", math.radians(110))
         handle = Handle(length=0.14, distance=0.045, inset=0.03, height=0.20)
-        return cabinet("cabinet", (x, y, 0.0), yaw, self.size, hinge, handle, WOOD, BROWN)
+        return cabinet("cabinet", (x, y, 0.0), yaw, self.size, hinge, handle, WOOD, BROWN, "wood")
 
 
 class EmptyTheCabinet(_Cabinet):

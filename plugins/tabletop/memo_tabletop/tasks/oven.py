@@ -32,5 +32,5 @@ class PutTheFoodInTheOven(FoodInCabinet):
     def cabinet(self, rng: np.random.Generator) -> tuple[Body, ...]:
         x, y = np.array([0.68, 0.12]) + rng.uniform(-0.02, 0.02, 2)
         yaw = rng.uniform(-math.radians(5), math.radians(5))
-        oven = cabinet("oven", (x, y, BOTTOM), yaw, SIZE, self.hinge, self.handle, STEEL, DARK)
+        oven = cabinet("oven", (x, y, BOTTOM), yaw, SIZE, self.hinge, self.handle, STEEL, DARK, "steel")
         return oven, stand("stand", (x, y, 0.0), yaw, (SIZE[0], SIZE[1], BOTTOM))

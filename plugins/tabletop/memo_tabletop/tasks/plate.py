@@ -34,7 +34,7 @@ def flat_plate(place: Vector, stains: Array) -> Body:
     for x, y, radius in stains.tolist():
         stain = Pose((x, y, HEIGHT))
         geoms.append(Geom("cylinder", (radius, 0.0006), stain, SAUCE, mass=0.0, collides=False))
-    return Body("plate", tuple(geoms), Pose(place), Free(), label="plate")
+    return Body("plate", tuple(geoms), Pose(place), Free(), label="plate", made_of="porcelain")
 
 
 def sponge(place: Vector, yaw: float) -> Body:
@@ -45,7 +45,7 @@ def sponge(place: Vector, yaw: float) -> Body:
         Geom("box", SPONGE, colour=YELLOW, mass=0.03, material=foam),
         Geom("box", (SPONGE[0], SPONGE[1], 0.007), Pose((0, 0, SPONGE[2] / 2)), SCOUR, mass=0.0, collides=False),
     )
-    return Body("sponge", geoms, Pose.from_yaw((x, y, z + SPONGE[2] / 2), yaw), Free(), label="sponge")
+    return Body("sponge", geoms, Pose.from_yaw((x, y, z + SPONGE[2] / 2), yaw), Free(), label="sponge", made_of="foam")
 
 
 class Wiped(Sampled):
