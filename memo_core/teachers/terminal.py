@@ -92,9 +92,9 @@ class TerminalTeacher(Teacher):
 
     def _verdict(self, question: str, hint: str, about: Sequence[str], recordings: Sequence[str] = ()) -> Verdict:
         """Asks until there is an answer: empty asks again, ``?`` explains, praise that says more is asked back."""
-        _ask(question, hint, recordings)
+        asked = (*(f"  see {recording}" for recording in recordings), f"{question} [{hint}]")
         while True:
-            typed = self._line.read()
+            typed = self._line.ask(*asked)
             if typed is None:
                 return Verdict("silent")
             words = typed.strip()
@@ -112,14 +112,13 @@ class TerminalTeacher(Teacher):
                 told = words[len("plan:") :].strip() if planned else words
                 if told:
                     return Verdict("correct", told, planned)
-            _ask(question, hint, recordings)
 
     def _asked_back(self, words: str) -> Meaning:
         """Whether praise that says more is approval all the same; "empty" at a loss, so that it is asked anew."""
-        _say(f'"{words}": is it fine as it is, or is something to be done differently?')
+        asked: tuple[str, ...] = (f'"{words}": is it fine as it is, or is something to be done differently?',)
         while True:
-            _say("[y = it is fine, c = that was a correction]")
-            typed = self._line.read()
+            typed = self._line.ask(*asked, "[y = it is fine, c = that was a correction]")
+            asked = ()
             if typed is None:
                 return "silent"
             answer = typed.strip().lower()
@@ -138,14 +137,13 @@ class TerminalTeacher(Teacher):
     def read_back(self, noted: Noted) -> ReadBack:
         if not noted.notes:
             return self._nothing_learnt(noted)
-        _say("I noted:")
-        for number, note in enumerate(noted.notes, 1):
-            _say(f"  {number}. {note.key or 'everywhere'}: {note.text}")
+        listed = [f"  {n}. {note.key or 'everywhere'}: {note.text}" for n, note in enumerate(noted.notes, 1)]
+        asked = ["I noted:", *listed]
         hint = "y = right, x = strike all"
         hint += f", x 1 … x {len(noted.notes)} = strike one" if len(noted.notes) > 1 else ""
         while True:
-            _say(f"[{hint}, or say it in other words]")
-            typed = self._line.read()
+            typed = self._line.ask(*asked, f"[{hint}, or say it in other words]")
+            asked = []
             if typed is None:
                 return ReadBack("accepted")
             words = typed.strip()
@@ -164,12 +162,10 @@ class TerminalTeacher(Teacher):
                 return ReadBack("reworded", words)
 
     def _nothing_learnt(self, noted: Noted) -> ReadBack:
+        question = noted.question or "What should I do differently?"
+        asked = f'I could not learn anything from "{noted.words}". {question}'
         while True:
-            _say(
-                f'I could not learn anything from "{noted.words}". {noted.question or "What should I do differently?"}'
-            )
-            _say("[say it in other words, s = never mind]")
-            typed = self._line.read()
+            typed = self._line.ask(asked, "[say it in other words, s = never mind]")
             if typed is None or meaning_of(typed) in ("silent", "approve"):
                 return ReadBack("accepted")
             if meaning_of(typed) not in ("empty", "explain"):
@@ -178,21 +174,22 @@ class TerminalTeacher(Teacher):
     # -- hardware ------------------------------------------------------------------------------------------------------
     def put_back(self, episode: Episode) -> bool:
         moved = ", ".join(_moved(episode)) or "everything"
-        _say(f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {moved}.")
-        return self._yes_or_no("y = done, n = cannot")
+        asked = f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {moved}."
+        return self._yes_or_no(asked, "y = done, n = cannot")
 
     def confirm(self, episode: Episode) -> bool:
-        _say(
+        asked = (
             f"The run was cut off during {episode.subtask}; what the robot did last is unknown. Please look: may it go "
             "on from the scene as it is now? It will look and plan anew."
         )
-        return self._yes_or_no("y = go on, n = no")
+        return self._yes_or_no(asked, "y = go on, n = no")
 
-    def _yes_or_no(self, hint: str) -> bool:
+    def _yes_or_no(self, question: str, hint: str) -> bool:
         """Asks until it is one of both; no at the end of input."""
+        asked: tuple[str, ...] = (question,)
         while True:
-            _say(f"[{hint}]")
-            typed = self._line.read()
+            typed = self._line.ask(*asked, f"[{hint}]")
+            asked = ()
             if typed is None:
                 return False
             answer = typed.strip().lower()
@@ -212,12 +209,6 @@ def _struck(words: str, count: int) -> tuple[int, ...] | None:
     if not all(token.isdecimal() and 1 <= int(token) <= count for token in tokens[1:]):
         return None
     return tuple(sorted({int(token) - 1 for token in tokens[1:]}))
-
-
-def _ask(question: str, hint: str, recordings: Sequence[str]) -> None:
-    for recording in recordings:
-        _say(f"  see {recording}")
-    _say(f"{question} [{hint}]")
 
 
 def _say(*lines: str) -> None:

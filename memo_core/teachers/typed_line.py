@@ -41,9 +41,11 @@ class TypedLine:
     def at_terminal(self) -> bool:
         return sys.stdin.isatty() and sys.stderr.isatty() and os.name == "posix"
 
-    def read(self, prompt: str = "> ") -> str | None:
-        """What is typed; None at the end of input. Whatever a signal handler raises comes through."""
-        draft = self._typed_ahead()
+    def ask(self, *question: str, prompt: str = "> ") -> str | None:
+        """Show the lines of a question and return what is typed from then on; None at the end of input. What was typed
+        before is a draft. Whatever a signal handler raises comes through."""
+        draft = self._typed_ahead()  # before the question is shown: what comes after it is the answer, however soon
+        print(*question, sep="\n", file=sys.stderr, flush=True)
         if self._session is None:
             if draft:
                 print(f"(typed before the question and not taken: {draft})", file=sys.stderr)
