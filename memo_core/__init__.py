@@ -5,9 +5,11 @@ that importing ``memo_core`` costs next to nothing.
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # importing typing would take longer than everything else here
 if TYPE_CHECKING:
+    from typing import Any
+
     from memo_core.api import load, make_environment, open_book, registry, run, tasks
     from memo_core.config import ConfigErrors, Experiment
     from memo_core.environment.simulated import SimulatedEnvironment
@@ -48,7 +50,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name not in _HOME:
         raise AttributeError(f"module 'memo_core' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOME[name]), name)

@@ -150,7 +150,7 @@ class Lesson:
             components,
             task,
             self.seed,
-            RunFolder(new_run_folder(self.folder, folder, self.seed)),
+            lambda: RunFolder(new_run_folder(self.folder, folder, self.seed)),
             self._registry,
             config,
             watch.heard,

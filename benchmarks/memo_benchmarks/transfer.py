@@ -194,7 +194,10 @@ class Transfer:
             teacher = SimulatedTeacher(SimulatedTeacherSettings(seed=seed, misjudges=0.0, knows=task.lesson))
         what = "lesson" if lesson else f"with-{taught_in or 'empty'}-book"
         verdict = FirstVerdict()
-        folder = new_run_folder(self.folder, f"{name}-in-{simulator}-{what}", seed)
+
+        def folder() -> RunFolder:
+            return RunFolder(new_run_folder(self.folder, f"{name}-in-{simulator}-{what}", seed))
+
         components = RunComponents(
             method=experiment.create("method"),
             llm=experiment.create("llm"),
@@ -208,7 +211,7 @@ class Transfer:
             teaching=experiment.section("teaching"),
         )
         config = experiment.public() | {"task": name, "bench": "transfer"}
-        return perform(components, task, seed, RunFolder(folder), self._registry, config, verdict.heard), verdict.first
+        return perform(components, task, seed, folder, self._registry, config, verdict.heard), verdict.first
 
     def _book(self, experiment: Experiment, task: str, taught_in: str, lesson: bool) -> Skillbook:
         if taught_in == NOBODY:

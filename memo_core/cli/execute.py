@@ -13,7 +13,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json
-from memo_core.cli.signal_handling import INTERRUPTED, handling
+from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
 from memo_core.errors import InvalidArgument, MemoError
 
 if TYPE_CHECKING:
@@ -97,11 +97,12 @@ def _print_now(text: str) -> None:
 
 @contextmanager
 def _stopping(link: Link) -> Iterator[None]:
-    """A first signal stops the robot; a second one ends the process."""
+    """A first signal stops the robot; a second one is an ``Interrupt``."""
+    interrupt = Interrupt()
 
     def stop(*_: Any) -> None:
         if link.stopped:
-            raise KeyboardInterrupt
+            interrupt()
         link.stop()
 
     with handling(stop):

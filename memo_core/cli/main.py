@@ -1,48 +1,57 @@
 """``memo``: the entry point. Expected errors and Ctrl-C end in one clear line on stderr, never in a traceback.
 
 Even importing the command line happens inside the guard: Ctrl-C a tenth of a second after Enter is no traceback either.
+So this module imports next to nothing before ``main`` has taken over the signals.
 """
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import os
 import sys
-import threading
-from collections.abc import Sequence
 
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling, ignore
-from memo_core.terminal import guarded
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``memo`` with these arguments (those of the process by default) and exit with its code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given or bool(os.environ.get("MEMO_DEBUG"))
-    signals = contextlib.ExitStack()
-    signals.enter_context(handling(Interrupt()))
+    interrupt, interrupted = Interrupt(), False
+    signals = handling(interrupt)
     try:
-        with guarded():
-            code = _run(given, debug)
-    except KeyboardInterrupt:
+        signals.__enter__()
+        code = _run(given, debug, interrupt)
+        interrupt.over()  # from here on no signal raises anything: nobody would catch it
+    except KeyboardInterrupt:  # raised once at most
         if debug:
             raise
-        print("memo: interrupted", file=sys.stderr)
-        code = INTERRUPTED
+        _say("interrupted")
+        code, interrupted = INTERRUPTED, True
     finally:
         if arguments is not None:
-            signals.close()
+            signals.__exit__(None, None, None)
         else:  # the process ends, and a signal that comes now changes nothing about how it did
             ignore()
-    if arguments is None and any(thread.daemon for thread in threading.enumerate()):
-        _leave(code)
+    if arguments is None:
+        _leave(code, interrupted)
     sys.exit(code)
 
 
-def _leave(code: int) -> None:
-    """Leave although threads are still at work, such as planning after a stop or an abandoned call. Python would end
-    them when it shuts down, in the middle of C++ code that cannot be unwound: the process would abort."""
+def _leave(code: int, interrupted: bool) -> None:
+    """Leave at once where Python's own way out would do harm. Threads that are still at work, such as planning after a
+    stop or an abandoned call, it would end in the middle of C++ code that cannot be unwound: the process would abort.
+    And a process whose ``KeyboardInterrupt`` came through an ``exec`` on its way here, ``python -m`` would kill with
+    SIGINT, although it was caught."""
+    import atexit
+    import contextlib
+    import threading
+
+    if not interrupted and not any(thread.daemon for thread in threading.enumerate()):
+        return
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError):
@@ -50,7 +59,14 @@ def _leave(code: int) -> None:
     os._exit(code)
 
 
-def _run(given: list[str], debug: bool) -> int:
+def _run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
+    from memo_core.terminal import guarded
+
+    with guarded():
+        return _guarded_run(given, debug, interrupt)
+
+
+def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
     try:
         from memo_core.cli.app import run_app
 
@@ -62,6 +78,8 @@ def _run(given: list[str], debug: bool) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
+        if interrupt.raised:  # what is interrupted, an import above all, may end in an error of another kind
+            raise KeyboardInterrupt from error
         if debug:
             raise
         from memo_core.errors import MemoError  # late: help has no use for it

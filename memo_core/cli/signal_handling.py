@@ -1,4 +1,7 @@
-"""Stops of a command: Ctrl-C, SIGTERM, and SIGHUP of a terminal that was closed."""
+"""Stops of a command: Ctrl-C, SIGTERM, and SIGHUP of a terminal that was closed.
+
+Imported before anything else, since signals are answered from then on: it imports little itself.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from memo_core.stop_switch import StopSwitch
 
 STOPS = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
@@ -18,14 +23,14 @@ INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 
 @contextmanager
 def stopping() -> Iterator[StopSwitch]:
-    """A switch that a signal presses: what is being written is finished first. A second one ends the work at once."""
+    """A switch that a signal presses: what is being written is finished first. A second one is an ``Interrupt``."""
     from memo_core.stop_switch import StopSwitch
 
-    stop = StopSwitch()
+    stop, interrupt = StopSwitch(), Interrupt()
 
     def press(*_: Any) -> None:
         if stop.pressed:
-            raise KeyboardInterrupt
+            interrupt()
         stop.press()
 
     with handling(press):
@@ -38,13 +43,20 @@ class Interrupt:
 
     def __init__(self) -> None:
         self._signals = 0
+        self._over = False
+        self.raised = False  # whether it took the command back
 
     def __call__(self, *_: Any) -> None:
         self._signals += 1
-        if self._signals == 1:
+        if self._signals == 1 and not self._over:
+            self.raised = True
             raise KeyboardInterrupt
         if self._signals > 2:
             os._exit(INTERRUPTED)
+
+    def over(self) -> None:
+        """The command has ended: a signal has nothing to take back any more."""
+        self._over = True
 
 
 def ignore() -> None:

@@ -72,7 +72,7 @@ def run_demo(
             components,
             task,
             experiment.seed,
-            RunFolder(folder / part.folder),
+            lambda part=part: RunFolder(folder / part.folder),  # type: ignore[misc]
             registry,
             config,
             listener,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +144,10 @@ def run_experiment(
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
     task = task_of(experiment, experiment.task)
     components = _components(experiment, task)
-    folder = RunFolder(new_run_folder(out, task.name, experiment.seed))
+
+    def folder() -> RunFolder:
+        return RunFolder(new_run_folder(out, task.name, experiment.seed))
+
     return perform(components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
 
 
@@ -167,7 +169,10 @@ def resume_experiment(
         raise InvalidArgument("--resume", f"{path / 'config.yaml'} names no task", "the config of a run")
     task = task_of(experiment, experiment.task)
     components = _components(experiment, task)
-    folder = RunFolder(path, again=True)
+
+    def folder() -> RunFolder:
+        return RunFolder(path, again=True)
+
     return perform(
         components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text, before
     )
@@ -193,7 +198,7 @@ def perform(
     components: RunComponents,
     task: Task,
     seed: int,
-    folder: RunFolder,
+    folder: Callable[[], RunFolder],
     registry: Registry,
     config: dict[str, Any],
     listener: Callable[[Event], None] | None = None,
@@ -201,8 +206,28 @@ def perform(
     on_text: Callable[[str, str], None] | None = None,
     before: CutOff | None = None,
 ) -> RunReport:
-    """Open the components, do the task, close everything, and keep it in ``folder``. ``before``: what a run that was cut off
-    did. Raises ``MemoError`` only for what keeps the run from beginning."""
+    """Open the components, do the task, close everything, and keep it in the folder that ``folder`` makes. ``before``:
+    what a run that was cut off did. Raises ``MemoError`` only for what keeps the run from beginning."""
+    supervisor = Supervisor(StopSwitch(), components.teacher)
+    with supervisor.signals():  # before the folder is made and until it has its summary, which no signal may cut short
+        return _perform(
+            components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor
+        )
+
+
+def _perform(
+    components: RunComponents,
+    task: Task,
+    seed: int,
+    folder: RunFolder,
+    registry: Registry,
+    config: dict[str, Any],
+    listener: Callable[[Event], None] | None,
+    view: bool,
+    on_text: Callable[[str, str], None] | None,
+    before: CutOff | None,
+    supervisor: Supervisor,
+) -> RunReport:
     log, run, already = _log_of(folder, task, before)
     budget = budget_of(components.settings, run, already)
     subtasks: list[SubtaskResult] = []
@@ -222,8 +247,6 @@ def perform(
             tell(event, at)
 
     started = time.monotonic()
-    stop = StopSwitch()
-    supervisor = Supervisor(stop, components.teacher)
     if before is None:
         folder.config(config)
         tell(RunStarted(run, task.name, task.instruction, seed, config))
@@ -246,7 +269,7 @@ def perform(
     try:
         if components.teacher is not None:
             components.teacher.open()
-        parts = _Parts(log, run, folder.path, task, seed, emit, tell, stop, supervisor, budget)
+        parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget)
         supervisor.run(lambda: _work(components, parts, ended, view, on_text))
     except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
         ended.problem, ended.final = error.told, True
@@ -258,8 +281,6 @@ def perform(
         ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
         raise
     finally:
-        listening = ExitStack()
-        listening.enter_context(supervisor.signals())  # none of them may cut the summary short
         budget.wait(LATE_CALLS_S)
         budget.close()
         spent = budget.spent
@@ -292,7 +313,6 @@ def perform(
             bystander()
         if components.teacher is not None:
             components.teacher.close()  # last: what it raises costs nothing of what is kept
-        listening.close()
     return report
 
 
@@ -346,7 +366,6 @@ class _Parts:
     seed: int
     emit: Callable[[Event], None]
     tell: Callable[[Event], None]
-    stop: StopSwitch
     supervisor: Supervisor
     budget: Budget
 
@@ -355,7 +374,8 @@ def _work(
     components: RunComponents, parts: _Parts, ended: _Ended, view: bool, on_text: Callable[[str, str], None] | None
 ) -> None:
     """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
-    log, stop, supervisor, teacher = parts.log, parts.stop, parts.supervisor, components.teacher
+    log, supervisor, teacher = parts.log, parts.supervisor, components.teacher
+    stop = supervisor.stop
     components.llm.open()
     try:
         parts.budget.open(components.llm)

@@ -28,7 +28,6 @@ def test_a_promise_is_not_kept_on_fewer_signals_than_were_asked_for():
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts processes in /proc")
-@pytest.mark.xfail(reason="a second SIGINT now and then still ends a run with -2 instead of 130", strict=False)
 def test_each_kind_of_signal_to_a_real_run_ends_it_in_order():
     found = bench_signals(5, seed=1)
     assert found["faults"] == [] and found["kept"]

@@ -239,3 +239,29 @@ def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, c
     assert run("demo", "--seed", "0", "--out", str(tmp_path), "--json") == 1
     told = json.loads(capsys.readouterr().out)
     assert not told["told"] and "a library is missing" in told["reasons"]["transfer"]
+
+
+def test_an_interrupt_that_came_through_exec_ends_with_130_also_under_python_m(tmp_path):
+    """Python kills such a process with SIGINT, although the exception was caught: libraries use exec while imported."""
+    (tmp_path / "interrupted.py").write_text(
+        "from memo_core.cli import main\nmain._run = lambda *_: exec('raise KeyboardInterrupt')\nmain.main()\n"
+    )
+    command = [sys.executable, "-m", "interrupted"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "memo: interrupted\n")
+
+
+def test_an_interrupted_import_that_ends_in_another_error_is_an_interrupt(tmp_path):
+    (tmp_path / "interrupted.py").write_text(
+        "import os, signal\n"
+        "from memo_core.cli import app, main\n"
+        "def run_app(given):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    except KeyboardInterrupt:\n"
+        "        raise ImportError('half imported') from None\n"
+        "app.run_app = run_app\n"
+        "main.main()\n"
+    )
+    done = subprocess.run([sys.executable, "interrupted.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "memo: interrupted\n")

@@ -63,8 +63,12 @@ def do(experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | N
         teacher=teacher,
         teaching=TeachingSettings(replan=False),  # these scripts plan each subtask once
     )
-    folder = RunFolder(new_run_folder(tmp_path / "runs", task.name, 0))
-    return perform(components, task, 0, folder, registry, {"seed": 0, "llm.backend": "scripted"}, listener)
+    config = {"seed": 0, "llm.backend": "scripted"}
+
+    def folder() -> RunFolder:
+        return RunFolder(new_run_folder(tmp_path / "runs", task.name, 0))
+
+    return perform(components, task, 0, folder, registry, config, listener)
 
 
 def lines_of(folder: Path) -> list[dict]:
@@ -236,3 +240,20 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
         folder.write("summary.json", "new and long")
     assert (folder.path / "summary.json").read_text() == "old"
     folder.close()
+
+
+def test_a_signal_before_the_first_effect_ends_the_run_with_its_summary(experiment, registry, tmp_path, monkeypatch):
+    config = RunFolder.config
+
+    def press_then_write(self, values) -> None:
+        os.kill(os.getpid(), signal.SIGHUP)
+        config(self, values)
+
+    monkeypatch.setattr(RunFolder, "config", press_then_write)
+    before = signal.signal(signal.SIGHUP, signal.default_int_handler)
+    try:
+        report = do(experiment, registry, tmp_path)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert report.ended_by_person and not report.result.subtasks
+    assert json.loads((report.folder / "summary.json").read_text())["ended_by_person"]
