@@ -9,7 +9,7 @@ from memo_core.interfaces.llm import Answer, LanguageModel, Request
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.policy.clustering import Clustering, ClusteringSettings
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Cluster
 from memo_core.stop_switch import StopSwitch

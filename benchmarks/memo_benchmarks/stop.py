@@ -33,7 +33,7 @@ from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.robot.description import RobotDescription
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import book_of, library_of, sandbox_of
 from memo_core.runs.signal_handling import NOBODY_S, Supervisor
 from memo_core.scene.description import SceneDescription

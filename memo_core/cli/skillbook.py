@@ -205,7 +205,7 @@ def forget(
 @app.command()
 def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Give the book to the experiment's embedder: all vectors are made anew."""
-    from memo_core.skillbook.book import reembed as embed_anew
+    from memo_core.skillbook.reembedding import reembed as embed_anew
 
     _, experiment = load(config, overrides)
     url = book or experiment.section("skillbook").url

@@ -20,7 +20,7 @@ from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, 
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
 from memo_core.redaction import Redactor
-from memo_core.runlog.log import Effect, RunLog
+from memo_core.runlog.run_log import Effect, RunLog
 from memo_core.stop_switch import StopSwitch, abandonable
 
 LONGEST_WAIT_S = 120.0  # a server that wants to be left alone for longer is not asked again

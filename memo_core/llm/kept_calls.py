@@ -13,7 +13,7 @@ import cattrs
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModelError, Request, Usage
 from memo_core.llm.spending import Spent
-from memo_core.runlog.history import Entry, History
+from memo_core.runlog.log_history import Entry, History
 
 ASK = "ask a model"
 

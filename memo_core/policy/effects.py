@@ -18,8 +18,8 @@ import attrs
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
 from memo_core.policy.session import Session
-from memo_core.runlog.log import Effect, LogMismatch
-from memo_core.runlog.words import WordsFile
+from memo_core.runlog.run_log import Effect, LogMismatch
+from memo_core.runlog.words_file import WordsFile
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph

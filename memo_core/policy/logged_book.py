@@ -13,7 +13,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.policy.session import Session
-from memo_core.runlog.log import Effect
+from memo_core.runlog.run_log import Effect
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Entry, Feedback, Note, ReadBack
 from memo_core.skillbook.keys import Key

@@ -30,7 +30,7 @@ from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line
 from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
 from memo_core.policy.teaching import Corrected, Judged, Teaching
-from memo_core.runlog.log import InDoubt
+from memo_core.runlog.run_log import InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import documentation

@@ -15,7 +15,7 @@ from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.plan_feedback import is_of_plans
 from memo_core.policy.session import Session
 from memo_core.policy.settings import TeachingSettings
-from memo_core.runlog.log import Effect
+from memo_core.runlog.run_log import Effect
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook import retrieval
 from memo_core.skillbook.book import Skillbook

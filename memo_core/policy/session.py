@@ -15,7 +15,7 @@ from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, Tas
 from memo_core.llm.budget import Budget
 from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.settings import RunSettings, TeachingSettings
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill

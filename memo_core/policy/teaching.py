@@ -21,7 +21,7 @@ from memo_core.policy.model_questions import Questions
 from memo_core.policy.prompting import scene_table
 from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
-from memo_core.runlog.words import WordsFile
+from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
 from memo_core.skillbook.keys import Key

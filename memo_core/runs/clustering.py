@@ -19,7 +19,7 @@ from memo_core.interfaces.llm import LanguageModel, LanguageModelError, Usage
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.spending import Spent
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
 from memo_core.llm.prompt_files import Prompts
 from memo_core.stop_switch import StopSwitch

@@ -13,11 +13,8 @@ summary.json          how it ended; missing when the run was killed
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import re
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -29,48 +26,34 @@ from memo_core.errors import InvalidArgument
 from memo_core.events import CodeWritten, Event, Retrieved
 from memo_core.redaction import Redactor
 from memo_core.runlog.whole_files import write_whole
+from memo_core.runs import event_log
+from memo_core.runs.event_log import EventLog, read_events
 
 
 class RunFolder:
     """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
 
     def __init__(self, path: Path, again: bool = False, option: str = "") -> None:
-        """Makes the folder, or with ``again`` goes on in it. Raises
-        ``InvalidArgument``, which names ``option``, where one with a run is already, with ``again`` where none is or it
-        is still going on."""
-        self._option = option or ("--resume" if again else "--out")
-        file = path / "events.jsonl"
-        if file.exists() != again:
-            problem = "already holds a run" if file.exists() else "holds no run"
-            raise InvalidArgument(self._option, f"{path} {problem}", "the folder of a run" if again else "a new folder")
+        """Makes the folder, or with ``again`` continues in it. Raises ``InvalidArgument``, which names ``option``, if it
+        holds a run already; with ``again``, if it holds none or one that is still going on."""
+        option = option or ("--resume" if again else "--out")
+        if (path / event_log.FILE).exists() != again:
+            problem = "holds no run" if again else "already holds a run"
+            raise InvalidArgument(option, f"{path} {problem}", "the folder of a run" if again else "a new folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             problem = f"{path} cannot be made: {error.strerror}"
-            raise InvalidArgument(self._option, problem, "a folder to write to") from error
+            raise InvalidArgument(option, problem, "a folder to write to") from error
         self.path = path
         self._redact = Redactor.of_environment()
-        self._lock = threading.Lock()
-        self._events = file.open("a", encoding="utf-8")
-        self._reserve()
-        self.mended = _cut_half_line(file) if again else 0  # bytes of a last line that was never finished
-        self._retrieved = _count(file, "Retrieved") if again else 0
-
-    def _reserve(self) -> None:
-        """One process at a time writes here; the system takes the lock back however that process ends."""
-        try:
-            fcntl.flock(self._events.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self._events.close()
-            problem = f"the run in {self.path} is still going on"
-            raise InvalidArgument(self._option, problem, "a run that has ended; wait for it, or stop it") from None
-        except OSError:
-            return  # a file system without locks
+        self._events = EventLog(path, option)
+        self.mended = self._events.cut_incomplete_line() if again else 0  # bytes
+        self._retrieved = sum(event["event"] == "Retrieved" for event in read_events(path)) if again else 0
 
     def close(self) -> None:
         """Idempotent."""
-        with self._lock:
-            self._events.close()
+        self._events.close()
 
     def write(self, name: str, content: str | bytes) -> Path:
         """A whole file, on disk when this returns; never half of it."""
@@ -88,21 +71,16 @@ class RunFolder:
         """Append one event; ``at``: its place in the run (``RunLog.place``). Flushed to the system at once; the lines
         survive the end of this process."""
         place = {} if at is None else {"at": at}
-        line = self._redact(json.dumps({"event": type(event).__name__, **plain(event), **place}, ensure_ascii=False))
-        with self._lock:
-            if self._events.closed:
-                return
+        if self._events.closed:
+            return
         # Files first: an event whose line is missing is sent again.
         if isinstance(event, Retrieved):
-            self.write_json(f"retrieved/{self._retrieved + 1:02d}-{file_name(event.subtask)}.json", event)
+            self._retrieved += 1
+            self.write_json(f"retrieved/{self._retrieved:02d}-{file_name(event.subtask)}.json", event)
         elif isinstance(event, CodeWritten):
             self.write(_code_name(event), event.code)
-        with self._lock:
-            if self._events.closed:
-                return
-            self._events.write(line + "\n")
-            self._events.flush()
-            self._retrieved += isinstance(event, Retrieved)
+        line = json.dumps({"event": type(event).__name__, **plain(event), **place}, ensure_ascii=False)
+        self._events.append(self._redact(line))
 
 
 def _code_name(event: CodeWritten) -> str:
@@ -135,20 +113,6 @@ def new_run_folder(out: Path, task: str, seed: int) -> Path:
 def attempt_name(attempt: int, take: int) -> str:
     """What the files of an attempt are called; one that began again has files of its own."""
     return f"attempt-{attempt}" + (f"-take-{take}" if take > 1 else "")
-
-
-def _count(file: Path, event: str) -> int:
-    """How many events of a kind a file of events holds."""
-    return file.read_bytes().count(b'{"event": "' + event.encode() + b'"')
-
-
-def _cut_half_line(file: Path) -> int:
-    """Take off what stands behind the last line's end; how many bytes that were."""
-    data = file.read_bytes()
-    whole = data.rfind(b"\n") + 1
-    if whole < len(data):
-        os.truncate(file, whole)
-    return len(data) - whole
 
 
 def file_name(text: str) -> str:

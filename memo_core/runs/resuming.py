@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,9 @@ import attrs
 import yaml
 
 from memo_core.errors import InvalidArgument
-from memo_core.runlog.file import Lines, read_lines
-from memo_core.runlog.history import History, read_history
+from memo_core.runlog.log_file import Lines, read_lines
+from memo_core.runlog.log_history import History, read_history
+from memo_core.runs.event_log import read_events
 from memo_core.runs.folder import nested
 from memo_core.skillbook.book import Skillbook
 
@@ -37,7 +37,7 @@ def read_cut_off(folder: Path) -> CutOff:
     if history.ended:
         raise InvalidArgument("--resume", f"the run in {folder} has ended: {history.ended}", "a run that was cut off")
     sent, subtask, attempt = set(), "", 1
-    for event in events_of(folder):
+    for event in read_events(folder):
         if isinstance(event.get("at"), str):
             sent.add(event["at"])
         if event.get("event") == "SubtaskStarted":
@@ -45,23 +45,6 @@ def read_cut_off(folder: Path) -> CutOff:
         elif event.get("event") == "SubtaskEnded":
             subtask, attempt = "", 1
     return CutOff(history, frozenset(sent), subtask, attempt)
-
-
-def events_of(folder: Path) -> list[dict[str, Any]]:
-    """The lines of ``events.jsonl`` that are events; a line that was cut off or is damaged is left out."""
-    try:
-        text = (folder / "events.jsonl").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return []
-    found = []
-    for line in text.splitlines():
-        try:
-            event = json.loads(line)
-        except (ValueError, RecursionError):
-            continue
-        if isinstance(event, dict) and isinstance(event.get("event"), str):
-            found.append(event)
-    return found
 
 
 def run_config(folder: Path) -> Path:

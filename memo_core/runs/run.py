@@ -21,8 +21,8 @@ from memo_core.runs.filming import Filmed
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.llm import LanguageModel
-from memo_core.runlog.file import FILE
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.log_file import FILE
+from memo_core.runlog.run_log import RunLog
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry

@@ -9,8 +9,8 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.runs.event_log import read_events
 from memo_core.runs.folder import attempt_name, file_name
-from memo_core.runs.resuming import events_of
 
 
 @attrs.define
@@ -67,7 +67,7 @@ def read_story(folder: Path) -> Story:
             story.summary = json.loads((folder / "summary.json").read_text(encoding="utf-8", errors="replace"))
         except ValueError as error:
             story.problems.append(f"summary.json is damaged ({error})")
-    for event in events_of(folder):
+    for event in read_events(folder):
         try:
             _note(story, event)
         except (KeyError, TypeError) as error:

@@ -1,4 +1,4 @@
-"""Writing what people said and what was made of it, inside a write transaction of the caller's."""
+"""Storing the entries made from feedback, inside the caller's write transaction."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from memo_core.skillbook import queries, tables, templates
 from memo_core.skillbook.clusters import same_words
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Note
+from memo_core.skillbook.feedback_store import set_status
 from memo_core.skillbook.keys import Key
 
 _F, _E = tables.feedback.c, tables.entries.c
@@ -33,7 +34,7 @@ def add_notes(
         ("general" if note.key == GLOBAL_KEY else "correction", note.key, note.text) for note in _without_repeats(notes)
     ]
     added = _insert(database, connection, feedback, items, scene, FEEDBACK, {feedback})
-    finish(connection, feedback)
+    set_status(connection, feedback, "processed")
     if added:
         database.next_generation(connection, by_revisions=True)
     return _stored(connection, added)
@@ -60,20 +61,15 @@ def add_template(
     if known is not None:
         for source in sources:
             connection.execute(database.upsert(tables.sources).values(entry=known.id, feedback=source))
-        finish(connection, approval)
+        set_status(connection, approval, "processed")
         return known
     [added] = _insert(database, connection, approval, [("template", key, code)], scene, TEMPLATE, sources)
-    finish(connection, approval)
+    set_status(connection, approval, "processed")
     [entry] = _stored(connection, [added])
     under = connection.execute(sa.select(_E.key).where(_E.id == added)).scalar_one()
     templates.succeed(connection, under, entry.revision, added)
     database.next_generation(connection, by_revisions=True)
     return entry
-
-
-def finish(connection: sa.Connection, feedback: int) -> None:
-    """Mark feedback as processed."""
-    connection.execute(sa.update(tables.feedback).where(_F.id == feedback).values(status="processed", reason=""))
 
 
 def known_feedback(connection: sa.Connection, wanted: set[int]) -> set[int]:

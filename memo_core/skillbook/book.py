@@ -13,7 +13,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.errors import UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import bulk_adding, queries, tables, templates
@@ -41,6 +41,7 @@ from memo_core.skillbook.entries import (
     Stats,
 )
 from memo_core.skillbook.export import records
+from memo_core.skillbook.feedback_store import checked_name, feedback_by_id, insert_feedback, set_status
 from memo_core.skillbook.forget_in_database import forget_person, words_of
 from memo_core.skillbook.forget_in_files import BEYOND, BEYOND_SERVER, clean
 from memo_core.skillbook.history import (
@@ -171,34 +172,14 @@ class Skillbook:
         as a method that remembers nothing: then it is never pending, and only rebuilding a book reads it. Returns the
         feedback's id. Raises ``InvalidArgument``, ``ReadOnlyBook``.
         """
-        if kind == "correction" and not words.strip():
-            raise InvalidArgument("words", "nothing was said", "what the person said")
+        about = {"task": task, "subtask": subtask, "scene": scene, "scene_graph": scene_graph, "code": code, "run": run}
         with self._database.write() as connection:
-            return queries.insert(
-                connection,
-                tables.feedback,
-                kind=kind,
-                words=words,
-                who=_named(who),
-                time=self._database.now() if when is None else when,
-                task=task,
-                subtask=subtask,
-                scene=scene,
-                scene_graph=scene_graph,
-                code=code,
-                run=run,
-                status="kept" if kept_only else "pending",
-                reason=kept_only,
-            )
+            return insert_feedback(self._database, connection, words, who, kind, when, kept_only, **about)
 
     def feedback(self, feedback_id: int) -> Feedback:
         """Raises ``UnknownName``."""
         with self._database.read() as connection:
-            found = queries.feedback_where(connection, _F.id == feedback_id)
-            known = [] if found else queries.ids_of(connection.execute(sa.select(_F.id)))
-        if not found:
-            raise UnknownName("feedback", str(feedback_id), tuple(map(str, known[-20:])))
-        return found[0]
+            return feedback_by_id(connection, feedback_id)
 
     def pending_feedback(self, parked: bool = False) -> list[Feedback]:
         """Feedback that no entry was made from yet, oldest first; with ``parked`` also what was set aside."""
@@ -213,7 +194,8 @@ class Skillbook:
 
     def park(self, feedback_id: int, reason: str) -> None:
         """Set feedback aside that could not be processed; it is kept and shown with the reason."""
-        self._set_status(feedback_id, "parked", reason)
+        with self._database.write() as connection:
+            set_status(connection, feedback_id, "parked", reason)
 
     # -- what was learnt -----------------------------------------------------------------------------------------------
     def add_lessons(
@@ -295,14 +277,14 @@ class Skillbook:
         ``ReadOnlyBook``.
         """
         with self._database.write() as connection:
-            added = edit(self._database, connection, _entry(connection, entry_id), text, _named(who))
+            added = edit(self._database, connection, _entry(connection, entry_id), text, checked_name(who))
         return self.entry(added if added is not None else entry_id)
 
     def remove(self, entry_id: int, who: str) -> Revision:
         """Retire an entry by a revision, which can be rolled back. Raises ``UnknownName``, ``InvalidArgument`` (it is
         superseded already), ``ReadOnlyBook``."""
         with self._database.write() as connection:
-            remove(self._database, connection, _entry(connection, entry_id), _named(who))
+            remove(self._database, connection, _entry(connection, entry_id), checked_name(who))
         retired = self.entry(entry_id)
         with self._database.read() as connection:
             return revisions(self._database, connection, only=retired.superseded_by)[0]
@@ -608,14 +590,6 @@ class Skillbook:
             self._unclustered = (generation, copy)
         return None if self._unclustered is None else self._unclustered[1]
 
-    def _set_status(self, feedback_id: int, status: str, reason: str) -> None:
-        with self._database.write() as connection:
-            changed = connection.execute(
-                sa.update(tables.feedback).where(_F.id == feedback_id).values(status=status, reason=reason)
-            )
-        if not changed.rowcount:
-            raise UnknownName("feedback", str(feedback_id), ())
-
     def _key_vectors(self) -> KeyVectors:
         return KeyVectors(self._text_vectors(), self.settings.wording, self.settings.actions)
 
@@ -642,38 +616,8 @@ def _entry(connection: sa.Connection, entry_id: int) -> Entry:
     return found[entry_id]
 
 
-def _named(who: str) -> str:
-    if not who.strip():
-        raise InvalidArgument("who", "nobody is named", "a name or a pseudonym, so that the person can withdraw")
-    return who
-
-
 def _meant(connection: sa.Connection, key: Key | str) -> Key:
     """The key that a spelling is kept under."""
     if key == "*":
         return GLOBAL_KEY
     return queries.alias_rows(connection).get(str(_key(key)), _key(key))
-
-
-def reembed(url: str, embedder: Embedder) -> int:
-    """Give a book to another embedder: its vectors are made anew. Returns how many texts were embedded.
-
-    The switch is one transaction; interrupted before it, the book still belongs to the former embedder.
-    """
-    database = Database(url)
-    database.open()
-    try:
-        embedder.open()
-        with database.read() as connection:
-            texts = sorted({row.text for row in queries.valid_entry_rows(connection)})
-        with database.write() as connection:
-            connection.execute(sa.delete(tables.vectors))
-            connection.execute(sa.delete(tables.sheets))
-            database.set_meta(connection, "embedder", embedder.name)
-            database.set_meta(connection, "dimension", str(embedder.dimension))
-            database.set_meta(connection, "reembedded", str(database.next_generation(connection)))
-        if texts:
-            TextVectors(database, embedder).get(texts)
-        return len(texts)
-    finally:
-        database.close()

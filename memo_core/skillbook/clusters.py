@@ -78,12 +78,16 @@ class Cluster:
         return sum(len(member.text) for member in self.members)
 
 
+def _without_repeats(numbers: Iterable[int]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(numbers))
+
+
 @attrs.frozen
 class Merged:
     """One entry of a condensed cluster and the members it derives from, by their places in the cluster from 1."""
 
     text: str
-    of: tuple[int, ...] = attrs.field(converter=lambda numbers: tuple(dict.fromkeys(numbers)))
+    of: tuple[int, ...] = attrs.field(converter=_without_repeats)
 
 
 @attrs.frozen

@@ -7,6 +7,7 @@ can be rolled back as well.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import attrs
 import sqlalchemy as sa
@@ -217,7 +218,7 @@ def _check_untouched(
     connection: sa.Connection,
     revision: int,
     added: Sequence[Entry],
-    mine: Sequence[sa.Row],
+    mine: Sequence[sa.Row[Any]],
     entries: dict[int, Entry],
 ) -> None:
     """Raises ``CannotRollBack`` unless everything that the revision touched is still as it left it."""
@@ -248,7 +249,7 @@ def _undone(connection: sa.Connection, revision: int) -> bool:
     return any(not _undone(connection, later) for later in queries.ids_of(connection.execute(query)))
 
 
-def _part(database: Database, connection: sa.Connection, new: int, joined: list[sa.Row]) -> None:
+def _part(database: Database, connection: sa.Connection, new: int, joined: list[sa.Row[Any]]) -> None:
     """Give entries back to the key they were under before it was joined to another."""
     for spelling in {row.why for row in joined}:
         connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == spelling))
@@ -279,13 +280,13 @@ def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
     connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))
 
 
-def _changes(database: Database, connection: sa.Connection, condition: sa.ColumnElement[bool]) -> list[sa.Row]:
+def _changes(database: Database, connection: sa.Connection, condition: sa.ColumnElement[bool]) -> list[sa.Row[Any]]:
     if not database.has(connection, tables.changes):
         return []
     return list(connection.execute(sa.select(tables.changes).where(condition).order_by(_C.revision, _C.entry)))
 
 
-def _valid_after(revision: int, entries: list[Entry], changed: list[sa.Row]) -> set[int]:
+def _valid_after(revision: int, entries: list[Entry], changed: list[sa.Row[Any]]) -> set[int]:
     valid = {entry.id for entry in entries if entry.revision <= revision}
     for row in changed:
         if row.revision > revision or row.change == "joined":

@@ -1,6 +1,6 @@
 """Conformance suite for teachers: ``RULES[name](make)``, where ``make`` returns a new, unopened teacher.
 
-Standard input is empty meanwhile: a teacher that asks a person finds nobody there. Its questions are not shown.
+Standard input is empty and output is discarded, so that a teacher that asks a person gets no answer.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def check_teacher(make: Make) -> None:
 
 
 def episodes() -> tuple[Episode, ...]:
-    """Three that any teacher may meet: watched, not watched, and one in which there is nothing to see."""
+    """Three episodes: watched, not watched, and one with an empty scene."""
     hand = Observation(Pose((0.4, 0.0, 0.3), (0.0, 1.0, 0.0, 0.0)), 0.08, False)
     scene, nothing = SceneGraph(tabletop_nodes(), (), hand), SceneGraph((), (), hand)
     watched = tuple(Sighting(0.5 * number, scene) for number in range(4))
@@ -54,7 +54,7 @@ def episodes() -> tuple[Episode, ...]:
 
 
 def task_episodes() -> tuple[TaskEpisode, ...]:
-    """Two that any teacher may meet: one with a goal, watched, and one of which nothing is known."""
+    """Two whole tasks: one with a goal, watched, and one without goal or sightings."""
     first, _, last = episodes()
     goal = ("the red cube is in the bowl", "the hand has let go of the red cube")
     done = ("PICK(red cube)", "PLACE(red cube, bowl)")
@@ -65,7 +65,7 @@ def task_episodes() -> tuple[TaskEpisode, ...]:
 
 
 def proposals() -> tuple[Proposal, ...]:
-    """Two subtasks that a planner may propose, one without a goal to measure it by."""
+    """Two proposed subtasks, one of a task without a goal."""
     first, _, last = episodes()
     return (
         Proposal(first.task, first.subtask, first.before, ("the red cube is in the bowl",)),
@@ -97,6 +97,17 @@ def _opened(make: Make) -> Iterator[Teacher]:
         sys.stdin = before
 
 
+def _checked(verdict: object, asked: str) -> Verdict:
+    assert isinstance(verdict, Verdict), f"{asked} returned {type(verdict).__name__}"
+    assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
+    return verdict
+
+
+def _check_words(verdict: Verdict) -> None:
+    assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
+    assert verdict.kind != "silent" or not verdict.words, f"silent, yet it said {verdict.words!r}"
+
+
 @rule
 def says_who_speaks(make: Make) -> None:
     """Once open, ``who`` names the person under whom words are kept, so that they can be withdrawn."""
@@ -109,9 +120,7 @@ def gives_a_verdict_on_any_episode(make: Make) -> None:
     """``judge`` answers every episode with a ``Verdict``, also one that nobody watched or with nothing to see."""
     with _opened(make) as teacher:
         for episode in episodes():
-            verdict = teacher.judge(episode)
-            assert isinstance(verdict, Verdict), f"judge returned {type(verdict).__name__}"
-            assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
+            _checked(teacher.judge(episode), "judge")
 
 
 @rule
@@ -119,8 +128,7 @@ def answers_an_interruption(make: Make) -> None:
     """``interrupted``, asked after a stop, answers with a ``Verdict`` too."""
     with _opened(make) as teacher:
         for episode in episodes():
-            verdict = teacher.interrupted(episode)
-            assert isinstance(verdict, Verdict), f"interrupted returned {type(verdict).__name__}"
+            _checked(teacher.interrupted(episode), "interrupted")
 
 
 @rule
@@ -129,8 +137,7 @@ def a_correction_has_words(make: Make) -> None:
     with _opened(make) as teacher:
         for episode in episodes():
             for verdict in (teacher.judge(episode), teacher.interrupted(episode)):
-                assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
-                assert verdict.kind != "silent" or not verdict.words, f"silent, yet it said {verdict.words!r}"
+                _check_words(verdict)
 
 
 @rule
@@ -138,11 +145,7 @@ def judges_a_whole_task(make: Make) -> None:
     """``judge_task`` answers with a ``Verdict``; a correction has words, ``silent`` has none."""
     with _opened(make) as teacher:
         for episode in task_episodes():
-            verdict = teacher.judge_task(episode)
-            assert isinstance(verdict, Verdict), f"judge_task returned {type(verdict).__name__}"
-            assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
-            assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
-            assert verdict.kind != "silent" or not verdict.words, f"silent, yet it said {verdict.words!r}"
+            _check_words(_checked(teacher.judge_task(episode), "judge_task"))
 
 
 @rule
@@ -150,10 +153,7 @@ def judges_a_plan(make: Make) -> None:
     """``judge_plan`` answers with a ``Verdict``; a correction has words."""
     with _opened(make) as teacher:
         for proposal in proposals():
-            verdict = teacher.judge_plan(proposal)
-            assert isinstance(verdict, Verdict), f"judge_plan returned {type(verdict).__name__}"
-            assert verdict.kind in KINDS, f"verdict of kind {verdict.kind!r}"
-            assert verdict.kind != "correct" or verdict.words.strip(), "a correction without words"
+            _check_words(_checked(teacher.judge_plan(proposal), "judge_plan"))
 
 
 @rule

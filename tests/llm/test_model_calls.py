@@ -25,7 +25,7 @@ from memo_core.llm.ledger import Ledger, LedgerError, read_ledger
 from memo_core.llm.spending import Spent
 from memo_core.policy.settings import RunSettings
 from memo_core.redaction import Redactor
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of
 from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel

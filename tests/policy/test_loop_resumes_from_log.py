@@ -11,9 +11,9 @@ from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Verdict
-from memo_core.runlog.file import read_lines
-from memo_core.runlog.history import read_history
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.log_file import read_lines
+from memo_core.runlog.log_history import read_history
+from memo_core.runlog.run_log import RunLog
 from memo_core.testing.fake_environment import FakeEnvironment
 
 TWICE = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}

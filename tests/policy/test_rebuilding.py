@@ -18,7 +18,7 @@ from memo_core.policy.clustering import Clustering
 from memo_core.policy.feedback_processing import Noting, asking_without_a_run
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import GLOBAL_KEY, Note, ReadBack
 from memo_core.skillbook.keys import Key

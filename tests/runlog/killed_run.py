@@ -25,8 +25,8 @@ from memo_core.policy.loop import Loop
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings
-from memo_core.runlog.file import FILE, LogFile
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.log_file import FILE, LogFile
+from memo_core.runlog.run_log import RunLog
 from memo_core.runs.folder import RunFolder
 from memo_core.runs.resuming import read_cut_off
 from memo_core.sandbox import Sandbox

@@ -10,7 +10,7 @@ from cluster_books import new_book, teach, texts
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import ClusterDone, Problem
-from memo_core.runlog.log import RunLog
+from memo_core.runlog.run_log import RunLog
 from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.sections import SECTIONS
 from memo_core.interfaces.llm import LanguageModelError

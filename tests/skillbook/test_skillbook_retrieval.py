@@ -326,7 +326,7 @@ def test_vectors_are_cached_in_the_book(book: Skillbook) -> None:
 
 
 def test_another_embedder_is_refused_with_the_command_and_can_take_over(book: Skillbook, tmp_path: Path) -> None:
-    from memo_core.skillbook.book import reembed
+    from memo_core.skillbook.reembedding import reembed
 
     wanted = texts(book.retrieve("OPEN(fridge)"))
     other = FakeEmbedder(64)

@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.runlog.file import FILE, damaged
+from memo_core.runlog.log_file import FILE, damaged
 
 
 @attrs.define(eq=False)

@@ -18,8 +18,8 @@ import cattrs
 
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.redaction import Redactor
-from memo_core.runlog.file import VERSION, LogFile
-from memo_core.runlog.history import Entry, History, unanswered_stop
+from memo_core.runlog.log_file import VERSION, LogFile
+from memo_core.runlog.log_history import Entry, History, unanswered_stop
 from memo_core.runlog.whole_files import write_whole
 
 T = TypeVar("T")

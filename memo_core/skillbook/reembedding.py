@@ -1,0 +1,34 @@
+"""Switching a book to another embedder."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+from memo_core.interfaces.embedder import Embedder
+from memo_core.skillbook import queries, tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.text_vectors import TextVectors
+
+
+def reembed(url: str, embedder: Embedder) -> int:
+    """Embed all texts of a book with another embedder. Returns the number of texts.
+
+    The switch is one transaction; interrupted before it, the book still belongs to the former embedder.
+    """
+    database = Database(url)
+    database.open()
+    try:
+        embedder.open()
+        with database.read() as connection:
+            texts = sorted({row.text for row in queries.valid_entry_rows(connection)})
+        with database.write() as connection:
+            connection.execute(sa.delete(tables.vectors))
+            connection.execute(sa.delete(tables.sheets))
+            database.set_meta(connection, "embedder", embedder.name)
+            database.set_meta(connection, "dimension", str(embedder.dimension))
+            database.set_meta(connection, "reembedded", str(database.next_generation(connection)))
+        if texts:
+            TextVectors(database, embedder).get(texts)
+        return len(texts)
+    finally:
+        database.close()
