@@ -7,7 +7,7 @@ import math
 import attrs
 import numpy as np
 from memo_llm.offline.model import OfflineModel
-from memo_llm.offline.templates import Event, ImaginedHand
+from memo_llm.offline.templates import hand_over
 
 from memo_core.interfaces.llm import Answer, Request
 from memo_core.policy.prompting import messages
@@ -16,6 +16,7 @@ from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import BUILTIN_SKILLS, documentation
+from memo_core.skills.recording_control import Command
 from memo_core.skills.skill import skill_library
 
 ROBOT = RobotDescription("arm", "", (), GripperDescription(), "tool")
@@ -108,16 +109,16 @@ def plan(graph, task, done=()) -> str:
     return MODEL.answer(request("plan", graph, task=task, done=list(done))).text
 
 
-def run(code: str, graph: SceneGraph) -> list[Event]:
+def run(code: str, graph: SceneGraph) -> list[Command]:
     """What a hand without a robot does when it runs the code. Raises ``AssertionError`` when the code does not end."""
-    hand = ImaginedHand(graph)
+    hand = hand_over(graph)
     with Sandbox(SKILLS) as sandbox:
         execution = sandbox.run(code, hand, stopped=lambda: False)
     assert execution.succeeded, f"{execution.error}\n{code}"
-    return hand.events
+    return hand.commands
 
 
-def held_poses(events: list[Event]) -> list[Pose]:
+def held_poses(events: list[Command]) -> list[Pose]:
     """Poses from the last closing of the fingers at a place until they open again."""
     closed = max(i for i, e in enumerate(events) if e.kind == "close")
     poses = [events[closed].pose]

@@ -12,9 +12,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from memo_benchmarks.recorded_hand import STROKE, Leg, Motion, angle
+from memo_benchmarks.recorded_hand import Leg, Motion, angle
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
+from memo_core.skills.recording_control import STROKE
 
 _PLACE = {"place", "pointing", "closing"}
 _WAY = {"path", "extent", "legs", "closing", "pointing", "tipped"}

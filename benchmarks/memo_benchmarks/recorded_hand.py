@@ -8,104 +8,41 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_angle
-from memo_core.skills.control import Control, Waypoints
+from memo_core.skills.control import Waypoints
+from memo_core.skills.recording_control import STROKE, Command, RecordingControl
 
-STROKE = 0.08  # m between fully open fingers
 _REVERSAL = math.radians(75)  # a sharper change of direction begins a new leg
 
 
-@attrs.frozen
-class Act:
-    """``go`` to a pose (``free``: without touching anything), ``open`` or ``close`` the hand, ``wait``, ``press``."""
-
-    kind: str
-    pose: Pose
-    amount: float | None = None  # m between the fingers, N or s
-    speed: float = 0.5
-    free: bool = False
-
-
-class RecordedHand(Control):
-    """Is wherever it was told to be and holds whatever it closes on."""
-
-    def __init__(self, scene: SceneGraph) -> None:
-        self._scene = scene
-        self._pose = scene.observation.end_effector
-        self._width = scene.observation.gripper_width
-        self._holding = scene.observation.holding
-        self.acts: list[Act] = []
-
-    def scene(self) -> SceneGraph:
-        return self._scene
-
-    look = scene
-
-    def tool_pose(self) -> Pose:
-        return self._pose
-
-    def gripper_width(self) -> float:
-        return self._width
-
-    def holding(self) -> bool:
-        return self._holding
-
-    def open_gripper(self, width: float | None) -> float:
-        self._width, self._holding = STROKE if width is None else width, False
-        self._did("open", self._width)
-        return self._width
-
-    def close_gripper(self, force: float | None) -> float:
-        self._width, self._holding = 0.02, True
-        self._did("close", force)
-        return self._width
-
-    def move_to(
-        self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
-    ) -> None:
-        self._go(position, orientation, speed, True)
-
-    def follow_path(self, path: Waypoints, then: Waypoints | None, slack: float, speed: float) -> None:
-        for position, orientation in path:
-            self._go(position, orientation, speed, False)
-
-    def go_home(self) -> None:
-        return None
+class RecordedHand(RecordingControl):
+    """Also records pressing and waiting, and reaches every force at once."""
 
     def wait(self, seconds: float) -> None:
-        self._did("wait", seconds)
+        self._record("wait", seconds)
 
     def contact_force(self) -> list[float]:
         return [0.0, 0.0, 0.0]
 
     def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
-        self._did("press", force)
+        self._record("press", force)
         return 0.0
 
     def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
-        self._did("press", force)
+        self._record("press", force)
         self.follow_path(path, None, 0.0, speed)
         return force
 
     def press(self, direction: list[float], force: float, seconds: float) -> float:
-        self._did("press", force)
-        self._did("wait", seconds)
+        self._record("press", force)
+        self._record("wait", seconds)
         return force
 
     def spiral_search(
         self, direction: list[float], radius: float, force: float, depth: float, pitch: float
     ) -> list[float]:
-        self._did("press", force)
+        self._record("press", force)
         return list(self._pose.position)
-
-    def _did(self, kind: str, amount: float | None) -> None:
-        self.acts.append(Act(kind, self._pose, amount))
-
-    def _go(self, position: list[float], orientation: list[float] | None, speed: float, free: bool) -> None:
-        turned = self._pose.orientation if orientation is None else tuple(orientation)
-        self._pose = Pose(tuple(position), turned)
-        self.acts.append(Act("go", self._pose, None, speed, free))
 
 
 @attrs.frozen(eq=False)
@@ -146,7 +83,7 @@ class Motion:
         return self.main.length if self.main is not None else 0.0
 
 
-def motion_of(acts: list[Act]) -> Motion | None:
+def motion_of(acts: list[Command]) -> Motion | None:
     """The motion in a recording; None where the hand touched nothing."""
     at = _contact(acts)
     if at is None:
@@ -163,7 +100,7 @@ def motion_of(acts: list[Act]) -> Motion | None:
     if touch.kind == "open":
         released, held = True, held[:1]
     before = acts[:at]
-    opened = [act.amount for act in before if act.kind == "open"]
+    opened = [STROKE if act.amount is None else act.amount for act in before if act.kind == "open"]
     closed_before = any(act.kind == "close" for act in before)
     legs = _legs(held)
     if not gripping and len(legs) > 1:
@@ -189,7 +126,7 @@ def motion_of(acts: list[Act]) -> Motion | None:
     )
 
 
-def _contact(acts: list[Act]) -> int | None:
+def _contact(acts: list[Command]) -> int | None:
     """Index of the first opening or closing after a motion in contact; else of the first such motion."""
     touched = False
     first = None

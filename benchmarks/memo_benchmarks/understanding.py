@@ -190,7 +190,7 @@ class _Listener:
     def _motion(self, code: str, scene: SceneGraph) -> Motion | None:
         hand = RecordedHand(scene)
         self.sandbox.run(code, hand, stopped=lambda: False)  # what ends in an error was moving up to there
-        return motion_of(hand.acts)
+        return motion_of(hand.commands)
 
 
 def judged(saying: Saying, notes: Notes, before: Motion | None, after: Motion | None, scene: SceneGraph) -> Verdict:

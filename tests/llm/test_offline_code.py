@@ -58,7 +58,7 @@ def test_fingers_open_part_way_and_let_go_before_the_hand_leaves_backwards(edge)
     graph, *_ = box_with_door(edge=edge)
     events = run(write(graph, "OPEN(crate)", [ARC])[0], graph)
     assert [e.kind for e in events if e.kind != "go"] == ["open", "close", "open"]
-    assert events[0].width == pytest.approx(0.05)
+    assert events[0].amount == pytest.approx(0.05)
     last, released = events[-1].pose, next(e.pose for e in reversed(events) if e.kind == "open")
     back = np.subtract(last.position, released.position)
     assert back @ released.rotation[:, 2] < -0.05

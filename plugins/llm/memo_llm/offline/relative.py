@@ -17,10 +17,11 @@ import numpy as np
 
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
+from memo_core.skills.recording_control import Command
 from memo_llm.offline.reading import Edit
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.surroundings import Surroundings
-from memo_llm.offline.templates import Event, imagined, path_shaped
+from memo_llm.offline.templates import imagined, path_shaped
 
 WAYS = {
     "up": (2, 1.0, "higher"),
@@ -63,7 +64,7 @@ def attempted(code: str, habit_code: str, recipe: Recipe, scene: SceneGraph) -> 
     return Attempted(shift, None, shaped.angle) if shaped.shape == "arc" else Attempted(shift, shaped.distance)
 
 
-def _contact(events: list[Event]) -> Array | None:
+def _contact(events: list[Command]) -> Array | None:
     """Where the fingers close or open after a motion in contact; else the first such motion's goal."""
     first = None
     for event in events:

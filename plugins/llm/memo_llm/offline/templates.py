@@ -18,7 +18,7 @@ from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_angle
 from memo_core.skills.contract import BUILTIN_SKILLS
-from memo_core.skills.control import Control, Waypoints
+from memo_core.skills.recording_control import Command, RecordingControl
 from memo_core.skills.skill import skill_library
 from memo_llm.offline.prompt import Entry
 from memo_llm.offline.recipe import Recipe
@@ -28,67 +28,9 @@ STRAIGHT = 0.04  # largest sideways deviation over length of a line
 TURNS = math.radians(20)
 
 
-@attrs.frozen
-class Event:
-    """One thing the imagined hand did: ``go`` to a pose (free or in contact), ``open`` or ``close`` the fingers."""
-
-    kind: str
-    pose: Pose
-    width: float | None = None
-    free: bool = False
-
-
-class ImaginedHand(Control):
-    """A hand that is wherever it was told to be, over the scene of a prompt. What it closes on, it holds."""
-
-    def __init__(self, scene: SceneGraph) -> None:
-        self._scene = scene
-        self._pose = Pose(scene.observation.end_effector.position, (0.0, 1.0, 0.0, 0.0))
-        self._width = scene.observation.gripper_width
-        self._holding = scene.observation.holding
-        self.events: list[Event] = []
-
-    def scene(self) -> SceneGraph:
-        return self._scene
-
-    look = scene
-
-    def tool_pose(self) -> Pose:
-        return self._pose
-
-    def gripper_width(self) -> float:
-        return self._width
-
-    def holding(self) -> bool:
-        return self._holding
-
-    def open_gripper(self, width: float | None) -> float:
-        self._width, self._holding = 0.08 if width is None else width, False
-        self.events.append(Event("open", self._pose, width))
-        return self._width
-
-    def close_gripper(self, force: float | None) -> float:
-        self._width, self._holding = 0.02, True
-        self.events.append(Event("close", self._pose))
-        return self._width
-
-    def move_to(
-        self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
-    ) -> None:
-        self._go(position, orientation, True)
-
-    def follow_path(self, path: Waypoints, then: Waypoints | None, slack: float, speed: float) -> None:
-        for position, orientation in path:
-            self._go(position, orientation, False)
-
-    def go_home(self) -> None: ...
-
-    def wait(self, seconds: float) -> None: ...
-
-    def _go(self, position: list[float], orientation: list[float] | None, free: bool) -> None:
-        turned = self._pose.orientation if orientation is None else tuple(orientation)
-        self._pose = Pose(tuple(position), turned)
-        self.events.append(Event("go", self._pose, free=free))
+def hand_over(scene: SceneGraph) -> RecordingControl:
+    """A hand above the scene that points down, with no robot behind it."""
+    return RecordingControl(scene, Pose(scene.observation.end_effector.position, (0.0, 1.0, 0.0, 0.0)))
 
 
 def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> Recipe | None:
@@ -105,7 +47,7 @@ def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str
 # -- imagining -------------------------------------------------------------------------------------------------------
 
 
-def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> list[Event]:
+def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> list[Command]:
     """What the hand would do if the template were called for the prompt's objects; empty when it cannot be called."""
     try:
         tree = ast.parse(template.text)
@@ -121,13 +63,13 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> lis
     return imagined(f"{template.text}\n\n{call}\n", scene)
 
 
-def imagined(code: str, scene: SceneGraph) -> list[Event]:
+def imagined(code: str, scene: SceneGraph) -> list[Command]:
     """What the hand would do if the code ran on the scene."""
-    hand = ImaginedHand(scene)
+    hand = hand_over(scene)
     with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
         # What fails half-way was still going somewhere: the events up to there count.
         sandbox.run(code, hand, stopped=lambda: False)
-    return hand.events
+    return hand.commands
 
 
 def _arguments(
@@ -188,13 +130,13 @@ def _counterpart(said: str, parameter: str, old: list[str], new: tuple[str, ...]
 # -- from what the hand did to structure ------------------------------------------------------------------------------
 
 
-def _shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe:
+def _shaped(recipe: Recipe, events: list[Command], around: Surroundings) -> Recipe:
     _, gripped = _held_path(events)
     before = events[:gripped]
     opened = [event for event in before if event.kind == "open"]
     changes: dict[str, object] = {}
     if opened:
-        width = opened[-1].width
+        width = opened[-1].amount
         changes["opening"] = None if width is None or width >= 0.08 else width
     elif "open-hand" in recipe.steps[:1]:
         changes["steps"] = recipe.steps[1:]
@@ -204,7 +146,7 @@ def _shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe
     return path_shaped(recipe, events, around) or recipe
 
 
-def path_shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Recipe | None:
+def path_shaped(recipe: Recipe, events: list[Command], around: Surroundings) -> Recipe | None:
     """The recipe with the shape, sense and length of the path that something held is led along; None without one."""
     held, _ = _held_path(events)
     if len(held) < 2:
@@ -216,7 +158,7 @@ def path_shaped(recipe: Recipe, events: list[Event], around: Surroundings) -> Re
     return _arc(recipe, points, turned, around)
 
 
-def _held_path(events: list[Event]) -> tuple[list[Pose], int]:
+def _held_path(events: list[Command]) -> tuple[list[Pose], int]:
     """Poses from the first closing at a place the hand approached until the fingers open again."""
     for i, event in enumerate(events):
         if event.kind == "close" and any(e.kind == "go" for e in events[:i]):
