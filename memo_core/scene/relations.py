@@ -43,7 +43,14 @@ def lies_on(upper: Node, lower: Node) -> bool:
     if abs(bottom - high[2]) <= TOUCHING_M and z > high[2]:
         return True
     is_dish = high[2] - low[2] <= DISH_M
-    return bool(is_dish and low[2] < bottom < high[2] < top and z > lower.pose.position[2])
+    return bool(is_dish and low[2] < _underside(upper) < high[2] < top and z > lower.pose.position[2])
+
+
+def _underside(node: Node) -> float:
+    """Height (m) of a node's box straight below its middle. A corner of a tilted box may be lower, where a banana is
+    round."""
+    upward = np.maximum(np.abs(node.pose.rotation[2]), 1e-9)
+    return float(node.pose.position[2] - np.min(np.asarray(node.size) / 2 / upward))
 
 
 def gap(a: Node, b: Node) -> float:

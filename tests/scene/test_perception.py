@@ -15,7 +15,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.scene import relations
 from memo_core.scene.description import Body, Cavity, Free, Geom, Part, SceneDescription, Slide
 from memo_core.scene.graph import Node
-from memo_core.scene.pose import Pose
+from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.perception import StillWorld, box, check_perception, cupboard_scene, still_context
 
 
@@ -208,6 +208,23 @@ def test_what_lies_within_a_plates_rim_is_on_the_plate(what, at, size, where):
     thing = Node("thing", "thing", Pose(at), size)
     found = [r.object for r in relations.support((RIM, thing), 0.0) if r.subject == "thing"]
     assert found == [where], what
+
+
+@pytest.mark.parametrize(
+    ("slope", "at", "where"),
+    [(15, (0.518, 0.1, 0.028), "plate"), (25, (0.54, 0.12, 0.035), "plate"), (20, (0.5, 0.215, 0.03), "table")],
+)
+def test_a_banana_that_leans_on_the_rim_is_on_the_plate_while_its_middle_is_over_it(slope, at, where):
+    """As it settles in simulation: a corner of its tilted box is below the plate, and even below the table."""
+    tilted = quaternion_from_axis_angle((0, 1, 0), math.radians(slope))
+    thing = Node("thing", "thing", Pose(at, tilted), (0.16, 0.06, 0.032))
+    assert thing.bounds()[0][2] < RIM.bounds()[0][2]
+    assert [r.object for r in relations.support((RIM, thing), 0.0) if r.subject == "thing"] == [where]
+
+
+def test_a_bowl_turned_over_on_a_plate_lies_on_the_table():
+    bowl = Node("bowl", "bowl", Pose((0.5, 0.1, 0.05)), (0.24, 0.24, 0.1))
+    assert [r.object for r in relations.support((RIM, bowl), 0.0) if r.subject == "bowl"] == ["table"]
 
 
 def test_what_stands_under_a_low_table_is_not_on_it():
