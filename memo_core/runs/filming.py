@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import attrs
 
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import BackendUnavailable
 from memo_core.events import Event, Problem, SubtaskStarted
-from memo_core.interfaces.teacher import Sighting
+from memo_core.interfaces.teacher import Episode, Sighting, TaskEpisode
 from memo_core.policy.settings import RunSettings
 from memo_core.runs.folder import attempt_name, file_name
 from memo_core.runs.video import Recording, save_picture
+
+_Shown = TypeVar("_Shown", Episode, TaskEpisode)
 
 
 class Filmed:
@@ -26,6 +30,7 @@ class Filmed:
         cameras = world.description.cameras
         self._camera = cameras[0].name if cameras and settings.video == "auto" else ""
         self._name = "attempt"
+        self._names: dict[int, str] = {}  # of the latest attempt at each subtask, by its number
         self._film: Recording | None = None
 
     def __getattr__(self, name: str) -> Any:
@@ -36,6 +41,14 @@ class Filmed:
         if isinstance(event, SubtaskStarted):
             attempt = attempt_name(event.attempt, event.take)
             self._name = f"{event.number:02d}-{file_name(event.subtask)}-{attempt}"
+            self._names[event.number] = self._name
+
+    def shown(self, episode: _Shown) -> _Shown:
+        """The episode with the paths of the videos and pictures that there are: of the latest attempt, or, for a whole
+        task, of the latest attempt at each subtask."""
+        names = self._names.values() if isinstance(episode, TaskEpisode) else (self._name,)
+        files = [path for name in names for path in (self._video(name), self._folder / _picture_name(name))]
+        return attrs.evolve(episode, recordings=tuple(str(path) for path in files if path.is_file()))
 
     def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:
         self.close()
@@ -45,7 +58,7 @@ class Filmed:
         self._film = Recording(
             self._world.simulator,
             self._camera,
-            self._folder / "video" / f"{self._name}.mp4",
+            self._video(self._name),
             self._no_pictures,
             fps=self._settings.video_fps,
             width=self._settings.video_width // 16 * 16,
@@ -57,7 +70,7 @@ class Filmed:
         filmed = self._film is not None
         self.close()
         if filmed and self._camera:
-            self._picture(f"pictures/{self._name}.png")
+            self._picture(_picture_name(self._name))
         return seen
 
     def close(self) -> None:
@@ -65,6 +78,9 @@ class Filmed:
         film, self._film = self._film, None
         if film is not None:
             film.stop()
+
+    def _video(self, name: str) -> Path:
+        return self._folder / "video" / f"{name}.mp4"
 
     def _picture(self, name: str) -> None:
         try:
@@ -75,3 +91,7 @@ class Filmed:
     def _no_pictures(self, problem: Problem) -> None:
         self._camera = ""
         self._emit(problem)
+
+
+def _picture_name(name: str) -> str:
+    return f"pictures/{name}.png"

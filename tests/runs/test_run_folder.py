@@ -23,7 +23,7 @@ from memo_core.runs.sections import SECTIONS
 from memo_core.runs.story import read_story
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.interfaces.teacher import Episode, Teacher, Verdict
+from memo_core.interfaces.teacher import Episode, TaskEpisode, Teacher, Verdict
 from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.method_interface import LanguageMethod
@@ -50,7 +50,9 @@ def experiment(registry):
     return load_experiment(registry, None, (), SECTIONS)
 
 
-def do(experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | None = None, listener=None) -> RunReport:
+def do(
+    experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | None = None, listener=None, video="off"
+) -> RunReport:
     task = task_of(experiment, "put-the-cube-away")
     components = RunComponents(
         method=LanguageMethod("memo", METHODS["memo"]),
@@ -58,7 +60,7 @@ def do(experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | N
         make_environment=lambda: environment_of(experiment, task, 0),
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
-        settings=RunSettings(video="off"),
+        settings=RunSettings(video=video),
         book=Skillbook(f"sqlite:///{tmp_path / 'book.db'}", FakeEmbedder(), FakeStore()),
         teacher=teacher,
         teaching=TeachingSettings(replan=False),  # these scripts plan each subtask once
@@ -95,6 +97,39 @@ def test_everything_of_a_run_is_in_its_folder(experiment, registry, tmp_path):
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["success"] is False and summary["reason"] and summary["subtasks"][0]["status"] == "approved"
     assert summary["prompt_tokens"] > 0 and summary["cost"] > 0
+
+
+class Sees(ScriptedTeacher):
+    """Notes which files it is shown, and whether they are there when it is asked."""
+
+    def __init__(self, settings: ScriptSettings) -> None:
+        super().__init__(settings)
+        self.shown: list[tuple[str, ...]] = []
+
+    def judge(self, episode: Episode) -> Verdict:
+        self._note(episode.recordings)
+        return super().judge(episode)
+
+    def judge_task(self, episode: TaskEpisode) -> Verdict:
+        self._note(episode.recordings)
+        return super().judge_task(episode)
+
+    def _note(self, recordings: tuple[str, ...]) -> None:
+        assert all(Path(path).stat().st_size > 0 for path in recordings)
+        self.shown.append(tuple(Path(path).name for path in recordings))
+
+
+def test_a_teacher_is_shown_the_video_and_the_picture_of_what_is_judged(experiment, registry, tmp_path):
+    teacher = Sees(ScriptSettings(lines=TAUGHT))
+    do(experiment, registry, tmp_path, teacher=teacher, video="auto")
+    first, second = ([f"01-LIFT.cube-attempt-{n}.mp4", f"01-LIFT.cube-attempt-{n}.png"] for n in (1, 2))
+    assert teacher.shown == [tuple(first), tuple(second), tuple(second)], "the last is of the whole task"
+
+
+def test_where_nothing_is_filmed_a_teacher_is_shown_no_file(experiment, registry, tmp_path):
+    teacher = Sees(ScriptSettings(lines=TAUGHT))
+    do(experiment, registry, tmp_path, teacher=teacher)
+    assert set(teacher.shown) == {()}
 
 
 def test_the_story_of_a_folder_can_be_read_back(experiment, registry, tmp_path):
