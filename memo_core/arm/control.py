@@ -317,6 +317,7 @@ class ArmControl(Control):
     def _send_all(self, skill: str, targets: Array) -> None:
         """Send targets (T, n), ahead by the servo's lag, until done or stopped; then come to rest within the limits."""
         send = self._link.send
+        self._link.check(skill, targets)
         number = 0
         try:
             for command in self._ahead(targets, targets[0]):

@@ -94,7 +94,7 @@ def _durations(kinematics: Kinematics, joints: Array, speed: Speed, smooth: floa
     turns = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
     limit = kinematics.velocity * min(speed.joints, _SHARE)
     duration = np.max(np.abs(steps) / limit[:, None], axis=0)
-    duration = np.maximum(duration, lengths / speed.linear)
+    duration = np.maximum(duration, lengths / min(speed.linear, kinematics.description.tool_speed))
     duration = np.maximum(duration, turns / speed.angular)
     return duration * _corner_slowdown(moves, lengths, duration, smooth)
 

@@ -185,7 +185,8 @@ class _Assembly:
             return  # said while the layers were read
         optional = kind not in self._merged.values
         if kind == "robot" and not values.keys().isdisjoint(DRIVERS.values()):
-            values = {key: value for key, value in values.items() if key not in DRIVERS.values()}
+            drivers = {*DRIVERS.values(), *self._keys_of_driver(values)}
+            values = {key: value for key, value in values.items() if key not in drivers}
             optional = not values
         choice = self._pick(kind, values, (kind,), optional)
         if choice is not None:
@@ -194,10 +195,27 @@ class _Assembly:
     def _choose_driver(self, kind: str, key: str) -> None:
         robot = self._merged.values.get("robot")
         given = robot.get(key) if isinstance(robot, dict) else None
-        choice = self._inner(kind, {} if given is None else given, ("robot", key), optional=given is None)
+        own = self._keys_of_driver(robot) if kind == "robot_driver" and isinstance(robot, dict) else {}
+        if own:
+            choice = self._chosen(kind, {"backend": given, **own}, ("robot",), optional=False)
+        else:
+            choice = self._inner(kind, {} if given is None else given, ("robot", key), optional=given is None)
         if choice is not None:
             self._choices[kind] = choice
-            self._show_choice(choice, ("robot", key))
+            self._show_choice(choice, ("robot", key), ("robot",) if own else None)
+
+    def _keys_of_driver(self, robot: dict[str, Any]) -> dict[str, Any]:
+        """What stands beside ``driver: NAME`` in the robot's section and is a setting of that driver, not of the robot:
+        ``robot: {backend: fr3, driver: franka, address: …}``."""
+        try:
+            driver = self._registry.get("robot_driver", robot["driver"])
+            name = robot.get("backend")
+            taken = self._registry.get("robot", name) if name else self._registry.default("robot")
+        except (MemoError, KeyError, TypeError):
+            return {}  # said where it is chosen
+        own, robots = ({key_of(field) for field in attrs.fields(one.config)} for one in (driver, taken))
+        others = robots | {"backend", *DRIVERS.values()}
+        return {key: value for key, value in robot.items() if key not in others and close_match(key, own)}
 
     def _choose_skills(self) -> tuple[Choice, ...]:
         items = self._merged.values.get("skills", [])
@@ -277,22 +295,24 @@ class _Assembly:
         self._checker.section(meant.config, keys, path, f"{kind} {meant.name!r}", meant.needs.keys)
 
     # -- what people see -------------------------------------------------------------------------------------------
-    def _show_choice(self, choice: Choice, path: Path_) -> None:
+    def _show_choice(self, choice: Choice, path: Path_, source: Path_ | None = None) -> None:
         where = (*path, "backend")
         self._shown.append(ShownValue(dotted(where), choice.backend.name, self._origin(where)))
-        self._show(choice.settings, path)
+        self._show(choice.settings, path, source)
 
-    def _show(self, settings: Any, path: Path_) -> None:
+    def _show(self, settings: Any, path: Path_, source: Path_ | None = None) -> None:
+        """``source``: where the values were written, if not at their path."""
         for field in attrs.fields(type(settings)):
             if not field.init or field.metadata.get("secret"):
                 continue
             value, here = getattr(settings, field.name), (*path, key_of(field))
+            written = (*(source or path), key_of(field))
             if isinstance(value, Choice):
                 self._show_choice(value, here)
             elif attrs.has(type(value)):
                 self._show(value, here)
             else:
-                self._shown.append(ShownValue(dotted(here), self._public(here, value), self._origin(here)))
+                self._shown.append(ShownValue(dotted(here), self._public(written, value), self._origin(written)))
 
     def _origin(self, path: Path_) -> Origin:
         """Of a value that is in a file, else ``default``: what surrounds a default is not where it is from."""

@@ -53,7 +53,7 @@ class SimulatedEnvironment:
         self.robot = robot
         self.perception = perception
         self._make_link = link or _arm_link
-        self._make_control = control or _arm_control
+        self._make_control = control or arm_control
         self._sightings: list[Sighting] | None = None
         self._next_glance = 0.0
         self._opened = False
@@ -135,6 +135,22 @@ class SimulatedEnvironment:
     def look(self) -> SceneGraph:
         """A fresh look, which is also what the skills see from now on."""
         return self.control.look()
+
+    @property
+    def time_limit(self) -> float:
+        """Seconds on the robot's clock that the task may take."""
+        return self.task.time_limit
+
+    def view(self) -> None:
+        """Open the simulator's window. Raises ``BackendUnavailable`` where it has none."""
+        self.simulator.view()
+
+    def conclude(self, verdict: str) -> Outcome | None:
+        """What the success check says when everything has come to rest, whatever people say (``verdict``) and also
+        after a stop."""
+        for _ in range(round(self.task.settle / self.simulator.control_period)):
+            self.simulator.tick()
+        return self.check()
 
     def check(self) -> Outcome:
         """Whether the task is done now."""
@@ -325,7 +341,8 @@ def _arm_link(simulator: Simulator, robot: RobotDescription) -> Link:
     return SimulatorLink(simulator, robot)
 
 
-def _arm_control(robot: RobotDescription, link: Link, perception: Perception) -> Control:
+def arm_control(robot: RobotDescription, link: Link, perception: Perception) -> Control:
+    """The control of ``memo_core.arm``, imported when it is needed."""
     from memo_core.arm.control import ArmControl
 
     return ArmControl(robot, link, perception)

@@ -57,6 +57,11 @@ class RobotDriver(ABC):
 
     simulated: bool = False
 
+    @property
+    def address(self) -> str:
+        """What tells this robot from others, such as its network address: one process at a time may move it."""
+        return type(self).__name__
+
     @abstractmethod
     def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
         """A new, unopened link to the described robot; it opens, stops and closes ``gripper`` with itself. Touches no

@@ -93,6 +93,10 @@ class Link(ABC):
         allowed. Raises ``BackendUnavailable`` for a robot that feels no forces."""
         raise BackendUnavailable("robot", self.description.name, "its link feels no forces", "one that does")
 
+    def check(self, skill: str, targets: Array) -> None:
+        """Raise ``MotionError`` in the name of ``skill`` before anything moves where the motion along ``targets``,
+        shape (T, n), one a control period, would be refused half-way."""
+
     @abstractmethod
     def send(self, targets: Array) -> None:
         """Command joint positions for one control period and let it pass. Raises ``Stopped``."""

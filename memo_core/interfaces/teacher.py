@@ -1,9 +1,10 @@
 """What a teacher must provide: somebody who watches and may speak.
 
-A teacher is asked four things: whether a subtask worked (``judge``), whether the whole task is done (``judge_task``),
+A teacher is asked five things: whether a subtask worked (``judge``), whether the whole task is done (``judge_task``),
 whether what was made of their words is what they meant (``read_back``), and, where they want to be asked, whether the
-planned next subtask makes sense (``judge_plan``). Only ``judge`` has no default: whoever does not answer the others
-accepts what was noted, approves nothing and finds fault with nothing.
+planned next subtask makes sense (``judge_plan``), and with a real robot whether a program may move it (``permit``).
+Only ``judge`` has no default: whoever does not answer the others accepts what was noted, permits nothing, approves
+nothing and finds fault with nothing.
 """
 
 from __future__ import annotations
@@ -61,6 +62,16 @@ class Proposal:
     scene: SceneGraph  # now
     goal: tuple[str, ...] = ()
     subtasks: tuple[str, ...] = ()  # what was done so far
+
+
+@attrs.frozen
+class Program:
+    """Robot code that is about to move a real robot; nothing of it has run yet."""
+
+    task: str  # instruction
+    subtask: str  # e.g. "OPEN(microwave)"
+    attempt: int  # 1 is the first
+    code: str
 
 
 @attrs.frozen
@@ -143,6 +154,17 @@ class Teacher(ABC):
     def read_back(self, noted: Noted) -> ReadBack:
         """Shows what was made of somebody's words, who accept it, reword it or strike it. By default it is accepted."""
         return ReadBack("accepted")
+
+    @property
+    def permits(self) -> bool:
+        """Whether anybody is there who reads programs before they move a real robot."""
+        return False
+
+    def permit(self, program: Program) -> Verdict:
+        """Asked before each program where a person at a real robot releases them: ``approve`` lets it run. ``correct``
+        ("do not come near the lamp") is feedback on it and ``silent`` gives the subtask up; neither runs it. Nobody
+        permits anything by default."""
+        return Verdict("silent")
 
     def put_back(self, episode: Episode) -> bool:
         """Asked where the robot cannot undo what it did (hardware): put things back as they were in

@@ -27,6 +27,7 @@ class Attempt:
     take: int = 1  # an attempt that nobody found fault with may begin again: then it is the next take
     code: str = ""  # the last that was written
     whole: bool = False  # that code alone, from the subtask's start, is what happened
+    moved: bool = False  # some of its code ran
     succeeded: bool = False  # it ran to its end
     error: str = ""
     printed: str = ""

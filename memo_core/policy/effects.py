@@ -16,7 +16,7 @@ from typing import Any, Literal, Protocol
 import attrs
 
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
+from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
 from memo_core.policy.session import Session
 from memo_core.runlog.run_log import Effect, LogMismatch
 from memo_core.runlog.words_file import WordsFile
@@ -228,6 +228,14 @@ class Effects:
         if ask is None:
             return Heard("silent")
         return self._heard("verdict on the plan", proposal.subtask, lambda: ask(proposal), words)
+
+    def permit(self, program: Program, words: Words) -> Heard:
+        """Whether a program may run: ``approve`` where nobody has to be asked. Raises ``Stopped``."""
+        ask = self._session.permit
+        if ask is None:
+            return Heard("approve")
+        about = f"{program.subtask}, attempt {program.attempt}, {len(program.code)}"
+        return self._heard("release of a program", about, lambda: ask(program), words)
 
     def read_back(self, noted: Noted, feedback: int, words: Words) -> Answered:
         """What the person says to the notes made of their words (``feedback``); accepted where nobody is asked. A

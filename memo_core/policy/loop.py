@@ -19,7 +19,7 @@ import attrs
 from memo_core.errors import Stopped
 from memo_core.events import CodeEnded, CodeWritten, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
+from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
 from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
@@ -166,8 +166,8 @@ class Loop:
             try:
                 with self._attempt(at):
                     self._retrieve(at)
-                    self._code_and_execute(at)
-                heard = self._feedback(at)
+                    refused = self._code_and_execute(at)
+                heard = refused or self._feedback(at)
                 if heard.kind == "approve":
                     self._template(at, heard)
             except Unreadable as error:
@@ -338,8 +338,9 @@ class Loop:
         """Whether code that is written anew after an error begins at the subtask's start."""
         return self._settings.repairs_from == "start" and self._effects.exact
 
-    def _code_and_execute(self, at: _Subtask) -> None:
-        """Write and execute, again after errors. Raises ``Stopped``, ``LanguageModelError``, ``Unreadable``."""
+    def _code_and_execute(self, at: _Subtask) -> Heard | None:
+        """Write and execute, again after errors; what a person said who did not release a program. Raises ``Stopped``,
+        ``LanguageModelError``, ``Unreadable``."""
         tried, moved = at.attempt.tried, False
         for repair in range(self._settings.repairs + 1):
             if repair and self._restarts:
@@ -350,16 +351,33 @@ class Loop:
             if repair and code == tried[-1].code:
                 break  # the model has no other idea: what would go wrong is known
             at.attempt.code, at.attempt.whole = code, not moved
+            if (refused := self._refused(at)) is not None:
+                return refused
             moved = self._execute(at) or moved
             if at.attempt.succeeded or at.busy_s >= self._settings.subtask_limit_s:
                 break
             tried.append(Tried(code, at.attempt.printed.rstrip("\n"), at.attempt.error))
         self._effects.settle(self._settings.settle_s)
+        return None
 
     # -- execute -------------------------------------------------------------------------------------------------------
+    def _refused(self, at: _Subtask) -> Heard | None:
+        """What a person said who did not release the code; None where it may run. Raises ``Stopped``."""
+        attempt = at.attempt
+        program = Program(self._session.environment.instruction, str(at.key), attempt.number, attempt.code)
+        judged = at.judged()
+        heard = self._effects.permit(program, self._teaching.words(judged))
+        if heard.kind == "approve":
+            return None
+        attempt.error = "not run: the person at the robot did not release this program"
+        if heard.kind == "correct":
+            self._teaching.correct(at.judged(), heard, False, self._keys())
+        return heard
+
     def _execute(self, at: _Subtask) -> bool:
         """Run the code; whether anything moved. Raises ``Stopped``."""
         attempt = at.attempt
+        attempt.moved = True
         executed = self._effects.execute(attempt.code, self._settings.subtask_limit_s - at.busy_s)
         at.busy_s += executed.wall_s
         end = executed.execution
@@ -454,7 +472,7 @@ class Loop:
         if self._effects.exact:
             self._effects.restore(at.start)
             return True
-        if not self._effects.put_back(self._episode(at)):
+        if at.attempt.moved and not self._effects.put_back(self._episode(at)):
             return False
         self._effects.look()
         return True

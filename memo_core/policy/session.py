@@ -11,7 +11,7 @@ import attrs
 from memo_core.events import Event
 from memo_core.interfaces.environment import Environment
 from memo_core.interfaces.llm import LanguageModel
-from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Verdict
+from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Verdict
 from memo_core.llm.budget import Budget
 from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.settings import RunSettings, TeachingSettings
@@ -60,6 +60,7 @@ class Session:
     judge_task: Callable[[TaskEpisode], Verdict] | None = None
     judge_plan: Callable[[Proposal], Verdict] | None = None
     read_back: Callable[[Noted], ReadBack] | None = None
+    permit: Callable[[Program], Verdict] | None = None  # asked before each program; None: programs run unasked
     put_back: PutBack | None = None
     confirm: PutBack | None = None  # the same for "may the robot go on from the scene as it is now?"
     teacher_state: Callable[[], str] = lambda: ""  # what the teacher needs to go on in a resumed run

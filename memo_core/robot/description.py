@@ -7,6 +7,7 @@ Frames: the URDF's root link is the base frame (x forward, y left, z up). The *t
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import attrs
@@ -70,6 +71,7 @@ class RobotDescription:
     allowed_contacts: tuple[tuple[str, str], ...] = ()  # pairs of links that may touch (neighbours always may)
     reach: float = 0.855  # m from the first joint's axis
     max_contact_force: float = 60.0  # N the hand may press with; more than this felt ends a guarded motion
+    tool_speed: float = math.inf  # m/s that planned motions move the tool at, at most
     mesh_folder: str | None = None  # where the URDF's package:// or relative mesh files lie
 
     @property

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from memo_core.config import Experiment
 from memo_core.errors import BackendUnavailable
+from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.environment.simulated import SimulatedEnvironment, find_task
 from memo_core.interfaces.task import Task
 from memo_core.llm.budget import Budget, Limit
@@ -36,12 +37,29 @@ def library_of(experiment: Experiment) -> dict[str, Skill]:
 
 
 def environment_of(experiment: Experiment, task: Task, seed: int) -> SimulatedEnvironment:
-    """An unopened environment of a task, with parts of its own. Raises ``BackendUnavailable`` for a robot driver that
-    moves hardware: there is no environment for it yet."""
+    """An unopened simulated environment of a task, with parts of its own. Raises ``BackendUnavailable`` for a robot
+    driver that moves hardware: what asks for this runs unattended, several at once, or needs a success check."""
+    world = world_of(experiment, task, seed)
+    if isinstance(world, HardwareEnvironment):
+        name = experiment.choice("robot_driver").backend.name
+        problem = "a real robot moves only in `memo run`, with a person beside it"
+        raise BackendUnavailable("robot_driver", name, problem, "robot.driver=simulated")
+    return world
+
+
+def world_of(experiment: Experiment, task: Task, seed: int) -> World:
+    """An unopened environment of a task, with parts of its own: the simulator's, or that of a real robot."""
     driver, gripper = experiment.create("robot_driver"), experiment.create("gripper_driver")
     if not driver.simulated:
-        name = experiment.choice("robot_driver").backend.name
-        raise BackendUnavailable("robot_driver", name, "tasks run in simulators only so far", "robot.driver=simulated")
+        return HardwareEnvironment(
+            task,
+            seed,
+            driver,
+            gripper,
+            robot=experiment.create("robot"),
+            perception=experiment.create("perception"),
+            settings=experiment.section("hardware"),
+        )
     return SimulatedEnvironment(
         task,
         seed,

@@ -7,27 +7,30 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import attrs
+import numpy as np
 
+from memo_core.environment.hardware import World
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import BackendUnavailable
 from memo_core.events import Event, Problem, SubtaskStarted
 from memo_core.interfaces.teacher import Episode, Sighting, TaskEpisode
+from memo_core.policy.session import PutBack
 from memo_core.policy.settings import RunSettings
 from memo_core.runs.folder import attempt_name, file_name
-from memo_core.runs.video import Recording, save_picture
+from memo_core.runs.video import Recording, save_picture, write_picture
 
 _Shown = TypeVar("_Shown", Episode, TaskEpisode)
 
 
 class Filmed:
-    """A ``SimulatedEnvironment`` that is filmed while somebody watches (``start_watching``). What cannot be filmed is said once."""
+    """A world that is filmed while somebody watches (``start_watching``). What cannot be filmed is said once."""
 
-    def __init__(self, world: SimulatedEnvironment, folder: Path, settings: RunSettings, emit: Callable[[Event], None]) -> None:
+    def __init__(self, world: World, folder: Path, settings: RunSettings, emit: Callable[[Event], None]) -> None:
         self._world = world
         self._folder = folder
         self._settings = settings
         self._emit = emit
-        cameras = world.description.cameras
+        cameras = world.description.cameras if isinstance(world, SimulatedEnvironment) else ()
         self._camera = cameras[0].name if cameras and settings.video == "auto" else ""
         self._name = "attempt"
         self._names: dict[int, str] = {}  # of the latest attempt at each subtask, by its number
@@ -55,6 +58,7 @@ class Filmed:
         self._world.start_watching(seen)
         if not self._camera:
             return
+        assert isinstance(self._world, SimulatedEnvironment)
         self._film = Recording(
             self._world.simulator,
             self._camera,
@@ -73,6 +77,20 @@ class Filmed:
             self._picture(_picture_name(self._name))
         return seen
 
+    def put_back_by(self, ask: PutBack) -> PutBack:
+        """``ask``, which shows pictures of how things stood at the subtask's start where a camera saw them."""
+
+        def put_back(episode: Episode) -> bool:
+            shown = tuple(self._kept(name, picture) for name, picture in episode.before.observation.rgb.items())
+            return ask(attrs.evolve(episode, recordings=(*episode.recordings, *shown)))
+
+        return put_back
+
+    def _kept(self, camera: str, picture: np.ndarray) -> str:
+        path = self._folder / f"pictures/{self._name}-before-{file_name(camera)}.png"
+        write_picture(picture, path)
+        return str(path)
+
     def close(self) -> None:
         """End the film. Idempotent."""
         film, self._film = self._film, None
@@ -83,6 +101,7 @@ class Filmed:
         return self._folder / "video" / f"{name}.mp4"
 
     def _picture(self, name: str) -> None:
+        assert isinstance(self._world, SimulatedEnvironment)
         try:
             save_picture(self._world.simulator, self._camera, self._folder / name)
         except (BackendUnavailable, OSError) as error:

@@ -13,13 +13,13 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.runs.factories import budget_of, book_of, library_of, prompts_of, sandbox_of, task_of, environment_of
+from memo_core.runs.factories import budget_of, book_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.filming import Filmed
 from memo_core.runs.signal_handling import Supervisor
-from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.interfaces.llm import LanguageModel
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
@@ -115,7 +115,7 @@ class RunComponents:
 
     method: Method
     llm: LanguageModel
-    make_environment: Callable[[], SimulatedEnvironment]
+    make_environment: Callable[[], World]
     sandbox: Sandbox
     skills: dict[str, Skill]
     settings: RunSettings
@@ -179,19 +179,30 @@ def resume_experiment(
 
 
 def _components(experiment: Experiment, task: Task) -> RunComponents:
+    teacher = experiment.create("teacher")
+    _check_release(experiment, teacher)
     return RunComponents(
         method=experiment.create("method"),
         llm=experiment.create("llm"),
-        make_environment=lambda: environment_of(experiment, task, experiment.seed),
+        make_environment=lambda: world_of(experiment, task, experiment.seed),
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
         settings=experiment.section("run"),
         book=book_of(experiment),
-        teacher=experiment.create("teacher"),
+        teacher=teacher,
         prompts=prompts_of(experiment),
         clustering=after_run(experiment),
         teaching=experiment.section("teaching"),
     )
+
+
+def _check_release(experiment: Experiment, teacher: Teacher) -> None:
+    """Raises ``InvalidArgument`` where programs for a real robot would wait for a person who is not there."""
+    hardware = not experiment.create("robot_driver").simulated
+    if hardware and experiment.section("hardware").release == "ask" and not teacher.permits:
+        name = experiment.choice("teacher").backend.name
+        problem = f"'ask' wants somebody at the robot, and the teacher {name!r} releases no programs"
+        raise InvalidArgument("hardware.release", problem, "teacher=terminal")
 
 
 def perform(
@@ -384,7 +395,9 @@ def _work(
         components.sandbox.open()
         with components.make_environment() as world, stop.waking(world.link.stop):
             if view:
-                world.simulator.view()
+                world.view()
+            asks = isinstance(world, HardwareEnvironment) and world.settings.release == "ask"
+            resets = not isinstance(world, HardwareEnvironment) or world.settings.reset == "ask"
             filmed = Filmed(world, parts.folder, components.settings, parts.tell)
 
             def emit(event: Event) -> None:
@@ -410,11 +423,12 @@ def _work(
                 judge_task=None if teacher is None else lambda seen: supervisor.judge_task(filmed.shown(seen)),
                 judge_plan=supervisor.judge_plan if _judges_plans(teacher) else None,
                 read_back=supervisor.read_back if teacher is not None and teacher.reads_back else None,
-                put_back=supervisor.put_back if teacher is not None else None,
+                permit=supervisor.permit if asks else None,
+                put_back=filmed.put_back_by(supervisor.put_back) if teacher is not None and resets else None,
                 confirm=supervisor.confirm if teacher is not None else None,
                 teacher_state=teacher.state if teacher is not None else lambda: "",
                 restore_teacher=lambda state: teacher.restore(state) if teacher is not None and state else None,
-                time_limit_s=parts.task.time_limit,
+                time_limit_s=world.time_limit,
                 prompts=components.prompts,
                 budget=parts.budget,
                 on_text=on_text,
@@ -424,7 +438,7 @@ def _work(
             finally:
                 filmed.close()
                 ended.sim_s = world.time()
-                ended.outcome = _judge(world)
+                ended.outcome = world.conclude(ended.result.verdict if ended.result else "unobserved")
         if components.clustering is not None and components.book is not None:
             log.leave_order()  # each cluster is stored by itself: what is done already is not asked about again
             retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
@@ -449,13 +463,6 @@ def _open_book(book: Skillbook, parts: _Parts) -> None:
     if parts.log.history is not None and (changes := book_changes(parts.log.history, book, parts.run)):
         parts.tell(Problem("the skillbook has changed", f"{changes}; the run goes on with it as it is"))
     parts.log.note_book(book.generation())
-
-
-def _judge(world: SimulatedEnvironment) -> Outcome:
-    """The success check, when everything has come to rest. A stop does not keep it from being asked."""
-    for _ in range(round(world.task.settle / world.simulator.control_period)):
-        world.simulator.tick()
-    return world.check()
 
 
 def _run_ended(report: RunReport) -> RunEnded:

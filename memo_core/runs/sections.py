@@ -6,6 +6,7 @@ from typing import Literal
 
 import attrs
 
+from memo_core.environment.hardware import HardwareSettings
 from memo_core.policy.clustering import ClusteringSettings
 from memo_core.llm.prompt_files import PromptSettings
 from memo_core.policy.settings import RunSettings, TeachingSettings
@@ -35,4 +36,5 @@ SECTIONS: dict[str, type] = {
     "teaching": TeachingSettings,
     "prompts": PromptSettings,
     "clustering": ClusteringSettings,
+    "hardware": HardwareSettings,
 }

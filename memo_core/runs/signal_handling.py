@@ -21,7 +21,7 @@ from typing import Any, Generic, TypeVar
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
 from memo_core.stop_switch import StopSwitch
 
 T = TypeVar("T")
@@ -114,6 +114,10 @@ class Supervisor:
     def read_back(self, noted: Noted) -> ReadBack:
         """What the teacher says to the notes made of their words. Raises ``Stopped`` as ``ask``."""
         return self._asked(lambda teacher: teacher.read_back(noted))
+
+    def permit(self, program: Program) -> Verdict:
+        """Whether the teacher lets a program move a real robot. Raises ``Stopped`` as ``ask``."""
+        return self._asked(lambda teacher: teacher.permit(program))
 
     def put_back(self, episode: Episode) -> bool:
         """Have the teacher put the world back; called by the worker. Raises ``Stopped`` as ``ask``."""

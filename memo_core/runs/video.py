@@ -171,7 +171,11 @@ class Recording:
 
 def save_picture(simulator: Simulator, camera: str, path: Path, width: int = 640, height: int | None = None) -> None:
     """Write what the camera sees now as a PNG. Raises ``BackendUnavailable`` where nothing can draw."""
-    picture = simulator.render(camera, width, height or width * 3 // 4)
+    write_picture(simulator.render(camera, width, height or width * 3 // 4), path)
+
+
+def write_picture(picture: np.ndarray, path: Path) -> None:
+    """RGB, uint8, shape (H, W, 3), as a PNG. Raises ``BackendUnavailable`` where nothing can write one."""
     try:
         from PIL import Image
     except ImportError as error:

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.scene.graph import Node
 from memo_core.teachers.answers import NO, YES, Meaning, meaning_of
 from memo_core.teachers.typed_line import TypedLine
 
@@ -64,7 +65,7 @@ class TerminalTeacher(Teacher):
     def _asked_about(self, question: str, episode: Episode) -> Verdict:
         if episode.spoken_error:
             _say(f"The robot says: {episode.spoken_error}")
-        moved = ", ".join(_moved(episode)) or "nothing"
+        moved = ", ".join(node.label for node in _moved(episode)) or "nothing"
         about = [f"The task: {episode.task}. The robot tried {episode.subtask}; what moved: {moved}."]
         return self._verdict(
             question, "y = it worked, s = say nothing, ? = help, or say what was wrong", about, episode.recordings
@@ -172,21 +173,44 @@ class TerminalTeacher(Teacher):
                 return ReadBack("reworded", typed.strip())
 
     # -- hardware ------------------------------------------------------------------------------------------------------
+    @property
+    def permits(self) -> bool:
+        return True
+
+    def permit(self, program: Program) -> Verdict:
+        """End of input permits nothing."""
+        shown = [f"The program for {program.subtask}, attempt {program.attempt}:", "", program.code.rstrip(), ""]
+        question = "Nothing moves before you answer. May it move the robot? [y = yes, n = no, or say what is wrong]"
+        while True:
+            typed = self._line.ask(*shown, question)
+            shown = []
+            if typed is None:
+                return Verdict("silent")
+            words = typed.strip()
+            if words.lower() in YES | {"release", "release it"}:
+                return Verdict("approve")
+            if words.lower() in NO | {"s"}:
+                return Verdict("silent")
+            if len(words.split()) > 1:
+                return Verdict("correct", words)
+
     def put_back(self, episode: Episode) -> bool:
-        moved = ", ".join(_moved(episode)) or "everything"
-        asked = f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {moved}."
-        return self._yes_or_no(asked, "y = done, n = cannot")
+        moved = _moved(episode)
+        names = ", ".join(node.label for node in moved) or "everything"
+        stood = [f"  {node.label} stood at {_place(node)}" for node in moved]
+        seen = [f"  see {recording}" for recording in episode.recordings]
+        asked = f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {names}."
+        return self._yes_or_no((asked, *stood, *seen), "y = done, n = cannot")
 
     def confirm(self, episode: Episode) -> bool:
         asked = (
             f"The run was cut off during {episode.subtask}; what the robot did last is unknown. Please look: may it go "
             "on from the scene as it is now? It will look and plan anew."
         )
-        return self._yes_or_no(asked, "y = go on, n = no")
+        return self._yes_or_no((asked,), "y = go on, n = no")
 
-    def _yes_or_no(self, question: str, hint: str) -> bool:
+    def _yes_or_no(self, asked: tuple[str, ...], hint: str) -> bool:
         """Asks until it is one of both; no at the end of input."""
-        asked: tuple[str, ...] = (question,)
         while True:
             typed = self._line.ask(*asked, f"[{hint}]")
             asked = ()
@@ -215,14 +239,20 @@ def _say(*lines: str) -> None:
     print(*lines, sep="\n", file=sys.stderr, flush=True)
 
 
-def _moved(episode: Episode) -> list[str]:
-    """The labels of what stands elsewhere than before."""
+def _place(node: Node) -> str:
+    x, y, z = node.pose.position
+    side = f"{abs(100 * y):.0f} cm to the {'left' if y > 0 else 'right'}"
+    return f"{100 * x:.0f} cm ahead of the robot's base, {side}, {100 * z:.0f} cm up"
+
+
+def _moved(episode: Episode) -> list[Node]:
+    """What stands elsewhere than before, as it stood."""
     now = {node.id: node for node in episode.after.nodes}
     moved = []
     for node in episode.before.nodes:
         metres, radians = node.pose.distance(now[node.id].pose) if node.id in now else (math.inf, 0.0)
         if metres > 0.01 or radians > 0.05:
-            moved.append(node.label)
+            moved.append(node)
     return moved
 
 

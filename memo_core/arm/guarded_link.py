@@ -1,0 +1,165 @@
+"""The last word on what a real robot is sent: limits that no program, plan or bug above can pass.
+
+Between the arm's code and a driver's link. What would leave the workspace, a joint's margin or the tool's speed is
+refused before it is sent; where too much force is felt the arm comes to rest. No certified safety function.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.trajectory import stopping
+from memo_core.errors import MotionError
+from memo_core.interfaces.link import Health, Link
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.safety import SafetyLimits
+from memo_core.scene.pose import Array
+
+_ROUNDING = 1.02  # share of the tool's speed that is let pass
+_FELT_TICKS = 3  # control periods of too much force that end a motion
+
+
+class GuardedLink(Link):
+    """A hardware link within ``limits``. ``robot`` is the whole description; planners get ``limits.kept_by(robot)``."""
+
+    def __init__(self, inner: Link, robot: RobotDescription, limits: SafetyLimits) -> None:
+        super().__init__(limits.kept_by(robot))
+        self._inner = inner
+        self._limits = limits
+        self.control_period = inner.control_period
+        self.feels_force = inner.feels_force
+        self.servo_lag = inner.servo_lag
+        self._stop = inner._stop  # one stop, latched in one place
+        self._kinematics = Kinematics(self.description)
+        self._lower = np.array([joint.lower for joint in robot.joints]) + limits.joint_margin
+        self._upper = np.array([joint.upper for joint in robot.joints]) - limits.joint_margin
+        self._low, self._high = np.array(limits.workspace[:3]), np.array(limits.workspace[3:])
+        self._step = limits.tool_speed * _ROUNDING * inner.control_period
+        self._tare = np.zeros(3)
+        self._felt = 0
+        self._before = self._last = self._place = np.zeros(0)
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        self._inner.open()
+        self._begin()
+        if self.feels_force:
+            self._tare = self._inner.contact_wrench()[:3]
+
+    def close(self) -> None:
+        self._inner.close()
+
+    def health(self) -> Health:
+        return self._inner.health()
+
+    def stop(self) -> None:
+        self._inner.stop()
+
+    def release(self) -> None:
+        self._inner.release()
+        self._begin()
+
+    def outside(self) -> str:
+        """How the arm stands outside of its limits, in one sentence; empty where it does not."""
+        joints = self._inner.joint_positions()
+        return self._wrong(joints[:, None]) or ""
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+    def check(self, skill: str, targets: Array) -> None:
+        rows = np.asarray(targets, dtype=float).T
+        problem = self._wrong(rows) or self._too_fast(np.column_stack([self._inner.joint_targets(), rows]))
+        if problem:
+            raise MotionError(skill, f"refused by this robot's safety limits: {problem}", cause="workspace")
+
+    def send(self, targets: Array) -> None:
+        row = np.asarray(targets, dtype=float)
+        problem = self._wrong(row[:, None]) or self._too_fast(np.column_stack([self._last, row]))
+        if problem:
+            self._rest()
+            raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="workspace")
+        self._check_force()
+        self._inner.send(row)
+        self._before, self._last = self._last, row
+
+    def halt(self, targets: Array) -> None:
+        self._inner.halt(targets)
+        self._begin()
+
+    def set_gripper(self, width: float, force: float) -> None:
+        self._inner.set_gripper(width, force)
+
+    # -- state ---------------------------------------------------------------------------------------------------------
+    def joint_positions(self) -> Array:
+        return self._inner.joint_positions()
+
+    def joint_velocities(self) -> Array:
+        return self._inner.joint_velocities()
+
+    def joint_targets(self) -> Array:
+        return self._inner.joint_targets()
+
+    def gripper_width(self) -> float:
+        return self._inner.gripper_width()
+
+    def holding(self) -> bool:
+        return self._inner.holding()
+
+    def contact_wrench(self) -> Array:
+        return self._inner.contact_wrench()
+
+    def time(self) -> float:
+        return self._inner.time()
+
+    def checkpoint(self) -> bytes:
+        return self._inner.checkpoint()
+
+    def restore(self, checkpoint: bytes) -> None:
+        self._inner.restore(checkpoint)
+        self._begin()
+
+    # -- limits --------------------------------------------------------------------------------------------------------
+    def _begin(self) -> None:
+        self._before = self._last = self._inner.joint_targets()
+        self._felt = 0
+
+    def _wrong(self, joints: Array) -> str:
+        """What is wrong with joints (n, T) as places to be; empty where nothing is."""
+        if not np.isfinite(joints).all():
+            return "a joint target is not a finite number"
+        beyond = np.maximum(self._lower[:, None] - joints, joints - self._upper[:, None])
+        joint, tick = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        if beyond[joint, tick] > 1e-9:
+            name, angle = self.description.joints[joint].name, joints[joint, tick]
+            allowed = f"{self._lower[joint]:.3f} to {self._upper[joint]:.3f} rad"
+            return f"{name} at {angle:.3f} rad, where {allowed} is allowed"
+        _, places = self._kinematics.forward(joints)
+        beyond = np.maximum(self._low[:, None] - places, places - self._high[:, None])
+        axis, tick = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+        if beyond[axis, tick] > 1e-9:
+            allowed = f"{self._low[axis]:g} to {self._high[axis]:g} m"
+            return f"the tool at {'xyz'[axis]} = {places[axis, tick]:.3f} m, where {allowed} is allowed"
+        return ""
+
+    def _too_fast(self, joints: Array) -> str:
+        """What is wrong with going from one of joints (n, T) to the next in a control period each."""
+        _, places = self._kinematics.forward(joints)
+        longest = float(np.sqrt((np.diff(places, axis=1) ** 2).sum(axis=0)).max(initial=0.0))
+        if longest <= self._step:
+            return ""
+        speed = longest / self.control_period
+        return f"the tool at {speed:.2f} m/s, where {self._limits.tool_speed:g} m/s is allowed"
+
+    def _check_force(self) -> None:
+        if not self.feels_force:
+            return
+        felt = float(np.linalg.norm(self._inner.contact_wrench()[:3] - self._tare))
+        self._felt = self._felt + 1 if felt > self._limits.max_force else 0
+        if self._felt >= _FELT_TICKS:
+            self._rest()
+            problem = f"{felt:.0f} N felt, where {self._limits.max_force:g} N are allowed"
+            raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="force")
+
+    def _rest(self) -> None:
+        """Decelerate within the joints' limits from where the last two targets were going."""
+        self.halt(stopping(self._kinematics, self._before, self._last, self.control_period))
