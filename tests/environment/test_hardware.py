@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.metadata
-import multiprocessing
+import subprocess
+import sys
 from collections import deque
 from pathlib import Path
 
@@ -314,29 +315,26 @@ def test_limits_that_cannot_be_are_said_with_their_key(person, tmp_path):
 
 
 # -- the lease ---------------------------------------------------------------------------------------------------------
-def _hold(address: str, folder: Path, taken, done) -> None:
-    lease = Lease(address, folder)
-    lease.take()
-    taken.set()
-    done.wait(20)
+HOLDER = """
+import sys
+from pathlib import Path
+from memo_core.environment.lease import Lease
+Lease(sys.argv[1], Path(sys.argv[2])).take()
+print("taken", flush=True)
+sys.stdin.read()
+"""
 
 
 def test_one_process_at_a_time_moves_a_robot(tmp_path):
-    context = multiprocessing.get_context("fork")
-    taken, done = context.Event(), context.Event()
-    other = context.Process(target=_hold, args=("10.0.0.2", tmp_path, taken, done))
-    other.start()
-    try:
-        assert taken.wait(20)
+    command = [sys.executable, "-c", HOLDER, "10.0.0.2", str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "taken\n"
         with pytest.raises(BackendUnavailable, match=rf"process {other.pid} moves the robot at 10\.0\.0\.2"):
             Lease("10.0.0.2", tmp_path).take()
         Lease("10.0.0.3", tmp_path).take()
         other.kill()
-        other.join(20)
+        other.wait()
         Lease("10.0.0.2", tmp_path).take()
-    finally:
-        done.set()
-        other.join(20)
 
 
 def test_a_driver_may_be_configured_beside_its_robot(person, tmp_path):

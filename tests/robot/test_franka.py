@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from memo_franka.configured import PandaSettings, configured
-from memo_franka.description import panda
+from memo_franka.configured import FR3Settings, PandaSettings, configured
+from memo_franka.description import fr3, panda
 from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.errors import InvalidArgument
@@ -283,3 +283,25 @@ def test_a_urdf_that_does_not_fit_the_description_is_refused():
     loose = attrs.evolve(ROBOT, joints=ROBOT.joints[:6], home=ROBOT.home[:6])
     with MujocoSimulator() as simulator, pytest.raises(InvalidArgument, match=r"nothing drives .*panda_joint7"):
         simulator.build(SceneDescription(bodies=()), loose)
+
+
+def test_the_fr3_is_a_panda_with_limits_of_its_own():
+    research = fr3()
+    assert [joint.acceleration for joint in research.joints] == [10.0] * 7
+    assert [joint.jerk for joint in research.joints] == [5000.0] * 7
+    assert (research.joints[5].lower, research.joints[5].upper) == (0.5410, 4.5205)
+    here, there = (pin.buildModelFromXML(robot.urdf) for robot in (ROBOT, research))
+    q = pin.randomConfiguration(here)
+    poses = []
+    for model, name in ((here, "panda_tool"), (there, "fr3_tool")):
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        poses.append(data.oMf[model.getFrameId(name)].homogeneous)
+    assert np.allclose(*poses)
+
+
+def test_the_fr3_is_configured_like_a_panda():
+    robot = configured(FR3Settings(max_force=60.0))
+    assert robot.name == "fr3" and robot.gripper.max_force == 60.0
+    with pytest.raises(InvalidArgument, match="fr3_joint6"):
+        configured(FR3Settings(home=[0.0, -0.7, 0.0, -2.3, 0.0, 0.3, 0.7]))

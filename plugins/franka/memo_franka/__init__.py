@@ -1,1 +1,1 @@
-"""The Franka Panda for MEMO: description and gripper."""
+"""Franka's Panda and Research 3 for MEMO: descriptions and gripper."""

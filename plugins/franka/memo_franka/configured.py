@@ -1,4 +1,4 @@
-"""The Panda as configured: our own description with some values changed, or somebody's URDF in its place."""
+"""A Panda or FR3 as configured: our own description with some values changed, or somebody's URDF in its place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from attrs.validators import ge, gt, le
 from memo_core.errors import InvalidArgument, close_match
 from memo_core.robot.description import JointDescription, RobotDescription
 from memo_core.scene.pose import Pose
-from memo_franka.description import panda
+from memo_franka.description import fr3, panda
 
 
 @attrs.frozen
@@ -51,9 +51,25 @@ class PandaSettings:
     max_force: float = attrs.field(default=80.0, validator=[ge(5.0), le(140.0)], metadata={"help": "strongest grip, N"})
 
 
+@attrs.frozen
+class FR3Settings(PandaSettings):
+    """The same for an FR3."""
+
+    joints: list[str] = attrs.field(
+        factory=lambda: [f"fr3_joint{n}" for n in range(1, 8)], metadata={"help": "the arm's joints, base first"}
+    )
+    finger_joints: list[str] = attrs.field(
+        factory=lambda: ["fr3_finger_joint1", "fr3_finger_joint2"], metadata={"help": "the fingers' slide joints"}
+    )
+    pads: list[str] = attrs.field(
+        factory=lambda: ["fr3_leftfinger", "fr3_rightfinger"], metadata={"help": "the links that touch what is held"}
+    )
+    tool_link: str = attrs.field(default="fr3_tool", metadata={"help": "link the tool frame is fixed to"})
+
+
 def configured(settings: PandaSettings) -> RobotDescription:
     """The description for these settings. Raises ``InvalidArgument`` naming the key that is wrong."""
-    description = panda()
+    description = fr3() if isinstance(settings, FR3Settings) else panda()
     if settings.urdf is not None:
         description = _with_urdf(description, settings)
     gripper = attrs.evolve(description.gripper, pad_friction=settings.pad_friction, max_force=settings.max_force)
@@ -86,7 +102,9 @@ def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescripti
     ):
         _check_names(key, wanted, valid)
     if len(settings.joints) != len(own.joints):
-        raise InvalidArgument("robot.joints", f"names {len(settings.joints)} joints", f"{len(own.joints)}, a Panda's")
+        raise InvalidArgument(
+            "robot.joints", f"names {len(settings.joints)} joints", f"{len(own.joints)}, as this arm has"
+        )
     joints: list[JointDescription] = []
     for name, template in zip(settings.joints, own.joints, strict=True):
         found = urdf.joint(name)

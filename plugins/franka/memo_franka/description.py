@@ -1,14 +1,16 @@
-"""The Franka Panda with a UMI-kind parallel gripper as a RobotDescription: our own light URDF made of primitives.
+"""Franka's Panda and Research 3 (FR3) with a UMI-kind parallel gripper: our own light URDFs made of primitives.
 
-Kinematics are the Denavit-Hartenberg parameters and limits that Franka publishes for the Panda; masses, centres and
-inertias are those identified by Gaz et al., "Dynamic Identification of the Franka Emika Panda Robot With Retrieval of
-Feasible Parameters Using Penalty-Based Optimization" (RA-L 2019). Shapes are primitives: capsules a little wider than
-the arm for contact, cylinders and capsules for the eye.
+Kinematics, the same for both, are the Denavit-Hartenberg parameters that Franka publishes, as are the limits. Masses,
+centres and inertias of the Panda are those identified by Gaz et al., "Dynamic Identification of the Franka Emika Panda
+Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization" (RA-L 2019); those of the FR3 are of the
+model that libfranka is tested with (Apache-2.0). Shapes are primitives: capsules a little wider than the arm for
+contact, cylinders and capsules for the eye.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import attrs
 
@@ -16,6 +18,7 @@ from memo_core.robot.description import GripperDescription, JointDescription, Ro
 from memo_core.scene.pose import Pose
 
 Vector = tuple[float, float, float]
+_Limits = tuple[float, float, float, float, float, float, float]
 
 WHITE = "0.93 0.94 0.95 1"
 GREY = "0.60 0.62 0.65 1"
@@ -24,17 +27,27 @@ BLUE = "0.10 0.45 0.75 1"
 RUBBER = "0.20 0.21 0.23 1"
 COLOURS = {"white": WHITE, "grey": GREY, "black": BLACK, "blue": BLUE, "rubber": RUBBER}
 
-#                 lower    upper   rad/s  rad/s2   rad/s3   Nm  Nm/rad
-_JOINTS = (
-    ("panda_joint1", -2.8973, 2.8973, 2.175, 15.0, 7500.0, 87.0, 4500.0),
-    ("panda_joint2", -1.7628, 1.7628, 2.175, 7.5, 3750.0, 87.0, 4500.0),
-    ("panda_joint3", -2.8973, 2.8973, 2.175, 10.0, 5000.0, 87.0, 3500.0),
-    ("panda_joint4", -3.0718, -0.0698, 2.175, 12.5, 6250.0, 87.0, 3500.0),
-    ("panda_joint5", -2.8973, 2.8973, 2.61, 15.0, 7500.0, 12.0, 2000.0),
-    ("panda_joint6", -0.0175, 3.7525, 2.61, 20.0, 10000.0, 12.0, 2000.0),
-    ("panda_joint7", -2.8973, 2.8973, 2.61, 20.0, 10000.0, 12.0, 2000.0),
+#     lower    upper   rad/s  rad/s2   rad/s3   Nm  Nm/rad
+_PANDA_JOINTS = (
+    (-2.8973, 2.8973, 2.175, 15.0, 7500.0, 87.0, 4500.0),
+    (-1.7628, 1.7628, 2.175, 7.5, 3750.0, 87.0, 4500.0),
+    (-2.8973, 2.8973, 2.175, 10.0, 5000.0, 87.0, 3500.0),
+    (-3.0718, -0.0698, 2.175, 12.5, 6250.0, 87.0, 3500.0),
+    (-2.8973, 2.8973, 2.61, 15.0, 7500.0, 12.0, 2000.0),
+    (-0.0175, 3.7525, 2.61, 20.0, 10000.0, 12.0, 2000.0),
+    (-2.8973, 2.8973, 2.61, 20.0, 10000.0, 12.0, 2000.0),
 )
-ALLOWED_CONTACTS = (("panda_leftfinger", "panda_rightfinger"),)
+_FR3_JOINTS = (
+    (-2.7501, 2.7501, 2.62, 10.0, 5000.0, 87.0, 4500.0),
+    (-1.7918, 1.7918, 2.62, 10.0, 5000.0, 87.0, 4500.0),
+    (-2.9065, 2.9065, 2.62, 10.0, 5000.0, 87.0, 3500.0),
+    (-3.0481, -0.1458, 2.62, 10.0, 5000.0, 87.0, 3500.0),
+    (-2.8101, 2.8101, 5.26, 10.0, 5000.0, 12.0, 2000.0),
+    (0.5410, 4.5205, 4.18, 10.0, 5000.0, 12.0, 2000.0),
+    (-3.0196, 3.0196, 5.26, 10.0, 5000.0, 12.0, 2000.0),
+)
+# An FR3 slows down towards its joints' ends: |dq| <= sqrt(2 a d) - v0 at a distance d; a in rad/s2, v0 in rad/s.
+FR3_BRAKING = ((6.0, 0.30), (2.585, 0.20), (3.5, 0.20), (4.0, 0.30), (17.0, 0.35), (5.5, 0.35), (17.0, 0.35))
 HOME = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 
 # Origins of joint 1..7 in the link before: the published a, d and alpha in Craig's convention.
@@ -47,7 +60,7 @@ _ORIGINS: tuple[tuple[Vector, Vector], ...] = (
     ((0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)),
     ((0.088, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)),
 )
-_FLANGE = 0.107  # m from joint 7 to the flange
+FLANGE = 0.107  # m from joint 7 to the flange
 
 STROKE = 0.08
 _TOOL = 0.1034  # m from the flange to the tool centre
@@ -74,7 +87,7 @@ class _Shape:
     colour: str = "white"
 
 
-_INERTIAS = (
+_PANDA_INERTIAS = (
     _Inertia(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-07, 0.00015, 8.2299e-06)),
     _Inertia(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
     _Inertia(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
@@ -86,6 +99,44 @@ _INERTIAS = (
     _Inertia(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
     _Inertia(
         0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)
+    ),
+)
+_FR3_INERTIAS = (
+    _Inertia(2.3966, (-0.0172, 0.0004, 0.0745), (0.009, 0.0115, 0.0085, 0.0, 0.002, 0.0)),
+    _Inertia(
+        2.92747,
+        (4.128e-07, -0.0181251, -0.0386036),
+        (0.0239273, 0.0224822, 0.0063501, 1.33179e-05, -0.000114048, -0.00199503),
+    ),
+    _Inertia(
+        2.93554,
+        (0.00318289, -0.0743222, 0.00881461),
+        (0.0419389, 0.0251451, 0.0617021, 0.000202573, 0.00407778, -0.00422522),
+    ),
+    _Inertia(
+        2.2449,
+        (0.0407016, -0.00482006, -0.0289731),
+        (0.0241014, 0.0197405, 0.0190445, 0.00240469, -0.00285627, -0.00210421),
+    ),
+    _Inertia(
+        2.6156,
+        (-0.0459101, 0.0630493, -0.00851879),
+        (0.03453, 0.0288816, 0.0412547, 0.0132255, 0.0101514, -0.000976283),
+    ),
+    _Inertia(
+        2.32712,
+        (-0.00160396, 0.0292536, -0.0972966),
+        (0.0516103, 0.0478773, 0.0164236, -0.00571517, -0.00356732, 0.010674),
+    ),
+    _Inertia(
+        1.81704,
+        (0.0597131, -0.0410295, -0.0101693),
+        (0.00541233, 0.0140583, 0.0160808, 0.00619346, 0.00142193, -0.00131408),
+    ),
+    _Inertia(
+        0.627143,
+        (0.00452258, 0.00862619, -0.0161633),
+        (0.000210924, 0.000177186, 5.99319e-05, -2.4333e-05, 4.56448e-05, 8.74407e-05),
     ),
 )
 _HAND_INERTIA = _Inertia(0.73, (0.0, 0.0, 0.033), (0.0025, 0.0010, 0.0027, 0.0, 0.0, 0.0))
@@ -192,53 +243,62 @@ _FINGER_VISUALS = (
 
 def panda() -> RobotDescription:
     """The Panda with its base at the world's origin. Tool frame: the link ``panda_tool``."""
+    return _described("panda", _PANDA_JOINTS, _PANDA_INERTIAS)
+
+
+def fr3() -> RobotDescription:
+    """The Research 3 with its base at the world's origin. Tool frame: the link ``fr3_tool``."""
+    return _described("fr3", _FR3_JOINTS, _FR3_INERTIAS)
+
+
+def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[_Inertia]) -> RobotDescription:
     joints = tuple(
-        JointDescription(name, lower, upper, velocity, acceleration, jerk, effort, kp=kp, kv=kp / 10)
-        for name, lower, upper, velocity, acceleration, jerk, effort, kp in _JOINTS
+        JointDescription(f"{name}_joint{number}", lower, upper, velocity, acceleration, jerk, effort, kp=kp, kv=kp / 10)
+        for number, (lower, upper, velocity, acceleration, jerk, effort, kp) in enumerate(limits, start=1)
     )
     return RobotDescription(
-        name="panda",
-        urdf=panda_urdf(),
+        name=name,
+        urdf=_urdf(name, joints, inertias),
         joints=joints,
         gripper=GripperDescription(
-            finger_joints=("panda_finger_joint1", "panda_finger_joint2"),
-            pads=("panda_leftfinger", "panda_rightfinger"),
+            finger_joints=(f"{name}_finger_joint1", f"{name}_finger_joint2"),
+            pads=(f"{name}_leftfinger", f"{name}_rightfinger"),
             stroke=STROKE,
             fingertip_reach=_TIP,
             palm_distance=_PALM,
             hand_size=(_HAND[1], _HAND[0]),
         ),
-        tool_link="panda_tool",
+        tool_link=f"{name}_tool",
         tool_offset=Pose(),
         home=HOME,
-        allowed_contacts=ALLOWED_CONTACTS,
+        allowed_contacts=((f"{name}_leftfinger", f"{name}_rightfinger"),),
     )
 
 
-def panda_urdf() -> str:
+def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[_Inertia]) -> str:
     """The URDF's text."""
-    parts = ['<?xml version="1.0"?>', '<robot name="panda">']
-    parts += [f'  <material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in COLOURS.items()]
-    for number, inertia in enumerate(_INERTIAS):
-        parts.append(_link(f"panda_link{number}", inertia, _VISUALS[number], _COLLISIONS[number]))
-    for number, ((xyz, rpy), joint) in enumerate(zip(_ORIGINS, _JOINTS, strict=True), start=1):
-        name, lower, upper, velocity, _, _, effort, _ = joint
-        limit = f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
+    parts = ['<?xml version="1.0"?>', f'<robot name="{name}">']
+    parts += [f'  <material name="{colour}"><color rgba="{rgba}"/></material>' for colour, rgba in COLOURS.items()]
+    for number, inertia in enumerate(inertias):
+        parts.append(_link(f"{name}_link{number}", inertia, _VISUALS[number], _COLLISIONS[number]))
+    for number, ((xyz, rpy), joint) in enumerate(zip(_ORIGINS, joints, strict=True), start=1):
+        ends = f'lower="{joint.lower}" upper="{joint.upper}"'
+        limit = f'<limit {ends} velocity="{joint.velocity}" effort="{joint.effort}"/>'
         parts.append(
-            _joint(name, "revolute", f"panda_link{number - 1}", f"panda_link{number}", xyz, rpy, "0 0 1", limit)
+            _joint(joint.name, "revolute", f"{name}_link{number - 1}", f"{name}_link{number}", xyz, rpy, "0 0 1", limit)
         )
-    parts.append(_link("panda_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
+    parts.append(_link(f"{name}_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
     parts.append(
-        _joint("panda_hand_joint", "fixed", "panda_link7", "panda_hand", (0, 0, _FLANGE), (0, 0, -math.pi / 4))
+        _joint(f"{name}_hand_joint", "fixed", f"{name}_link7", f"{name}_hand", (0, 0, FLANGE), (0, 0, -math.pi / 4))
     )
-    parts.append('  <link name="panda_tool"/>')
-    parts.append(_joint("panda_tool_joint", "fixed", "panda_hand", "panda_tool", (0, 0, _TOOL), (0, 0, 0)))
-    for number, (link, sign) in enumerate((("panda_leftfinger", 1.0), ("panda_rightfinger", -1.0)), start=1):
+    parts.append(f'  <link name="{name}_tool"/>')
+    parts.append(_joint(f"{name}_tool_joint", "fixed", f"{name}_hand", f"{name}_tool", (0, 0, _TOOL), (0, 0, 0)))
+    for number, (link, sign) in enumerate(((f"{name}_leftfinger", 1.0), (f"{name}_rightfinger", -1.0)), start=1):
         turned = (0.0, 0.0, 0.0) if sign > 0 else (0.0, 0.0, math.pi)
         parts.append(_link(link, _finger_inertia(), _FINGER_VISUALS, _FINGER_COLLISIONS))
         limit = f'<limit lower="0" upper="{STROKE / 2}" velocity="0.2" effort="80"/>'
-        name = f"panda_finger_joint{number}"
-        parts.append(_joint(name, "prismatic", "panda_hand", link, (0, 0, _TOOL), turned, "0 1 0", limit))
+        finger = f"{name}_finger_joint{number}"
+        parts.append(_joint(finger, "prismatic", f"{name}_hand", link, (0, 0, _TOOL), turned, "0 1 0", limit))
     parts.append("</robot>")
     return "\n".join(parts) + "\n"
 
