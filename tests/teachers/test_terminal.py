@@ -12,6 +12,7 @@ import attrs
 import pytest
 
 from memo_core.errors import InvalidArgument
+from memo_core.interfaces.teacher import Program
 from memo_core.teachers.answers import meaning_of
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 from memo_core.testing.teacher import episodes, noted, proposals, task_episodes
@@ -163,3 +164,30 @@ def test_read_back_can_be_switched_off():
 def test_only_a_yes_lets_a_robot_that_cannot_undo_go_on(monkeypatch, ask, typed, agreed):
     teacher = typing(monkeypatch, *typed)
     assert getattr(teacher, ask)(episodes()[0]) is agreed
+
+
+PROGRAM = Program("put the cube away", "LIFT(cube)", 1, "move_to([0.4, 0.0, 0.3])")
+
+
+@pytest.mark.parametrize(
+    ("typed", "kind", "words"),
+    [("y", "approve", ""), ("n", "silent", ""), ("mind the lamp", "correct", "mind the lamp")],
+)
+def test_a_program_is_shown_whole_and_released_only_by_a_plain_yes(monkeypatch, capsys, typed, kind, words):
+    verdict = typing(monkeypatch, "", "fine", typed).permit(PROGRAM)
+    assert (verdict.kind, verdict.words) == (kind, words)
+    shown = capsys.readouterr().err
+    assert PROGRAM.code in shown and shown.count("May it move the robot?") == 3
+
+
+def test_nobody_at_the_terminal_releases_nothing(monkeypatch):
+    assert typing(monkeypatch).permit(PROGRAM).kind == "silent"
+
+
+def test_what_is_put_back_is_named_with_where_it_stood(monkeypatch, capsys):
+    episode = next(one for one in episodes() if one.before.nodes)
+    before = attrs.evolve(episode.before, nodes=(episode.before.nodes[0],))
+    gone = attrs.evolve(episode, before=before, after=attrs.evolve(before, nodes=()), recordings=("stood.png",))
+    assert typing(monkeypatch, "done").put_back(gone)
+    shown = capsys.readouterr().err
+    assert f"{before.nodes[0].label} stood at" in shown and "cm ahead" in shown and "see stood.png" in shown
