@@ -150,6 +150,86 @@ def test_a_verb_is_judged_by_what_it_should_change(subtask, turned, near, cause)
     assert found.sure and found.cause == cause and found.fine == (not cause)
 
 
+SALT = Node("salt", "salt", Pose((0.4, 0.3, 0.05)), (0.02, 0.02, 0.02), kind="heap")
+SHAKER = Node("shaker", "salt shaker", Pose((0.4, 0.3, 0.05)), (0.04, 0.04, 0.1))
+BOWL = Node("bowl", "bowl", Pose((0.5, 0.0, 0.03)), (0.15, 0.15, 0.06))
+SPONGE = Node("sponge", "sponge", Pose((0.4, -0.2, 0.02)), (0.08, 0.05, 0.04))
+PLATE = Node("plate", "plate", Pose((0.5, 0.1, 0.01)), (0.2, 0.2, 0.02))
+BOTTLE = Node("bottle", "bottle", Pose((0.5, 0.0, 0.06)), (0.05, 0.05, 0.12), kind="fixture")
+CAP = Node("bottle/cap", "bottle cap", Pose((0.5, 0.0, 0.13)), (0.03, 0.03, 0.02), "bottle", "part")
+BELL = Node("bell", "bell", Pose((0.4, 0.2, 0.02)), (0.1, 0.1, 0.04), kind="fixture")
+BUTTON = Node("bell/button", "bell button", Pose((0.4, 0.2, 0.05)), (0.02, 0.02, 0.01), "bell", "part")
+ON_TABLE = [("napkin", "on", "table")]
+AFAR = (0.3, -0.4, 0.4)
+
+# subtask, what is seen before, during and after it (each: things, relations, where the hand is), what was wrong
+VERBS = [
+    ("CLOSE(box)", ([BOX, DOOR], [("box/door", "open")], AFAR), ([BOX, DOOR], [("box/door", "closed")], AFAR), ""),
+    (
+        "SHUT(box)",
+        ([BOX, DOOR], [("box/door", "open")], AFAR),
+        ([BOX, DOOR], [("box/door", "open")], AFAR),
+        "not-closed",
+    ),
+    ("PICK_UP(napkin)", ([NAPKIN], ON_TABLE, AFAR), ([NAPKIN], [("napkin", "held")], (0.5, 0.0, 0.02)), ""),
+    ("GRASP(napkin)", ([NAPKIN], ON_TABLE, AFAR), ([NAPKIN], ON_TABLE, (0.5, 0.05, 0.02)), "closed-beside"),
+    ("TAKE_OUT(napkin, bin)", ([NAPKIN, BIN], [("napkin", "in", "bin")], AFAR), ([NAPKIN, BIN], ON_TABLE, AFAR), ""),
+    (
+        "TAKE_OUT(napkin, bin)",
+        ([NAPKIN, BIN], [("napkin", "in", "bin")], AFAR),
+        ([NAPKIN, BIN], [("napkin", "in", "bin")], AFAR),
+        "nothing-moved",
+    ),
+    ("PUT(napkin, bin)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([NAPKIN, BIN], [("napkin", "in", "bin")], AFAR), ""),
+    ("DROP(napkin, bin)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([NAPKIN, BIN], [("napkin", "held")], AFAR), "still-held"),
+    ("MOVE(napkin, bin)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([at(NAPKIN, 0.44, -0.5, 0.02), BIN], ON_TABLE, AFAR), ""),
+    ("MOVE(napkin, bin)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([NAPKIN, BIN], ON_TABLE, AFAR), "not-beside"),
+    ("UNSCREW(bottle cap)", ([BOTTLE, CAP], [], AFAR), ([BOTTLE, at(CAP, 0.4, 0.2, 0.01)], [], AFAR), ""),
+    ("TAKE_OFF(bottle cap)", ([BOTTLE, CAP], [], AFAR), ([BOTTLE, CAP], [], CAP.pose.position), "cap-still-on"),
+    ("PRESS(bell button)", ([BELL, BUTTON], [], AFAR), ([BELL, BUTTON], [], BUTTON.pose.position), ""),
+    ("PRESS(bell button)", ([BELL, BUTTON], [], AFAR), ([BELL, BUTTON], [], AFAR), "nothing-moved"),
+    (
+        "POUR(salt shaker, bowl)",
+        ([SHAKER, SALT, BOWL], [("salt", "in", "shaker")], AFAR),
+        ([SHAKER, at(SALT, 0.5, 0.0, 0.03), BOWL], [("salt", "in", "bowl")], AFAR),
+        "",
+    ),
+    (
+        "SEASON(salt shaker, bowl)",
+        ([SHAKER, SALT, BOWL], [("salt", "in", "shaker")], AFAR),
+        ([SHAKER, SALT, BOWL], [("salt", "in", "shaker")], AFAR),
+        "nothing-came-out",
+    ),
+    (
+        "SHAKE(salt shaker, bowl)",
+        ([SHAKER, SALT, BOWL], [("salt", "in", "shaker")], AFAR),
+        ([SHAKER, at(SALT, 0.3, 0.3, 0.0), BOWL], [("salt", "on", "table")], AFAR),
+        "poured-beside",
+    ),
+    ("WIPE(plate, sponge)", ([PLATE, SPONGE], [], AFAR), ([PLATE, SPONGE], [], AFAR), "not-wiped"),
+    ("RELEASE(napkin)", ([NAPKIN], [("napkin", "held")], AFAR), ([NAPKIN], [("napkin", "held")], AFAR), "still-held"),
+    ("CLEAR(table)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([NAPKIN, BIN], ON_TABLE, AFAR), "goal-in"),
+    ("CLEAR(table)", ([NAPKIN, BIN], ON_TABLE, AFAR), ([NAPKIN, BIN], [("napkin", "in", "bin")], AFAR), ""),
+]
+
+
+@pytest.mark.parametrize(
+    ("subtask", "before", "after", "cause"), VERBS, ids=[f"{v[0]}-{v[3] or 'fine'}" for v in VERBS]
+)
+def test_every_verb_of_the_tasks_is_judged(subtask, before, after, cause):
+    first, last = graph(*before), graph(*after)
+    seen = (Sighting(0.0, first), Sighting(0.5, last))
+    found = impression(Episode("tidy up", subtask, 1, first, last, seen, goal=("the napkin is in the bin",)))
+    assert found.sure and (found.fine, found.cause) == (not cause, cause)
+
+
+def test_a_plate_that_the_sponge_went_over_is_wiped():
+    ways = [graph([PLATE, at(SPONGE, 0.5 + x, 0.1 + y, 0.04)]) for x in (-0.06, 0.0, 0.06) for y in (-0.06, 0.0, 0.06)]
+    seen = tuple(Sighting(float(i), scene) for i, scene in enumerate(ways))
+    found = impression(Episode("clean up", "WIPE(plate, sponge)", 1, ways[0], ways[-1], seen))
+    assert found.sure and found.fine
+
+
 def test_the_robots_own_words_are_heard_about_any_verb():
     nodes = [NAPKIN, BIN, STOVE, KNOB]
     scene = graph(nodes, [("napkin", "on", "table")])
