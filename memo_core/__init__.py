@@ -1,8 +1,7 @@
 """MEMO: memory-enhanced manipulation. The framework; it knows no vendor, no simulator and no particular robot.
 
 The names in ``__all__`` are its public Python interface (``memo_core.api``); each is imported when it is first used, so
-that importing ``memo_core`` costs next to nothing.
-"""
+that importing ``memo_core`` is quick."""
 
 import importlib
 

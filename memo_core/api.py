@@ -1,4 +1,4 @@
-"""What a script or a notebook needs: load an experiment, run it, open its book, act in its environment.
+"""The Python interface for scripts and notebooks: load an experiment, run it, open its book, act in its environment.
 
 All of it is exported by ``memo_core`` itself, and imported when it is first used::
 
@@ -56,7 +56,7 @@ def run(experiment: Experiment, out: str | Path = "runs", listener: Callable[[Ev
     thread.
 
     Raises:
-        MemoError: for what is wrong before anything begins; what goes wrong later ends the run and is in the report.
+        MemoError: for errors before the run begins; later errors end the run and are in the report.
     """
     return run_experiment(experiment, registry(), Path(out), listener)
 
@@ -66,7 +66,7 @@ def open_book(book: str | Path | Experiment, read_only: bool = True) -> Skillboo
     ``close`` it.
 
     Raises:
-        SkillbookError: for a book that cannot be opened, such as one that does not exist and is only to be read.
+        SkillbookError: for a book that cannot be opened, such as a missing one with ``read_only``.
     """
     experiment = book if isinstance(book, Experiment) else load()
     url = None if isinstance(book, Experiment) else str(book)

@@ -1,4 +1,4 @@
-"""The backends that need nothing but the core, declared with the same hooks as anybody's."""
+"""The backends that need only the core, declared with the same hooks as any plugin's."""
 
 from __future__ import annotations
 

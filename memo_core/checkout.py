@@ -1,4 +1,4 @@
-"""Plugins of the checkout MEMO was installed from that are not installed: so that an error can say what to install.
+"""Plugins in the source checkout that are not installed, so that an error can say what to install.
 
 A plugin of the checkout says in its ``pyproject.toml``, under ``[tool.memo]``, what it offers
 (``offers = ["robot my-arm"]``, kind and name). Only that is read: nothing is imported of a plugin that is not
@@ -29,7 +29,7 @@ class Uninstalled:
 
     @property
     def command(self) -> str:
-        """What installs it."""
+        """The command that installs it."""
         return f"pip install -e {shlex.quote(str(self.folder))}"
 
 
@@ -56,7 +56,7 @@ def _offer(text: str) -> tuple[str, str]:
 
 
 def _checkout() -> Path | None:
-    """The folder that an installer noted down, of an editable install or an ordinary one."""
+    """The source folder that the installer recorded, for an editable or a regular install."""
     try:
         noted = importlib.metadata.distribution("memo-core").read_text("direct_url.json")
         url = urlsplit(json.loads(noted or "{}").get("url", ""))

@@ -1,4 +1,4 @@
-"""Every error MEMO raises on purpose: one base class, structured fields, one line a user can act on.
+"""Errors that MEMO raises on purpose: one base class, structured fields, one line a user can act on.
 
 Subclasses carry their data as fields, so nobody has to parse a message; ``str(error)`` is the line shown to people.
 Rooms add their own subclasses next to the code that raises them; the ones below are those several rooms share.
@@ -26,7 +26,7 @@ def close_match(name: str, valid: Iterable[str]) -> str:
 
 @attrs.define(auto_exc=True, eq=False)
 class UnknownName(MemoError):
-    """A name that nothing is registered under: a backend, a task, a skill, an object in the scene."""
+    """An unknown name of a backend, a task, a skill or an object in the scene."""
 
     kind: str
     name: str
@@ -54,7 +54,7 @@ class BackendUnavailable(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class InvalidArgument(MemoError):
-    """An argument whose value cannot be right; says what would be."""
+    """An invalid argument; says what would be valid."""
 
     argument: str
     problem: str

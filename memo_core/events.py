@@ -28,7 +28,7 @@ class RunStarted(Event):
 
 @attrs.frozen
 class RunResumed(Event):
-    """A run that was cut off goes on, in another process. ``subtask`` is empty where one is to be planned."""
+    """An interrupted run is resumed in another process. ``subtask`` is empty if the next step is planning."""
 
     run: str
     part: int  # 2 is the first after the beginning

@@ -1,4 +1,4 @@
-"""All hooks on one page. Plugins import ``hookimpl`` from here and are found through the entry-point group ``memo``.
+"""All hook specifications. Plugins import ``hookimpl`` from here and are found through the entry-point group ``memo``.
 
 Registration hooks are called once, when the registry is built, and return a sequence of ``Backend`` (kind, name,
 summary, factory, config class); ``factory(settings)`` makes the backend. ``docs/plugins`` has a whole example of each.

@@ -1,8 +1,8 @@
-"""Finding plugins, and the one registry that validation, construction, ``memo plugins``, the schema and the docs read.
+"""Plugin discovery, and the registry that validation, construction, ``memo plugins``, the schema and the docs use.
 
 A plugin is an entry point of the group ``memo`` whose object (usually a module) implements hooks from
-``memo_core.hooks``. Each is loaded and questioned on its own: one that raises, misspells a hook or returns something
-that is no descriptor is *broken*: it is listed with its distribution and its error, offers nothing, and stops nobody.
+``memo_core.hooks``. Each is loaded independently: one that raises, misspells a hook or returns something that is not a
+descriptor is *broken*. It is listed with its distribution and its error, offers no backends, and affects nothing else.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class BrokenCommand(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class AmbiguousBackend(MemoError):
-    """Two distributions declare one name of one kind, so none of them is meant."""
+    """Two distributions declare the same name of a kind, so the name is ambiguous."""
 
     kind: str
     name: str
@@ -115,7 +115,7 @@ class AmbiguousBackend(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class NoDefaultBackend(MemoError):
-    """A config names no backend of a kind, and the installed ones do not settle it."""
+    """A config names no backend of a kind, and there is no unique default among the installed ones."""
 
     kind: str
     candidates: tuple[str, ...]
@@ -129,7 +129,7 @@ class NoDefaultBackend(MemoError):
 
 
 class Registry:
-    """Every backend of every plugin that works, what is wrong with the others, and who listens to events."""
+    """The backends of all working plugins, the problems of the others, and the event listeners."""
 
     def __init__(self, entry_points: Iterable[EntryPoint] | None = None) -> None:
         """Loads the given entry points, or those installed. Never raises because of a plugin."""
@@ -185,7 +185,7 @@ class Registry:
         return uninstalled({plugin.distribution for plugin in self.plugins})
 
     def default(self, kind: str) -> Backend:
-        """What an experiment gets that does not say: the only backend of its kind, or the only one declared
+        """The backend used when an experiment names none: the only one of its kind, or the only one declared
         ``default``. Raises ``NoDefaultBackend`` or ``AmbiguousBackend``."""
         candidates, contested = self.backends(kind), self._contested(kind)
         only = len(candidates) == 1 and not contested
@@ -274,7 +274,7 @@ class _Listener:
 
 @attrs.frozen
 class Missing:
-    """Something a backend needs and this machine lacks, and what brings it."""
+    """A requirement of a backend that this machine lacks, and what provides it."""
 
     what: str
     remedy: str

@@ -1,4 +1,4 @@
-"""Keeping secrets out of what is written, shown and remembered.
+"""Removing secrets from everything that is written, shown or stored.
 
 Secrets come from the environment only. A server may still send one back (in an error that quotes the request, say), so
 whatever comes from outside passes through a ``Redactor`` before it is kept or shown.
@@ -49,12 +49,12 @@ class Redactor:
         return _PASSWORD_IN_URL.sub("[password]", text) if "://" in text else text
 
     def pieces(self, receive: Callable[[str], None]) -> PieceRedactor:
-        """For text that comes in pieces, any of which may end within a secret."""
+        """For streamed text, whose pieces may end within a secret."""
         return PieceRedactor(self, receive)
 
 
 class PieceRedactor:
-    """Hands redacted pieces on; what may be the beginning of a secret waits for the next piece or for ``end``."""
+    """Passes on redacted pieces; a possible beginning of a secret is held back until the next piece or ``end``."""
 
     def __init__(self, redact: Redactor, receive: Callable[[str], None]) -> None:
         self._redact = redact

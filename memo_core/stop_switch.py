@@ -1,4 +1,4 @@
-"""The stop of a run: one switch that everything which takes time listens to."""
+"""The stop switch of a run, observed by everything that takes time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ T = TypeVar("T")
 
 
 class StopSwitch:
-    """Latched until released. ``press`` is safe from any thread and from a signal handler: what it calls is quick."""
+    """Latched until released. ``press`` may be called from any thread and from a signal handler; its callbacks must be
+    quick."""
 
     def __init__(self) -> None:
         self._pressed = threading.Event()
@@ -54,8 +55,8 @@ class StopSwitch:
 
 
 def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Callable[[T | BaseException], None]) -> T:
-    """``work()`` in a thread of its own, given up when the stop is pressed: then ``Stopped`` is raised at once, and
-    ``late`` gets the result (or the error) whenever it comes, in that thread."""
+    """Run ``work()`` in its own thread and abandon it when the stop is pressed: ``Stopped`` is then raised immediately,
+    and ``late`` is called in that thread with the late result or error."""
     stop.check(where)
     finished = threading.Event()  # set by the work or by the stop, whichever is first
     lock = threading.Lock()
@@ -87,8 +88,9 @@ def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Calla
 
 
 class Leaving:
-    """Work that ends by itself after a stop, but perhaps not at once: a planner deep in its sums. It is waited for a
-    moment, then left to end behind the person's back; ``wait`` before anything may move again."""
+    """Work that ends by itself after a stop, but perhaps not immediately, such as motion planning. After a short wait
+    it is abandoned: it finishes in the background and its result is discarded. Call ``wait`` before anything may move
+    again."""
 
     GRACE_S = 0.015
 
@@ -97,8 +99,8 @@ class Leaving:
         self._left: threading.Thread | None = None
 
     def do(self, where: str, work: Callable[[], T]) -> T:
-        """``work()`` in a thread of its own; its result, or what it raised. After a stop it has a moment to end, then
-        ``Stopped`` is raised and what becomes of it is not heard of."""
+        """Run ``work()`` in its own thread; returns its result or raises its error. After a stop it has a short time to
+        end, then ``Stopped`` is raised and its result is discarded."""
         self.wait()
         self._stop.check(where)
         news, ended = threading.Event(), threading.Event()
@@ -125,11 +127,11 @@ class Leaving:
 
     @property
     def busy(self) -> bool:
-        """Whether work that was left is still at it, with all that it uses."""
+        """Whether abandoned work is still running and using its resources."""
         return self._left is not None and self._left.is_alive()
 
     def wait(self) -> None:
-        """Until work that was left has ended."""
+        """Wait until abandoned work has ended."""
         left, self._left = self._left, None
         if left is not None:
             left.join()

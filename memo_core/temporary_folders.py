@@ -1,8 +1,6 @@
-"""Temporary folders that do not outlive us: what a killed process left behind is cleared when the next one needs one.
+"""Temporary folders. Those that a killed process left behind are removed when the next one is created.
 
-A folder is locked while it is in use. The lock ends with the process, however it ends, so a folder that can be locked
-is nobody's.
-"""
+A folder is locked while it is in use. The lock ends with the process, so a folder that can be locked is not in use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes from outside on its way to a terminal: shown, never obeyed.
+"""Printing untrusted text to a terminal: control characters are shown, never interpreted.
 
 Text of people, models, books, files and servers may hold escape sequences that clear the screen, write the clipboard or
 reorder what is read. Everything printed passes ``printable``: through ``guarded`` streams, which the command line puts
@@ -38,7 +38,7 @@ def _spelt(match: re.Match[str]) -> str:
 
 
 class _Guarded:
-    """A text stream that writes what is printable, and otherwise is the stream it stands for."""
+    """A text stream that escapes control characters and otherwise behaves like the stream it wraps."""
 
     def __init__(self, stream: IO[str], gone_is_fine: bool, redact: Callable[[str], str]) -> None:
         self._stream = stream
@@ -97,8 +97,8 @@ class _Styled:
 
 @contextlib.contextmanager
 def guarded() -> Iterator[None]:
-    """stdout and stderr write what is printable and no secret of the environment while the block runs. Nobody reading
-    stderr any more is no error."""
+    """Within the block, stdout and stderr escape control characters and redact the environment's secrets. A closed
+    stderr is not an error."""
     before, redact = (sys.stdout, sys.stderr), _redactor()
     sys.stdout, sys.stderr = _Guarded(sys.stdout, False, redact), _Guarded(sys.stderr, True, redact)
     try:

@@ -47,7 +47,7 @@ class Attachment:
         )
 
     def lost(self) -> Attachment:
-        """What was held is gone; where to, only a look can tell."""
+        """The held object was lost; only a new observation can tell where it is."""
         return Attachment(absent=self.absent, moved=self.moved)
 
     def seen_again(self, scene: SceneGraph, tool: Pose, holding: bool) -> Attachment:

@@ -36,8 +36,8 @@ _FINGERS_PATIENCE = 1.5  # s
 
 
 class ArmControl(Control):
-    """``Control`` for any arm and link. Raises what ``Control`` says; after a stop everything that moves is refused
-    (``Stopped``) until the link is released."""
+    """``Control`` for any arm and link. Raises as ``Control``; after a stop every motion is refused (``Stopped``) until
+    the link is released."""
 
     def __init__(self, description: RobotDescription, link: Link, perception: Perception) -> None:
         self._description = description

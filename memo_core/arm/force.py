@@ -145,8 +145,8 @@ class ForceMotion:
 
     def _bend(self, wrench: Array, loop: _Loop) -> float:
         """How far (m) along the direction the arm's servos give way under all that is felt but the pressing itself. A
-        rubbing hand is drawn into the surface or lifted off it by its own drag, until it chatters; to expect that is
-        the cure."""
+        rubbing hand is drawn into the surface or lifted off it by its own friction and starts to chatter; compensating
+        for this deflection prevents it."""
         jacobian = self._dynamics.jacobian(self._last)
         aside = wrench - loop.bias
         aside[:3] -= (aside[:3] @ loop.direction) * loop.direction

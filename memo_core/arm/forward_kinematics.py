@@ -186,5 +186,6 @@ def _z_onto(axis: Array) -> Array:
 
 
 def _onwards(rotation: Array, translation: Array) -> Array:
-    """Matrix (4, 3) that maps a frame's columns to the next frame's columns and, last, the translation to it."""
+    """Matrix (4, 3) that maps a frame's columns to the next frame's columns and, in its last row, to the
+    translation."""
     return np.vstack([rotation.T, translation])

@@ -1,10 +1,9 @@
 """Seeds for inverse kinematics close to the goal, from a table of sampled configurations and their tool poses.
 
-A search from configurations that know nothing of the goal needs some tens of iterations and loses many of them. Here
-the goal is looked up first. What the first and the last joint do to the tool is known in closed form where they turn:
-the one turns everything about its own axis, the other only the tool about its last axis. So the table is over the
-joints between them and over what those decide: how far and how high the last axis stands, and which way it points.
-"""
+A search from arbitrary configurations needs some tens of iterations and often fails. Here the goal is looked up first.
+What the first and the last joint do to the tool is known in closed form where they turn: the one turns everything about
+its own axis, the other only the tool about its last axis. So the table is over the joints between them and over what
+those decide: how far and how high the last axis stands, and which way it points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Planning a motion before anything moves: which arm configurations, around what, how fast; or why not, in one line."""
+"""Planning a motion before anything moves: arm configurations, obstacles, timing; or the reason why it is
+impossible."""
 
 from __future__ import annotations
 
@@ -394,7 +395,7 @@ class MotionPlanner:
             )
 
     def joint_line(self, start: Array, goal: Array) -> Trajectory:
-        """Slowly along the straight joint line, minding nothing: for following where the arm already is."""
+        """A slow straight joint motion without collision checks, to where the arm already is."""
         return time_path(
             self.kinematics, densified(np.column_stack([start, goal]))[0], Speed(0.3, 0.3, 1.0), self.period
         )
@@ -419,5 +420,5 @@ def _grasp(poses: Sequence[Pose], world: PlanningScene) -> int | None:
 def _further(
     first: tuple[Blocked, CartesianPath] | None, second: tuple[Blocked, CartesianPath]
 ) -> tuple[Blocked, CartesianPath]:
-    """The failure that came further along its path: the most telling one."""
+    """The failure that came furthest along its path, which is the most informative."""
     return second if first is None or second[0].s > first[0].s + 1e-6 else first

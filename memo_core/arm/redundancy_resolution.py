@@ -200,7 +200,7 @@ class BranchSearch:
         return clouds
 
     def _far_cloud(self, s: float, tilts: Array, most: int) -> tuple[Array, Array]:
-        """Solutions from starts that know nothing of the pose, with patience, before it counts as out of reach."""
+        """Solutions from spread seeds with more iterations, before the pose counts as unreachable."""
         seeds = self._kinematics.samples(_FAR if len(tilts) == 1 else _TILTED_FAR)
         tilt = np.repeat(tilts, seeds.shape[1])
         rotation, position = self._path.at(np.full(len(tilt), s), tilt)
@@ -268,7 +268,7 @@ class BranchSearch:
         return self._checker.hit(joints, self._mode(s)) if self._touches(joints, s) else None
 
     def _filter(self, layer: _Layer, cost: Array) -> list[int]:
-        """Rule out every configuration of a layer that touches something; returns which."""
+        """Exclude every configuration of a layer that is in collision; returns which."""
         self._place(layer.s)
         mode = self._mode(layer.s)
         struck = [int(i) for i in np.flatnonzero(np.isfinite(cost)) if self._checker.collides(layer.joints[:, i], mode)]

@@ -1,4 +1,4 @@
-"""The tree of commands. Only the module of the command that was typed is imported; the help needs a line of each.
+"""The tree of commands. Only the module of the command that is run is imported; the help needs one line of each.
 
 A plugin adds a command with an entry point in the group ``memo.commands``.
 """

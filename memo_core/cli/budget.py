@@ -18,7 +18,7 @@ def command(
 ) -> None:
     """Say what the runs that share a ledger have spent: calls, tokens and dollars, by run and together.
 
-    Calls that began and of which nothing was heard since are "unfinished": of runs that are at it, or were killed.
+    Calls without a recorded end are "unfinished": of runs that are still going on, or were killed.
     Their questions' tokens are estimates.
     """
     from memo_core.llm.ledger import read_ledger

@@ -43,7 +43,7 @@ def command(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Condense what people taught: fewer notes, none lost.
+    """Condense what people taught into fewer notes without losing content.
 
     All corrections under one key, and the general statements, are put to a language model with the templates related to
     them. Each cluster is stored by itself; stopped at any time, the book is valid, and the next call goes on.

@@ -1,4 +1,4 @@
-"""``memo config``: what an experiment file means, what is wrong with it, and its schema."""
+"""``memo config``: showing and checking experiment files, and their schema."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``memo doctor``: what works on this machine, tried rather than guessed, and what would make the rest work."""
+"""``memo doctor``: checks what works on this machine, and how to make the rest work."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @attrs.frozen
 class Finding:
-    """One line. ``state``: ok, missing (something does not work without it) or optional (only a comfort is absent)."""
+    """One line. ``state``: ok, missing (required) or optional."""
 
     what: str
     state: str

@@ -42,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _leave(code: int, interrupted: bool) -> None:
-    """Leave at once where Python's own way out would do harm. Threads that are still at work, such as planning after a
-    stop or an abandoned call, it would end in the middle of C++ code that cannot be unwound: the process would abort.
-    And a process whose ``KeyboardInterrupt`` came through an ``exec`` on its way here, ``python -m`` would kill with
-    SIGINT, although it was caught."""
+    """Exit immediately if Python's normal shutdown would do harm. It would end threads that are still running, such as
+    planning after a stop or an abandoned call, in the middle of C++ code that cannot be unwound: the process would
+    abort. And a process whose ``KeyboardInterrupt`` came through an ``exec`` on its way here, ``python -m`` would kill
+    with SIGINT, although it was caught."""
     import atexit
     import contextlib
     import threading

@@ -1,4 +1,4 @@
-"""``memo new``: the beginning of a plugin of one's own, which works before anything in it is changed."""
+"""``memo new``: creates a working plugin to start from."""
 
 from __future__ import annotations
 

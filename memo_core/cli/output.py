@@ -1,4 +1,5 @@
-"""Saying things: results on stdout (text for people, one JSON document for programs), everything else on stderr."""
+"""Output of commands: results on stdout (text for people, one JSON document for programs), everything else on
+stderr."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
 
 
 def progress_bar() -> Progress:
-    """A bar on stderr that is gone when it ends; nothing at all where stderr is no terminal."""
+    """A progress bar on stderr, removed when it ends; nothing if stderr is not a terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -46,7 +47,7 @@ def progress_bar() -> Progress:
 
 @contextmanager
 def while_read() -> Iterator[None]:
-    """For what is said after the work is done: that nobody reads it any more does not change the exit code."""
+    """For output after the work is done: a closed pipe does not change the exit code."""
     try:
         yield
         sys.stdout.flush()
@@ -55,7 +56,7 @@ def while_read() -> Iterator[None]:
 
 
 def note(line: str) -> None:
-    """A line for people that is no result: stderr."""
+    """A message for people on stderr."""
     print(line, file=sys.stderr, flush=True)
 
 

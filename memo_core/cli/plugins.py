@@ -1,4 +1,4 @@
-"""``memo plugins``: what is installed, what is broken, and whether a plugin keeps its kind's promises."""
+"""``memo plugins``: lists installed and broken plugins, and runs the conformance suite on a backend."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``memo prompts``: the texts that language models are sent, as they are in the files: nothing is added in secret."""
+"""``memo prompts``: shows and copies the prompt files; nothing is added to them in code."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def _warn_of_reach(experiment: Experiment) -> None:
 
 
 def _note_recording(experiment: Experiment, file: Path) -> None:
-    """So that ``memo skillbook forget`` goes through the recording."""
+    """Register the recording with the book, so that ``memo skillbook forget`` covers it."""
     from memo_core.skillbook.book import Skillbook
 
     settings = experiment.section("skillbook")

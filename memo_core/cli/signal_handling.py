@@ -60,7 +60,7 @@ class Interrupt:
 
 
 def ignore() -> None:
-    """From here on no signal stops anything; Python would give them back their default action when it shuts down."""
+    """Ignore all signals from here on; Python's shutdown would restore their default action."""
     for number in STOPS:
         signal.signal(number, signal.SIG_IGN)
 

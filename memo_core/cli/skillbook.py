@@ -1,4 +1,4 @@
-"""``memo skillbook``: what people taught, what is made of it, and taking it out again."""
+"""``memo skillbook``: list, search, export and forget what people taught."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def export(
 
 
 def _note_export(out: Path, book: str | None, config: Path | None, overrides: list[str] | None) -> None:
-    """So that ``forget`` goes through it. A book that cannot be written cannot forget, either."""
+    """Register the file with the book, so that ``forget`` covers it; a read-only book cannot forget."""
     try:
         with _opened(book, config, overrides, read_only=False) as opened:
             opened.note_place("export", out)

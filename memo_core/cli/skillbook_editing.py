@@ -1,4 +1,4 @@
-"""``memo skillbook edit|remove``: putting an entry right, or taking it out, as revisions that can be rolled back."""
+"""``memo skillbook edit|remove``: edit or remove an entry by a revision that can be rolled back."""
 
 from __future__ import annotations
 

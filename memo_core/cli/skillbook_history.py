@@ -1,5 +1,5 @@
-"""``memo skillbook history|diff|rollback|why|retry``: how a book became what it is, why a subtask is served what it is,
-and taking things back."""
+"""``memo skillbook history|diff|rollback|why|retry``: the revisions of a book, undoing them, and explaining what is
+retrieved."""
 
 from __future__ import annotations
 

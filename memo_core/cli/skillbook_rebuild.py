@@ -1,4 +1,4 @@
-"""``memo skillbook rebuild``: a method's book, made anew from the words that another book keeps."""
+"""``memo skillbook rebuild``: a method's book, rebuilt from the feedback in another book."""
 
 from __future__ import annotations
 

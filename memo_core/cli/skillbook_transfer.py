@@ -1,4 +1,5 @@
-"""``memo skillbook import``, ``books``, ``check``: taking in what others were taught, and whether a book is whole."""
+"""``memo skillbook import``, ``books``, ``check``: merging books, listing merged books, and checking a book for
+damage."""
 
 from __future__ import annotations
 

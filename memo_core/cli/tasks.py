@@ -1,4 +1,4 @@
-"""``memo tasks``: what there is to do, and proof that it can be done and does not do itself."""
+"""``memo tasks``: lists and draws tasks, and verifies that each can be solved and is not solved by doing nothing."""
 
 from __future__ import annotations
 

@@ -61,11 +61,10 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 
 
 class TrialLog:
-    """Results in a file, one JSON line a trial, written as each ends: an interrupted sweep goes on where it was.
+    """Results in a file, one JSON line per trial, written as each ends, so that an interrupted sweep can be resumed.
 
     A line counts only for the same settings, scene, reference solution and plain attempt, of which it carries a digest.
-    A success check that was changed in between it cannot know.
-    """
+    Changes of a success check are not detected."""
 
     def __init__(self, file: Path | None, digest: Callable[[str, int], str]) -> None:
         self._file, self._digest = file, digest

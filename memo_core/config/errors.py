@@ -1,4 +1,4 @@
-"""What can be wrong with an experiment file. Everything that is wrong is collected and told at once."""
+"""Mistakes in experiment files. All of them are collected and reported at once."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def dotted(path: tuple[str | int, ...]) -> str:
 
 
 def shown_value(value: Any, name: str) -> str:
-    """A value for a message: short, and not at all where its name says that it is secret."""
+    """A value for a message: shortened, and hidden if its name marks it as a secret."""
     if SECRET_NAME.search(name):
         return "a value that is not shown"
     text = repr(value)

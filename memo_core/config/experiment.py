@@ -1,4 +1,4 @@
-"""An experiment, read and checked: which backend of each kind with which settings, and the rooms' own sections."""
+"""A validated experiment: the backend of each kind with its settings, and the sections that belong to no backend."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Choice:
 
 @attrs.frozen
 class ShownValue:
-    """One line of ``memo config show``: a dotted path, a value fit for everybody's eyes, and where it is from."""
+    """One line of ``memo config show``: a dotted path, a value without secrets, and its origin."""
 
     path: str
     value: Any
@@ -151,7 +151,7 @@ class _Assembly:
         )
 
     def _all_issues(self) -> tuple[Issue, ...]:
-        """In the order of the files, once each; what could not be read is not complained about a second time."""
+        """Issues in the order of the files, without repeats; values that could not be read are reported once."""
         unread = {issue.path for issue in self._merged.issues}
         found = [*self._merged.issues, *(issue for issue in self._checker.issues if issue.path not in unread)]
         ordered = sorted(dict.fromkeys(found), key=lambda issue: (issue.origin.file, issue.origin.line or 0))
@@ -276,7 +276,7 @@ class _Assembly:
         return backend
 
     def _default(self, kind: str, path: Path_, optional: bool) -> Backend | None:
-        """A kind that nobody mentioned need not be settled until somebody asks for it."""
+        """A kind that is not mentioned is resolved only when it is used."""
         try:
             return self._registry.default(kind)
         except MemoError as error:
@@ -286,7 +286,7 @@ class _Assembly:
             return None
 
     def _check_keys_of_nearest(self, kind: str, name: Any, values: dict[str, Any], path: Path_) -> None:
-        """The other mistakes in the section of a misspelt backend belong to the same report."""
+        """Also report the other mistakes in the section of a misspelt backend."""
         near = difflib.get_close_matches(str(name), self._registry.names(kind), n=1, cutoff=0.7)
         if not near:
             return

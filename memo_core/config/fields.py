@@ -1,4 +1,4 @@
-"""Checking plain values against attrs classes: every mistake at once, each at its path, nothing converted in silence.
+"""Validating plain values against attrs classes: all mistakes at once, each with its path, without silent conversion.
 
 A whole number is accepted where a number is wanted; text is never read as a number, nor a number as text.
 """
@@ -25,7 +25,7 @@ MISSING = "???"  # OmegaConf's word for a value that another layer must give
 
 
 class _Wrong(Exception):
-    """A value that does not fit; already reported."""
+    """A value of the wrong type or form; already reported."""
 
 
 def field_types(cls: type) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def field_types(cls: type) -> dict[str, Any]:
 
 
 def key_of(field: attrs.Attribute[Any]) -> str:
-    """The word for a field in a config file."""
+    """The key of a field in a config file."""
     return field.alias or field.name
 
 
@@ -236,7 +236,7 @@ class Checker:
             return None
 
     def _failed_validators(self, cls: type, arguments: dict[str, Any], path: Path_) -> bool:
-        """Run the validators one by one, so that the second mistake is not hidden behind the first."""
+        """Run the validators one by one, so that all mistakes are reported."""
         try:
             with attrs.validators.disabled():
                 instance = cls(**arguments)

@@ -1,4 +1,4 @@
-"""Stacking the layers of an experiment: what a file extends, the file, ``--set``; then interpolation.
+"""Merging the layers of an experiment: what a file extends, the file, ``--set``; then interpolation.
 
 Later layers win, mapping by mapping (OmegaConf); lists are replaced whole. A layer that names another backend for a
 section replaces that section: the keys of the backend below would not fit the new one.

@@ -1,4 +1,4 @@
-"""How much work the references in a config would be, found before any is followed.
+"""Bounding the work of resolving references in a config, before any is followed.
 
 ``a: ${b}${b}``, ``b: ${c}${c}`` and so on double with each line, and OmegaConf follows every one of them.
 """

@@ -1,4 +1,4 @@
-"""JSON Schema of experiment files, from the descriptors that validate them. Editors complete and check by it."""
+"""JSON Schema of experiment files for editors, derived from the descriptors that validate them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading YAML so that every value still knows its file and line, and nothing is guessed.
+"""Reading YAML with the file and line of every value and without implicit conversions.
 
 The scalars are those of YAML 1.2: ``true``/``false`` are the only booleans (so ``no`` is a word), ``1e-3`` is a number,
 ``010``, ``1:30`` and dates are text.
@@ -23,8 +23,8 @@ MOST_VALUES = 100_000  # in one file, those behind its aliases counted each time
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # no types are published
-    """Composes no more than an experiment can need: aliases of aliases would grow without bound, and deep nesting is
-    read recursively."""
+    """Limits the number of nodes and the depth: aliases of aliases would grow without bound, and nesting is read
+    recursively."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
 

@@ -1,1 +1,1 @@
-"""What the framework knows of a robot arm: its description, and its URDF, read and checked."""
+"""The description of a robot arm, and reading and checking its URDF."""

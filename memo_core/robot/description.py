@@ -1,5 +1,5 @@
-"""RobotDescription: all the framework knows of a robot arm. Shipped by the robot's plugin, read by ``memo_core.arm``
-and by every simulator; hardware links take their limits from it.
+"""RobotDescription: everything the framework knows about a robot arm. Provided by the robot's plugin, used by
+``memo_core.arm`` and by every simulator; hardware links take their limits from it.
 
 Frames: the URDF's root link is the base frame (x forward, y left, z up). The *tool frame* sits between the fingertips:
 +z is the approach direction (out of the hand), +y the direction in which the fingers close.

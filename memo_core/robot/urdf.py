@@ -1,4 +1,4 @@
-"""Reading a URDF: the one robot text that Pinocchio and every simulator build from.
+"""Reading URDF, the robot format that Pinocchio and every simulator build from.
 
 Covers what a serial arm with a gripper needs: links with inertias, visual and collision shapes, fixed, revolute,
 continuous and prismatic joints. Lengths in metres, angles in radians, inertias in kg m2 about the centre of mass.

@@ -1,4 +1,5 @@
-"""What every simulator derives from a scene description before it builds it: checks, masses, who does not collide."""
+"""What every simulator derives from a scene description before building it: checks, masses, pairs that do not
+collide."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene description: what every simulator builds, and nothing that only one simulator has a word for.
+"""The scene description, from which every simulator builds; it has no simulator-specific terms.
 
 The world frame is the robot's base frame: x forward, y left, z up; metres, kilograms, radians, newtons. Boxes are given
 by their *full* extents. Nothing here is shown to a model or a participant: they see the scene graph.

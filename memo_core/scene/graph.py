@@ -1,4 +1,4 @@
-"""The scene graph G = (V, E, o): what a camera could say of a scene, and nothing more.
+"""The scene graph G = (V, E, o): only what a camera could observe of a scene.
 
 Labels, poses, boxes of objects and their visible parts, plain-language relations, the raw observation. No joint axes,
 limits, masses or frictions, and nothing hidden in a closed container.

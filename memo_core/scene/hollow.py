@@ -1,4 +1,4 @@
-"""Hollow things out of solid boxes, for any simulator: shells with one open side, trays, bars to hold.
+"""Hollow bodies made of solid boxes, for any simulator: shells with one open side, trays, bars to hold.
 
 A hollow is built around its own frame: x is the depth (0 at the front, growing away from who stands before it), y runs
 to the left, z up from the bottom. Extents are given as (depth, width, height) along x, y, z, in metres.

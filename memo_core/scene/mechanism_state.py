@@ -46,7 +46,7 @@ class Joints(Protocol):
 
 
 class Mechanisms:
-    """All of a scene's mechanisms at work. Make one with the scene built at its start, call ``update`` after the last
+    """The running mechanisms of a scene. Make one with the scene built at its start, call ``update`` after the last
     physics step of every control tick, before the tick's listeners. Raises ``InvalidArgument`` for mechanisms that
     name what the scene does not have."""
 
@@ -76,7 +76,7 @@ class Mechanisms:
         return {bolt.lock.name: bolt.engaged for bolt in self._locks}
 
     def update(self) -> None:
-        """Look at the world as it is now and set or release what is due. Must be called once a control tick."""
+        """Evaluate the conditions and set or release locks and springs. Must be called once a control tick."""
         self._pressing.clear()
         changed: set[str] = set()
         for bolt in self._locks:
@@ -92,11 +92,11 @@ class Mechanisms:
             self._pull(joint)
 
     def memory(self) -> dict[str, Any]:
-        """All it remembers, as JSON values that ``recall`` takes."""
+        """Its state as JSON values for ``recall``."""
         return {"locks": [b.memory() for b in self._locks], "springs": [c.memory() for c in self._springs]}
 
     def recall(self, memory: dict[str, Any]) -> None:
-        """Be as when ``memory`` was asked for, and set the joints accordingly. Raises ``InvalidArgument`` for the
+        """Restore a state that ``memory`` returned, and set the joints accordingly. Raises ``InvalidArgument`` for the
         memory of other mechanisms."""
         try:
             for bolt, kept in zip(self._locks, memory["locks"], strict=True):
@@ -157,7 +157,7 @@ class Mechanisms:
 
 
 class _Bolt:
-    """A lock at work."""
+    """The state of a lock."""
 
     def __init__(self, lock: Lock, watch: Callable[[Condition], _Watch]) -> None:
         self.lock = lock
@@ -191,7 +191,7 @@ class _Bolt:
 
 
 class _Coil:
-    """A switched spring at work."""
+    """The state of a switched spring."""
 
     def __init__(self, spring: Spring, watch: Callable[[Condition], _Watch]) -> None:
         self.spring = spring

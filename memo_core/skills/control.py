@@ -1,4 +1,4 @@
-"""What the skills act through: the arm below, perception beside it. ``memo_core.arm`` implements it for every robot."""
+"""The interface between skills and the robot: arm and perception. ``memo_core.arm`` implements it for every robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A skill's declaration. Prompt documentation, sandbox stubs and argument checks are all read off it.
+"""The declaration of a skill, from which prompt documentation, sandbox stubs and argument checks are derived.
 
 A skill is a typed Python function whose first parameter is the ``Control`` it acts through; the decorator ``skill``
 records its name, signature and docstring. Parameter types come from ``memo_core.skills.values`` and carry their own

@@ -60,7 +60,7 @@ class FakeGripper(GripperDriver):
 
 
 class FakeDriverLink(IdealLink):
-    """An ideal arm with a life: it refuses everything while it is not open."""
+    """An ideal arm that refuses every command while it is not open."""
 
     def __init__(self, description: RobotDescription, gripper: GripperDriver) -> None:
         super().__init__(description)

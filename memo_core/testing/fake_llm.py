@@ -1,4 +1,4 @@
-"""A language model for tests: it answers from a script a phase, counts what it was asked, and can be slow."""
+"""A language model for tests: it answers from one script per phase, records its requests, and can be slow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A link to an arm without dynamics, which is where it was sent. For tests of what stands above a link."""
+"""A link to an arm without dynamics that follows every command exactly, for tests of the code above a link."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def one_value_per_joint(make: MakeLink) -> None:
 
 @rule
 def answers_are_copies(make: MakeLink) -> None:
-    """What a caller does to an answer, or to targets after sending them, does not reach the robot."""
+    """Changing a returned array, or targets after sending them, does not affect the robot."""
     link = make()
     before = link.joint_positions().copy()
     link.joint_positions()[:] = 9.0
@@ -128,8 +128,8 @@ def the_fingers_follow(make: MakeLink) -> None:
 
 @rule
 def a_free_hand_feels_nothing(make: MakeLink) -> None:
-    """A link that feels forces tells six finite numbers, near 0 with nothing touched: the arm's own weight and motion
-    are none of them. One that does not says so."""
+    """A link that feels forces tells six finite numbers, near 0 without contact: the arm's own weight and motion are
+    not included. A link without force sensing says so."""
     link = make()
     if not link.feels_force:
         try:

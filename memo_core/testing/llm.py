@@ -70,7 +70,7 @@ def has_a_name(make: Make) -> None:
 
 @rule
 def answers_or_says_why_not(make: Make) -> None:
-    """Every request gets an ``Answer`` or a ``LanguageModelError`` with a reason, also one that makes no sense."""
+    """Every request, also a nonsensical one, gets an ``Answer`` or a ``LanguageModelError`` with a reason."""
     with _Open(make) as model:
         for text in ("Say one word.", "", "⟂ ∄ \x00 \u202e", "word " * 3000):
             answer = _answer(model, question(text))
@@ -121,7 +121,7 @@ def giving_up_early_is_no_accident(make: Make) -> None:
 
 @rule
 def answers_from_two_threads(make: Make) -> None:
-    """A late answer that was given up may still be under way when the next question comes."""
+    """An abandoned call may still be running when the next request comes."""
     with _Open(make) as model:
         failed: list[BaseException] = []
 
@@ -153,7 +153,7 @@ def closes_twice_and_opens_again(make: Make) -> None:
 
 @rule
 def nothing_asked_is_an_error(make: Make) -> None:
-    """A request without any message is nobody's question: ``LanguageModelError``, no other errors."""
+    """A request without messages raises ``LanguageModelError`` and no other error."""
     with _Open(make) as model:
         try:
             model.answer(Request("plan", ()))

@@ -1,8 +1,7 @@
 """Conformance suite for methods: ``RULES[name](make)``, where ``make`` returns a new method.
 
-The session has a fake environment, a language model that fails every call, and nobody who watches: what a method owes
-in every case. Whether it does tasks well is asked by evaluations.
-"""
+The session has a fake environment, a language model that fails every call, and a silent teacher: the minimum that every
+method must handle. How well it does tasks is measured by evaluations."""
 
 from __future__ import annotations
 

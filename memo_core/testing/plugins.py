@@ -55,7 +55,7 @@ print(*sorted(name for name in new if "site-packages" in (getattr(sys.modules.ge
 
 @attrs.frozen
 class Result:
-    """How one rule fared on one backend; ``why`` is empty for a promise that is kept."""
+    """The result of one rule on one backend; ``why`` is empty if the rule holds."""
 
     backend: str
     rule: str

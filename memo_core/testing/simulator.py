@@ -385,7 +385,7 @@ def mechanisms_feel_what_the_robot_presses(make: Make) -> None:
 
 @rule
 def mechanisms_are_in_checkpoints(make: Make) -> None:
-    """Restored, locks, springs, counts and clocks are as they were, and all goes on bit by bit."""
+    """Restoring resets locks, springs, counts and clocks, and everything continues bit-exactly."""
     with make() as simulator:
         simulator.build(mechanism_scene(), check_robot())
         simulator.command_gripper(0.0, 40.0)
@@ -556,8 +556,8 @@ def _lift_hand(simulator: Simulator) -> None:
 
 @rule
 def continuing_after_restore_is_exact(make: Make) -> None:
-    """After restore everything goes on bit by bit as after the checkpoint, targets and gripper included, any number of
-    times, from any state."""
+    """After restore everything continues bit-exactly as after the checkpoint, targets and gripper included, any number
+    of times, from any state."""
     simulator = _built(make)
     with simulator:
         # At the outset, and in the middle of closing, of lifting, and of a fall: targets are on their way.

@@ -1,4 +1,5 @@
-"""Conformance of what feels: ``check_touch(make)`` runs every rule on a ``Control``, each can be run alone as a test.
+"""Conformance of controls with force sensing: ``check_touch(make)`` runs every rule on a ``Control``, each can be run
+alone as a test.
 
 ``make()`` returns a control whose hand is free and points down, 4 to 15 cm above something hard and level that reaches
 10 cm around, with room for 5 cm of motion upwards.
@@ -86,7 +87,7 @@ def pressing_on_air_is_an_error(make: MakeControl) -> None:
 
 @rule
 def pressing_keeps_its_force(make: MakeControl) -> None:
-    """``press`` presses with the force it is given, and says with how much."""
+    """``press`` presses with the given force and returns the measured one."""
     for force in (4.0, 12.0):
         control = make()
         control.move_until_contact(DOWN, 0.2, 3.0, 0.02)
