@@ -1,1 +1,1 @@
-"""The worlds a policy acts in."""
+"""Environments that a policy acts in."""

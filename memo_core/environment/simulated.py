@@ -157,7 +157,7 @@ class SimulatedEnvironment:
         return self.task.check(self.simulator, self.monitors)
 
     def settle(self, seconds: float = 0.5) -> None:
-        """Let the world go on without commands, so that what was let go comes to rest. Raises ``Stopped``."""
+        """Simulate without commands until released objects have come to rest. Raises ``Stopped``."""
         end = self.time() + seconds
         while self.time() < end - 1e-9:
             self.link.check_stop("settling")
@@ -260,7 +260,7 @@ def find_task(suite: Iterable[Task], name: str) -> Task:
 
 
 def generator(seed: int, purpose: str) -> np.random.Generator:
-    """A random generator of its own for each purpose, so that one consumer's draws never shift another's."""
+    """One random generator per purpose, so that the draws of one do not affect the others."""
     return np.random.default_rng([seed, *purpose.encode()])
 
 
@@ -269,7 +269,7 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 
 @attrs.frozen
 class Verified:
-    """How a task's reference solution and doing nothing, and what one would try untaught, fared on one seed."""
+    """Results on one seed of a task's reference solution, of doing nothing, and of the plain attempt."""
 
     task: str
     seed: int

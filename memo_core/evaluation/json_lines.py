@@ -1,5 +1,5 @@
-"""A file of results, one JSON object a line, added as they come: what a killed process had added is there, and the next
-one goes on."""
+"""A file of results, one JSON object per line, appended as they come, so that an interrupted process can be
+continued."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 
 
 def read_lines(file: Path) -> Iterator[tuple[int, Any]]:
-    """(line number, value) of each line; None for one that is no JSON. A line that was cut off when its process was
-    killed is left out, wherever it stands by now. Raises ``OSError``."""
+    """(line number, value) of each line; None for one that is no JSON. An incomplete line of a killed process is left
+    out, wherever it is in the file. Raises ``OSError``."""
     for number, line in enumerate(file.read_bytes().split(b"\n"), 1):
         if not line:
             continue

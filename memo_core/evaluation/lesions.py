@@ -63,7 +63,7 @@ def nonsense(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
 
 
 def opposite(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Somebody taught the opposite: each sentence negated; no templates, since no such code was approved."""
+    """The opposite was taught: each sentence is negated; templates are left out, since no such code was approved."""
 
     def negated(sentence: str) -> str:
         told_not_to = sentence.lower().startswith("do not ")
@@ -89,7 +89,7 @@ def _only(kind: str) -> Lesion:
 
 
 def intact(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Nothing is damaged: what copying alone does."""
+    """No lesion: the effect of copying alone."""
     return list(taught)
 
 
@@ -106,8 +106,8 @@ LESIONS: dict[str, Lesion] = {
 
 
 def lesioned_copy(book: Skillbook, copy: Skillbook, lesion: str, seed: int = 0) -> list[Taught]:
-    """Fill ``copy`` (open, empty) with what ``book`` holds, lesioned. Returns what it now holds. Raises ``UnknownName``
-    for a lesion that is none, ``InvalidArgument`` for a copy that is not empty."""
+    """Fill ``copy`` (open, empty) with the lesioned content of ``book``. Returns what it now holds. Raises
+    ``UnknownName`` for a lesion that is none, ``InvalidArgument`` for a copy that is not empty."""
     if lesion not in LESIONS:
         raise UnknownName("lesion", lesion, tuple(LESIONS))
     if copy.entries():

@@ -45,8 +45,8 @@ class NoSettings:
 
 @attrs.frozen
 class Demo:
-    """The story that a task suite offers for ``memo demo``: a task that is taught, and one that was never corrected and
-    shows whether the lesson carried over. Both are names of the suite's tasks.
+    """The tasks of a suite for ``memo demo``: one that is taught, and one that is never corrected and shows whether the
+    lesson transfers. Both are names of the suite's tasks.
 
     ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this
     story on ``seed``, for ``memo demo --replay``; empty where there is none. ``settings``: overrides that the story

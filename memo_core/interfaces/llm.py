@@ -96,7 +96,7 @@ class LanguageModel(ABC):
         on_text: Callable[[str], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Answer:
-        """Answer one request, once: whoever asks decides about asking again. ``on_text`` receives pieces while they
+        """Answer one request without retrying: the caller retries. ``on_text`` receives pieces while they
         stream; ``cancelled`` is polled by backends that can give up early. Raises ``LanguageModelError``."""
 
     def unpriced(self) -> str:
@@ -108,8 +108,8 @@ class LanguageModel(ABC):
 @attrs.define(auto_exc=True, eq=False)
 class LanguageModelError(MemoError):
     """A language backend could not answer: ``problem`` says why, ``retryable`` whether asking again may help, and
-    ``retry_after_s`` how long the server wants to be left alone before. ``usage`` is what the call probably cost where
-    the question was sent and the answer lost; None where nothing was spent."""
+    ``retry_after_s`` the delay that the server asks for. ``usage`` is what the call probably cost where the question
+    was sent and the answer lost; None where nothing was spent."""
 
     backend: str
     problem: str

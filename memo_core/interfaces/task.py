@@ -13,7 +13,7 @@ from memo_core.scene.description import SceneDescription
 
 
 class Monitor(ABC):
-    """Watches every tick and remembers. Its memory is part of a checkpoint, so a retry inherits nothing."""
+    """Observes every tick and keeps a state. The state is part of a checkpoint, so a retry inherits nothing."""
 
     name: str
 
@@ -77,6 +77,6 @@ class Task(ABC):
 
     @property
     def plain_attempt(self) -> str:
-        """For a task with a trick: robot code of what anybody would try first who was not told of it. It must fail.
-        Used by tests and ``memo tasks verify --plain`` only."""
+        """For a task with a property that only a person can tell: robot code of what one would try first without
+        knowing it. It must fail. Used by tests and ``memo tasks verify --plain`` only."""
         return ""

@@ -1,4 +1,4 @@
-"""What a teacher must provide: somebody who watches and may speak.
+"""What a teacher must provide: somebody who watches and may give feedback.
 
 A teacher is asked five things: whether a subtask worked (``judge``), whether the whole task is done (``judge_task``),
 whether what was made of their words is what they meant (``read_back``), and, where they want to be asked, whether the

@@ -1,6 +1,6 @@
 """What a vector store must provide: the largest inner products.
 
-The store is derived data; the database is the truth.
+The store is derived data; the database is authoritative.
 """
 
 from __future__ import annotations

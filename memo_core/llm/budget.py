@@ -17,7 +17,7 @@ CHARACTERS_A_TOKEN = 4  # the usual rule of thumb, for calls whose tokens nobody
 
 @attrs.define(auto_exc=True, eq=False)
 class BudgetExceeded(MemoError):
-    """A limit is reached, so no further question is put. ``whose``: "this run", or the study with its ledger."""
+    """A limit is reached, so no further request is sent. ``whose``: "this run", or the study with its ledger."""
 
     whose: str
     setting: str
@@ -30,7 +30,7 @@ class BudgetExceeded(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class UnknownPrice(MemoError):
-    """A limit in dollars cannot be kept with a model whose price nobody knows."""
+    """A limit in dollars cannot be enforced for a model of unknown price."""
 
     setting: str
     why: str
@@ -57,7 +57,7 @@ class Limit:
 
 
 class Budget:
-    """Asked before every call, told after it; safe from several threads.
+    """Checked before every call and updated after it; safe from several threads.
 
     A limit is looked at before a call, so a run goes over it by at most the call that reached it; several runs that
     share a ledger by at most one call each.

@@ -1,8 +1,7 @@
 """Call a language model, retrying transient failures: the only place that does so.
 
-Every call, whatever becomes of it, is an effect in the run's log, a file, an event and in the budget: retries, calls
-that were given up, and calls whose answer was lost on the way.
-"""
+Every call is an effect in the run's log, a file, an event and in the budget, including retries, abandoned calls, and
+calls whose answer was lost."""
 
 from __future__ import annotations
 
@@ -33,7 +32,7 @@ _PAUSE: Effect[None] = Effect("wait to ask again")
 @attrs.frozen
 class Retrying:
     """``times`` at most after a failure that may pass; before the first, ``first_wait_s`` pass, twice that before the
-    second, and so on, give or take a quarter, so that several runs do not come back together."""
+    second, and so on, with a random variation of a quarter, so that several runs do not retry at the same time."""
 
     times: int = 3
     first_wait_s: float = 1.0

@@ -87,7 +87,7 @@ def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelErro
 
 
 def spent_in(history: History, folder: Path) -> Spent:
-    """What a run spent so far, as its log and the files of its calls say: each call once, whatever became of it."""
+    """What a run has spent so far, from its log and the files of its calls; each call counts once."""
     spent = Spent()
     for entry in history.effects:
         refused = (entry.raised or {}).get("type") == "BudgetExceeded"

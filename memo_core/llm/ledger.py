@@ -1,8 +1,7 @@
 """The ledger of a study: every call of every run that shares it, in one SQLite file.
 
-A call is written down before it is made and completed after it, so that a run that is killed in between leaves a trace,
-and so that runs in several processes see what the others are about to spend.
-"""
+A call is written down before it is made and completed after it, so that calls of a killed run are recorded, and runs in
+several processes see what the others are about to spend."""
 
 from __future__ import annotations
 
@@ -81,7 +80,7 @@ class Ledger:
 
     def begin(self, run: str, phase: str, model: str, prompt_tokens: int, check: Callable[[Spent], None]) -> int:
         """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
-        more may be; between its look and the line nobody else gets in."""
+        more may be; the check and the insertion are one transaction."""
         with self._writing() as connection:
             check(_sums(connection))
             inserted = connection.execute(

@@ -27,7 +27,7 @@ class Measured:
     date: str
 
     def warning(self, backend: str, task: str) -> str:
-        """One line for somebody who chose a task that is out of reach; "" where it is not, or was never measured."""
+        """A warning for a task that the backend cannot do; "" if it can, or was never measured."""
         reach = self.tasks.get(task)
         if reach == "no":
             return f"llm {backend!r} was not able to do {task!r} when it was measured ({self.date}), taught or untaught"

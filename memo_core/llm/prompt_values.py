@@ -1,4 +1,4 @@
-"""What is filled into a prompt: no value can end its own block.
+"""Values filled into a prompt, escaped so that no value can end its own block.
 
 A prompt is read by its lines: headings, fences, quotations, bullets. Values come from people, books, models, programs,
 labels and scenes and must not make such a line. So every value becomes one line, unless it was made fit to have

@@ -10,7 +10,7 @@ from memo_core.interfaces.llm import Usage
 @attrs.frozen
 class Spent:
     """Sums over calls. ``cost`` (US dollars) is of those with a known price, ``unpriced`` counts the others;
-    ``unfinished`` those that began and of which nothing was heard since (their questions' tokens are estimates)."""
+    ``unfinished`` those without a recorded end (their prompt tokens are estimates)."""
 
     calls: int = 0
     prompt_tokens: int = 0

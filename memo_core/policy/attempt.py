@@ -1,4 +1,4 @@
-"""One attempt at a subtask, as far as it got."""
+"""The state of one attempt at a subtask."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Tried:
 
 @attrs.define
 class Attempt:
-    """What is known of the attempt at hand, also when it is interrupted half-way."""
+    """The current attempt, possibly interrupted."""
 
     number: int
     scene: SceneGraph  # as the robot saw it at the start

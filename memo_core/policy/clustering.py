@@ -1,9 +1,8 @@
-"""Offline condensing of what people taught: a language model is asked cluster by cluster, the book decides.
+"""Offline clustering of what people taught: a language model proposes for each cluster, the book accepts or refuses.
 
 Each cluster commits on its own. What a model may do to one is enforced by ``memo_core.skillbook.clusters``: an answer
-that breaks it is asked for again with the reason, then the cluster stays as it was. Stopped or killed at any moment,
-the book is valid, and a second call goes on where the first one ended.
-"""
+that breaks it is asked for again with the reason, then the cluster stays as it was. After a stop or a crash the book is
+valid, and a second call continues where the first one ended."""
 
 from __future__ import annotations
 
@@ -59,9 +58,9 @@ class ClusteringSettings:
 
 @attrs.frozen
 class Outcome:
-    """What became of one cluster. ``left``: no usable answer came, and it stayed as it was; ``changed``: it was not any
-    more what had been read. ``proposal`` is what was or, in a dry run, would be committed; it is about ``cluster``,
-    which is what the model was shown: of words that were there several times, one."""
+    """What became of one cluster. ``left``: no usable answer came, and it stayed as it was; ``changed``: it had changed
+    since it was read. ``proposal`` is what was or, in a dry run, would be committed; it is about ``cluster``, which is
+    what the model was shown: of words that were there several times, one."""
 
     cluster: Cluster
     status: Status

@@ -1,4 +1,4 @@
-"""Everything that a run does to the outside or learns from it, one method each, each through the run's log.
+"""Every effect of a run on its environment and every input from it, one method each, recorded in the run's log.
 
 Between these the loop only computes, so that it can be run again and answered from the log (``memo_core.runlog``). A
 new effect is a kind (one line) and a method that calls ``RunLog.effect``.
@@ -81,7 +81,7 @@ class Words(Protocol):
 
 
 class Effects:
-    """The world, and whoever watches, as the loop acts on them."""
+    """The environment and the teacher, as the loop uses them."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -153,7 +153,7 @@ class Effects:
         return seen
 
     def _stop_watching(self) -> tuple[Sighting, ...]:
-        """What still moves in another thread is not touched: a simulator stands one user at a time."""
+        """Nothing is observed while another thread still moves the robot: a simulator allows one user at a time."""
         return self._environment.sightings() if self._leaving.busy else self._environment.stop_watching()
 
     # -- acting --------------------------------------------------------------------------------------------------------

@@ -164,7 +164,7 @@ def asking_without_a_run(
 
 
 def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None) -> list[Noted]:
-    """Ask once more about all feedback that is set aside or pending, oldest first; ``done`` hears of each as it is
+    """Process all feedback that is parked or pending again, oldest first; ``done`` is called for each when it is
     finished. What a model cannot be asked about stays as it is; ends early when it cannot be asked at all. Raises
     ``Stopped``."""
     results: list[Noted] = []

@@ -1,4 +1,4 @@
-"""What each method keeps and is served of what people teach."""
+"""MEMO and the baseline methods: the kinds of entries that each stores and retrieves."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import attrs
 
 @attrs.frozen
 class Memory:
-    """Which kinds of entries a language method makes and retrieves. Words of people are kept in any case."""
+    """Which kinds of entries a language method makes and retrieves. Feedback is stored in any case."""
 
     summary: str = ""
     corrections: bool = True

@@ -1,4 +1,4 @@
-"""Methods stand above the loop: what decides what the robot does, and what is remembered."""
+"""The interface of methods, which decide what the robot does and what is stored, and the language methods."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from memo_core.policy.session import RunResult, Session
 
 
 class Method(ABC):
-    """A way of doing tasks. One that writes code and one that sends targets at a fixed rate fit alike: both get the
-    session (the world, whoever watches, the book, the stop) and use of it what they need."""
+    """A way of doing tasks: by writing code, by sending targets at a fixed rate, or otherwise. The session gives access
+    to the environment, the teacher, the book and the stop switch."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""Asking a language model, and again with the reason when the answer is not what was asked for."""
+"""Asking a language model, and asking again with the reason if its answer cannot be read."""
 
 from __future__ import annotations
 

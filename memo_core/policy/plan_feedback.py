@@ -1,4 +1,4 @@
-"""What is said of plans: its key, which every task has of its own."""
+"""The key of feedback about plans, one per task."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the state of a run to messages. The texts are the files in ``prompts/``, one a phase; none is hidden in code."""
+"""From the state of a run to the messages of a request. All texts are in the files of ``prompts/``, one per phase."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Making a method's book anew from the raw log of another: the same words, in the same order, for any method.
+"""Rebuilding the book of any method from the feedback in another book, in the same order.
 
 What a model made of the words when they were said is in the source book and is taken from there; a model is asked only
 about words that nothing was made of yet, and to condense. Its answers are kept in the source book, so that the same log
@@ -100,7 +100,7 @@ class Rebuilding:
         target.rename(hashlib.sha256(identity.encode()).hexdigest()[:32], last.time if last else 0.0)
 
     def replay(self, model: AnswersOfBook, noting: Noting, template_of: Callable[[Feedback], str | None]) -> None:
-        """Say everything again, in its order. ``template_of`` makes a template of approved code, or None. Raises
+        """Process all feedback again, in its order. ``template_of`` makes a template of approved code, or None. Raises
         ``Stopped``, ``BudgetExceeded``."""
         left = list(self._log.read_backs)
         for place, said in enumerate(self._log.feedback):

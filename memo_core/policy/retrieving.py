@@ -1,4 +1,4 @@
-"""What a subtask is served from the book, as far as the method remembers that kind of thing."""
+"""Retrieving entries for a subtask, of the kinds that the method uses."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
 
 
 def _origin(one: retrieval.Served, people: Sequence[str], moments: Sequence[float]) -> str:
-    """No names and no dates: they are nobody's business who answers, and a recording is played back another day."""
+    """Without names and dates: the model does not need them, and recordings are replayed on other days."""
     who = ", ".join(f"person {people.index(name) + 1}" for name in one.provenance.who)
     when = f"remark {moments.index(one.provenance.when) + 1} of {len(moments)}"
     return ", ".join(part for part in (who, when if one.provenance.when else "", one.alike) if part)

@@ -1,4 +1,4 @@
-"""What a method is given to do a run with, and what it gives back."""
+"""What a method is given for a run, and what it returns."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PutBack(Protocol):
 
 @attrs.frozen(eq=False)
 class Session:
-    """Everything of one run. ``book`` is None where nothing is remembered; ``teacher`` None where nobody watches.
+    """Everything of one run. ``book`` is None if nothing is stored; ``teacher`` is None if nobody watches.
     Whatever the method does to the world, to people or to the book goes through ``log``."""
 
     run: str

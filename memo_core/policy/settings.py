@@ -14,7 +14,7 @@ _not_negative = attrs.validators.optional(attrs.validators.ge(0))
 
 @attrs.frozen
 class RunSettings:
-    """How long a run may go on trying, and what it keeps."""
+    """Limits of a run, and what it records."""
 
     attempts: int = attrs.field(
         default=4,
@@ -116,7 +116,7 @@ class RunSettings:
 
 @attrs.frozen
 class TeachingSettings:
-    """What the method does with people's words beyond the paper: each a switch, all off in ``preset: paper``."""
+    """Extensions of the paper's use of feedback: one switch each, all off in ``preset: paper``."""
 
     retry_context: bool = attrs.field(
         default=True,

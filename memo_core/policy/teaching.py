@@ -1,4 +1,4 @@
-"""From what people say to entries: phases 3 and 4. Words are on disk before any model is asked about them."""
+"""From feedback to entries (phases 3 and 4). Feedback is on disk before any model is asked about it."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Teaching:
         return BookWords(self._session.run, book, lambda words: self._record("correction", judged, words))
 
     def correct(self, judged: Judged, heard: Heard, after_a_stop: bool, subtasks: Sequence[Key] = ()) -> None:
-        """Somebody found fault with an attempt, the plan or the whole task. Their words are kept already; what was
+        """An attempt, the plan or the whole task was corrected. Their words are kept already; what was
         served counts as used. ``subtasks``: those of the run so far."""
         number = heard.feedback if self._book is not None else 0
         self._remarks.append(_Remark(judged, heard.words, number, tuple(dict.fromkeys(subtasks))))

@@ -1,4 +1,4 @@
-"""What a run log holds, read back: the effects in order, and which of them a resumed run is answered from."""
+"""Reading a run log: the effects in order, and which of them answer a resumed run."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The durable log of a run, and the one way in which a run does anything that is not a pure computation.
+"""The durable log of a run, through which a run does everything that is not a pure computation.
 
 ``RunLog.effect`` writes an entry when an effect begins and an entry when it ended. A run that was cut off is resumed by
 running *the same code again*: every effect is answered from the log, in order, until the log ends; from then on effects
-happen. So the code of a run knows nothing of being resumed (durable execution).
+happen. So the code of a run needs no special case for resuming (durable execution).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""One run of one task: starting it, stopping it, resuming it, its folder, its video and its page."""
+"""One run of one task: starting it, stopping it, resuming it, its folder, its videos and reports."""

@@ -1,4 +1,4 @@
-"""Clustering a book with an experiment's parts: once, after a run, or again and again beside a running robot."""
+"""Clustering a book with an experiment's settings: once, after a run, or continuously beside a running robot."""
 
 from __future__ import annotations
 
@@ -153,9 +153,9 @@ def watch(
     book: Skillbook, clustering: Clustering, stop: StopSwitch, interval_s: float, report: Callable[[Any], None]
 ) -> None:
     """Condense whatever changes, until ``stop`` is pressed. ``report`` hears each ``NearKeys`` that is joined, each
-    ``Outcome``, and each error after which it goes on. What a model could make nothing of is not asked about again
-    before it changes. Raises ``Stopped``, and what makes going on pointless: ``BudgetExceeded``, a book that is gone.
-    """
+    ``Outcome``, and each error after which it goes on. A cluster for which the model gave no usable answer is not asked
+    about again until it changes. Raises ``Stopped``, and what makes going on pointless: ``BudgetExceeded``, a book that
+    is gone. """
     tried: set[tuple[str, str]] = set()
     seen = -1
     while True:

@@ -1,9 +1,8 @@
-"""The demo: teach the simulated arm once by language, and watch whether the lesson carries over (``memo demo``).
+"""The demo: teach the simulated arm once by language, and test whether the lesson transfers (``memo demo``).
 
 Four runs on one seed, each judged by its task's success check: the taught task without any memory; the same with a
-simulated participant who sees it fail and says what was wrong; then another task, which nobody ever corrected and
-where nobody watches, once with an empty book and once with this book, read-only.
-"""
+simulated teacher who sees it fail and says what was wrong; then another task, which nobody ever corrected and where
+nobody watches, once with an empty book and once with this book, read-only. """
 
 from __future__ import annotations
 

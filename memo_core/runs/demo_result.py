@@ -1,4 +1,4 @@
-"""What ``memo demo`` found: its four runs, and whether they came out as the story needs."""
+"""The result of ``memo demo``: its four runs, and whether the lesson transferred as expected."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CHAPTERS = (
 
 @attrs.frozen(eq=False)
 class DemoReport:
-    """What happened, whatever happened."""
+    """The outcome of the demo, expected or not."""
 
     seed: int
     folder: Path
@@ -42,7 +42,7 @@ class DemoReport:
 
     @property
     def told(self) -> bool:
-        """Whether it was the expected story: fails, is taught, succeeds, carries over."""
+        """Whether the outcome was as expected: fails, is taught, succeeds, transfers."""
         return not self.interrupted and all(self.runs[c.name].success == c.expected for c in CHAPTERS)
 
     @property

@@ -1,4 +1,4 @@
-"""From a checked experiment to its parts: the tasks, a world, the sandbox, the book. Nothing is opened here."""
+"""Creating the parts of an experiment: tasks, environment, sandbox, book. Nothing is opened here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run is doing, for people: which entries were retrieved and why, the code, what went wrong, what was learnt."""
+"""The console output of a run: which entries were retrieved and why, the code, what went wrong, what was learnt."""
 
 from __future__ import annotations
 

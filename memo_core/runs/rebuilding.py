@@ -1,4 +1,4 @@
-"""Rebuilding a book with an experiment's parts (``memo skillbook rebuild``)."""
+"""Rebuilding a book with an experiment's settings (``memo skillbook rebuild``)."""
 
 from __future__ import annotations
 

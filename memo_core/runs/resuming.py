@@ -1,4 +1,4 @@
-"""What is checked before a run that was cut off is resumed (``memo run --resume DIR``). Its log does the rest."""
+"""Checks before an interrupted run is resumed (``memo run --resume DIR``); the run log does the rest."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ class RunReport:
 
 @attrs.frozen(eq=False)
 class RunComponents:
-    """The parts of one run. What is None is not there: no book, nobody watching."""
+    """The parts of one run. ``book`` is None for none, ``teacher`` is None if nobody watches."""
 
     method: Method
     llm: LanguageModel

@@ -1,4 +1,4 @@
-"""The sections of an experiment file that belong to no backend. Each room owns its section's class."""
+"""The sections of an experiment file that belong to no backend; each class is defined in the room that uses it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Who owns the signals and the terminal: the main thread. The policy works in a thread of its own.
+"""Ctrl-C and other signals of a run: the main thread owns the signals and the terminal, the policy runs in another
+thread.
 
 Ctrl-C latches the stop: the arm's last command is sent within one control period, generated code is killed, a pending
 model call is given up, and whoever watches is asked what was wrong. A second Ctrl-C within two seconds, SIGTERM, or
@@ -179,7 +180,7 @@ class Supervisor:
 
     @contextmanager
     def signals(self) -> Iterator[None]:
-        """Answer signals in this block; also while a run is summed up, which no signal may cut short."""
+        """Handle signals in this block, also while the summary is written, which no signal may interrupt."""
         if threading.current_thread() is not threading.main_thread():
             yield  # signals belong to the main thread; whoever calls from elsewhere keeps their own
             return

@@ -1,4 +1,4 @@
-"""Reading a run's folder back: what happened in which order, as a report tells it."""
+"""Reading a run folder: what happened in which order, for reports."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """Recording what a simulator's camera sees as an mp4 (H.264, yuv420p), frames at equal steps of simulated time.
 
-A recording is an extra, never a reason for a run to fail: where nothing can draw or encode, it reports one ``Problem``
-and stays silent from then on.
-"""
+A recording never makes a run fail: if nothing can render or encode, one ``Problem`` is reported. """
 
 from __future__ import annotations
 

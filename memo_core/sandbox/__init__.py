@@ -1,6 +1,6 @@
 """Running code that a model wrote.
 
-The names below are imported when they are first asked for: the process that checks code needs few of them, and
+The names below are imported on first use: the process that checks code needs few of them, and
 starts with every sandbox.
 """
 

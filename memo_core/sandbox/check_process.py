@@ -1,4 +1,4 @@
-"""The process that checks and rewrites generated code, as the sandbox sees it: asked, waited for, killed."""
+"""The sandbox's side of the process that checks and rewrites generated code: starting, asking and killing it."""
 
 from __future__ import annotations
 

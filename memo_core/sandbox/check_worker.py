@@ -1,7 +1,7 @@
-"""Checking and rewriting generated code, in a process of its own: what is done here is decided by hostile source.
+"""The process that checks and rewrites generated code; it is separate because its work depends on hostile source.
 
-The parent (``checker``) starts ``serve`` without environment, and kills it when it takes too long. One line of JSON
-in (a program), one line of JSON out. Little is imported, so that the process is there within a tenth of a second.
+The parent (``check_process``) starts ``serve`` without environment, and kills it when it takes too long. One line of
+JSON in (a program), one line of JSON out. Little is imported, so that the process is there within a tenth of a second.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What became of one run of generated code."""
+"""The result of one run of generated code."""
 
 from __future__ import annotations
 

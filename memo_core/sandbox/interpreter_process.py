@@ -77,8 +77,8 @@ class WorkerPool:
             yield session
 
     def _confined(self, binary: str) -> str:
-        """A starter that keeps the interpreter's last words off our terminal and takes file writing, core dumps and all
-        but a few file handles from the process, should code ever break out of the interpreter."""
+        """A launcher that keeps the interpreter's final messages off the terminal and denies the process file writing,
+        core dumps and all but a few file handles, in case code breaks out of the interpreter."""
         limits = "ulimit -c 0; ulimit -f 0; ulimit -n 32"
         script = f'#!/bin/sh\n{limits}\nexec {shlex.quote(binary)} "$@" 2>/dev/null\n'
         if hasattr(os, "memfd_create"):

@@ -16,7 +16,7 @@ _LARGEST_INTEGER = 2**53
 
 
 class _Budget:
-    """Counts down over a whole call: a list that holds itself many times over would keep a walk busy for ever."""
+    """Counts down over a whole call: a list that contains itself many times would keep a traversal busy forever."""
 
     def __init__(self, items: int) -> None:
         self.left = items

@@ -1,4 +1,4 @@
-"""Running code that a model wrote: hostile until shown otherwise, unable to outlive a stop.
+"""Running code that a model wrote, which is treated as hostile and killed by a stop.
 
 The code runs in an interpreter in a process of its own. Each skill call comes back to this process, which checks types,
 ranges and workspace before the robot hears of it. Python's own names for what goes wrong are used towards the code:
@@ -126,10 +126,8 @@ class Sandbox:
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
         milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
         piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code; ``wall_seconds`` is what
-        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code;
-        anything that is no ``MemoError`` is a bug of ours: the worker is killed and it is
-        raised here.
-        """
+        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code; any
+        other exception is a bug in MEMO: the worker is killed and the exception is raised here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:

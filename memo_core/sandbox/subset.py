@@ -1,6 +1,6 @@
 """The subset of Python that works, checked before anything moves.
 
-This runs in the checker's process (``checking``), never in MEMO's own: what it does is decided by hostile source.
+This runs in the process of ``check_worker``, never in MEMO's own, because its work depends on hostile source.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def _names(tree: ast.Module, skills: dict[str, SkillShape]) -> Iterator[Finding]
 
 
 def bound_names(tree: ast.Module) -> set[str]:
-    """Every name the code binds anywhere."""
+    """All names that the code binds."""
     bound: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):

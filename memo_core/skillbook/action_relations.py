@@ -1,4 +1,4 @@
-"""Which actions mean the same and which undo each other: a relation of its own, because no cosine tells them apart."""
+"""Synonymous and opposite actions, listed in a table because cosine similarity does not separate opposites."""
 
 from __future__ import annotations
 

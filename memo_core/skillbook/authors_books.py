@@ -42,7 +42,7 @@ class NotALorebook(MemoError):
 
 @attrs.frozen
 class Lorebook:
-    """What a file holds, as the records of a book, and what was passed over."""
+    """What a file holds, as the records of a book, and what was skipped."""
 
     records: tuple[dict[str, Any], ...]
     items: int

@@ -1,4 +1,4 @@
-"""The skillbook as the policy and the command line use it."""
+"""The public interface of the skillbook."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Skillbook:
         return self
 
     def close(self) -> None:
-        """Idempotent. Nothing is written here: what was acknowledged is on disk already."""
+        """Idempotent. Writes nothing: every write that returned is on disk already."""
         self._retriever = None
         if self._unclustered is not None:
             self._unclustered[1].close()
@@ -138,8 +138,8 @@ class Skillbook:
 
     # -- effects of runs -----------------------------------------------------------------------------------------------
     def effect_of(self, run: str, entry: int, note: str = "") -> AbstractContextManager[None]:
-        """What is written within the block is the effect of this entry of a run's log: that is committed in the same
-        transaction, with ``note`` (no words of people)."""
+        """Mark writes within the block as the effect of this entry of a run's log; the mark is committed in the same
+        transaction, with ``note`` (which must not contain people's words)."""
         return self._database.marked(run, entry, note)
 
     def effect_note(self, run: str, entry: int) -> str | None:
@@ -223,8 +223,8 @@ class Skillbook:
             return bulk_adding.add_lessons(self._database, connection, lessons)
 
     def prepare(self, progress: Callable[[float], None] = lambda share: None) -> None:
-        """Make now what retrieval would make when it is first asked: vectors of all keys, texts' vectors and sketches.
-        ``progress`` is told the share that is done; interrupted, what was made stays. Needs the embedder."""
+        """Compute in advance what the first retrieval would: vectors of all keys, texts' vectors and sketches.
+        ``progress`` is called with the share that is done; results are kept if interrupted. Needs the embedder."""
         vectors, key_vectors = self._text_vectors(), self._key_vectors()
         with self._database.read() as connection:
             keys = [key for key in queries.keys_by_id(connection).values() if key != GLOBAL_KEY]
@@ -243,9 +243,8 @@ class Skillbook:
     ) -> Entry:
         """Store the documented function made from approved code; ``feedback_id`` is the recorded approval.
 
-        ``derived_from``: further feedback that the code owes something to, so that it survives when only the approving
-        person is forgotten. A second call for the same approval changes nothing and returns the first template.
-        """
+        ``derived_from``: further feedback that the code is based on, so that it survives when only the approving person
+        is forgotten. A second call for the same approval changes nothing and returns the first template."""
         wanted = _key(key)
         with self._database.write() as connection:
             return add_template(self._database, connection, feedback_id, wanted, code, scene, derived_from)
@@ -344,7 +343,7 @@ class Skillbook:
 
     @contextmanager
     def clock(self, now: Callable[[], float]) -> Iterator[None]:
-        """Have what is written meanwhile dated by ``now`` (s since the epoch)."""
+        """Within the block, use ``now`` (s since the epoch) as the time of writes."""
         before, self._database.now = self._database.now, now
         try:
             yield
@@ -390,7 +389,7 @@ class Skillbook:
     # -- history -------------------------------------------------------------------------------------------------------
     def history(self, key: Key | str | None = None, last: int | None = None) -> list[Revision]:
         """Every change to the set of valid entries, oldest first, or those that touched a key's entries (``"*"``: the
-        general statements); of these the ``last`` so many. All of a large book are a large list."""
+        general statements); only the ``last`` ones if given, since a large book has many."""
         with self._database.read() as connection:
             return revisions(self._database, connection, None if key is None else _meant(connection, key), last)
 
@@ -493,7 +492,7 @@ class Skillbook:
         return imported
 
     def problems(self) -> list[str]:
-        """What is wrong with the book's file; none of a book that is whole."""
+        """Damage found in the book's file; empty if it is intact."""
         return self._database.problems()
 
     def imported_books(self) -> list[ImportedBook]:
@@ -517,20 +516,20 @@ class Skillbook:
 
     # -- the right to withdraw: where else words may lie ---------------------------------------------------------------
     def note_place(self, kind: PlaceKind, path: Path) -> None:
-        """Remember that a file or folder was written with words of this book in it, so that ``forget`` goes through
-        it. Raises ``ReadOnlyBook``."""
+        """Register a file or folder that contains words of this book, so that ``forget`` covers it. Raises
+        ``ReadOnlyBook``."""
         with self._database.write() as connection:
             note_place(self._database, connection, kind, path)
 
     def places(self) -> list[Place]:
-        """What ``note_place`` remembered."""
+        """The files and folders registered with ``note_place``."""
         with self._database.read() as connection:
             return places_of(self._database, connection)
 
     # -- the right to withdraw -----------------------------------------------------------------------------------------
     def forget(self, who: str, also: Iterable[Path] = ()) -> Forgotten:
-        """Remove a person's words and what derives only from them: from the book, its free pages and log, and from the
-        places that it knows of (``note_place``) and those in ``also``, folders or files.
+        """Remove a person's words and what derives only from them: from the book, its free pages and log, from the
+        registered places (``note_place``), and from ``also``, further folders or files.
 
         Raises ``UnknownName`` when the book has nothing from that person.
         """
@@ -562,7 +561,7 @@ class Skillbook:
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _without_harm(self, found: Retrieval) -> Retrieval:
-        """What was found but for what was corrected when it was served for such a subtask."""
+        """Drop entries that were corrected when they were retrieved for such a subtask."""
         with self._database.read() as connection:
             evidence = evidence_of(self._database, connection, [one.entry.id for one in found.served])
             if not evidence:
@@ -576,7 +575,7 @@ class Skillbook:
             return evidence_of(self._database, connection, [entry_id])
 
     def _without_clustering(self) -> Skillbook | None:
-        """A copy in memory of the present state of the book but for what clustering did; None where it did nothing."""
+        """An in-memory copy of the book without the changes of clustering; None if there are none."""
         with self._database.read() as connection:
             generation = int(self._database.meta(connection)["generation"])
             clustered = is_clustered(self._database, connection)

@@ -230,8 +230,8 @@ def _grown(cluster: Cluster, proposal: Condensed) -> str:
 
 
 def duplicates(members: Sequence[Entry]) -> Condensed | None:
-    """The proposal that joins members of the same words (case, spaces and the last full stop aside); None where there
-    are none. It takes no model to see that."""
+    """The proposal that merges members with the same words (ignoring case, spaces and the last full stop); None if
+    there are none. No model is asked."""
     groups: dict[str, list[int]] = {}
     for number, member in enumerate(members, start=1):
         groups.setdefault(same_words(member.text), []).append(number)
@@ -244,12 +244,13 @@ def duplicates(members: Sequence[Entry]) -> Condensed | None:
 
 
 def same_words(text: str) -> str:
-    """A text but for case, spaces and the last full stop: what two notes have alike that say the same words."""
+    """A text without case, spaces and the last full stop, for comparing notes."""
     return " ".join(text.casefold().split()).rstrip(". ")
 
 
 def state_digest(members: Iterable[int], templates: Iterable[int], said_after: Iterable[int] = ()) -> str:
-    """What a cluster looks like: entries are never changed, so their ids say it. One word for each of the three."""
+    """A digest of a cluster's state. Entries never change, so their ids suffice; one part for each of the three
+    arguments."""
     listed = (",".join(map(str, sorted(ids))) for ids in (members, templates, said_after))
     return ":".join(hashlib.sha256(ids.encode()).hexdigest()[:20] for ids in listed)
 

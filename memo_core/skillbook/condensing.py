@@ -39,7 +39,8 @@ CLUSTERED, DUPLICATES = "cluster", "duplicates"  # how the reasons of clustering
 
 @attrs.define(auto_exc=True, eq=False)
 class ClusterChanged(MemoError):
-    """The book changed while a cluster was thought about; nothing was written. Read it anew and try again."""
+    """The book changed while a model was asked about a cluster; nothing was written. Read the cluster again and
+    retry."""
 
     cluster: str
 
@@ -235,8 +236,8 @@ def _replace(connection: sa.Connection, cluster: Cluster, proposal: Condensed, r
 def _merged_entry(
     connection: sa.Connection, made_of: Sequence[Entry], one: Merged, revision: int, key: int, ordinal: int
 ) -> int:
-    """What several people said stays all of theirs; its uses are the most that any of its sources had, since they were
-    mostly served together."""
+    """A merged entry keeps the sources of all its members; its use count is the largest of theirs, since they were
+    mostly retrieved together."""
     scenes = {member.scene for member in made_of}
     entry = queries.insert(
         connection,

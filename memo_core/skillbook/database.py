@@ -481,7 +481,7 @@ def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
 
 
 def _configure_server(raw: Any) -> None:
-    """A server that was told to acknowledge before it has written would lose what it acknowledged."""
+    """A server configured to acknowledge before writing could lose acknowledged data."""
     off = "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'"
     with raw.cursor() as cursor:
         cursor.execute(off)

@@ -1,4 +1,4 @@
-"""The whole book as records, one a line in a file: everything but the vectors, which are derived.
+"""Exporting a book as records, one per line: everything but the vectors, which are derived.
 
 Numbers in a record are the book's own; ``origin`` is the book a row was made in and its number there, so that books
 which were merged in any order know the same row again (``memo_core.skillbook.importing``).

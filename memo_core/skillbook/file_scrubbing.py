@@ -1,4 +1,4 @@
-"""Taking somebody's words out of files that are no skillbook: run folders, recordings, exports.
+"""Removing a person's words from files other than skillbooks: run folders, recordings, exports.
 
 A text that holds the words is replaced as a whole, since what stands around them may repeat them in other words. The
 words are recognised by their letters and digits alone, so also quoted, wrapped, escaped or in other case.

@@ -1,4 +1,4 @@
-"""A participant withdraws: their words go, and with them what derives only from them."""
+"""Forgetting a person in the database: deleting their words and what derives only from them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A person withdraws: their words also leave the files that were written with them and that the book knows of.
+"""Forgetting a person in files: removing their words from the files that the book has registered.
 
 What no program can know of (copies that were moved or sent, books that others imported, a server's own backups, what a
-model's provider keeps) is told, so that somebody can see to it.
+model's provider keeps) is reported, so that somebody can take care of it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BEYOND_SERVER = "the database server's backups, write-ahead logs and dead rows"
 
 @attrs.define
 class Cleaned:
-    """What was done outside the book: files that held words, backups that were deleted, and what was not reached."""
+    """What was changed outside the book: rewritten files, deleted backups, and what could not be reached."""
 
     rewritten: list[str] = attrs.field(factory=list)
     deleted: list[str] = attrs.field(factory=list)

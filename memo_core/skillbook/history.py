@@ -1,8 +1,7 @@
-"""What every revision changed, the book as it was after any of them, and taking one back.
+"""Revisions: what each changed, the book's state after each, and rolling one back.
 
-Nothing that is superseded is deleted, so each of these is a matter of looking. A rollback is a revision of its own and
-can be rolled back as well.
-"""
+Superseded entries are not deleted, so any state can be read. A rollback is itself a revision and can be rolled back as
+well."""
 
 from __future__ import annotations
 
@@ -70,7 +69,7 @@ class Difference:
 
 @attrs.define(auto_exc=True, eq=False)
 class CannotRollBack(MemoError):
-    """Something later rests on what a revision did. ``later`` are revisions to roll back first."""
+    """Later revisions depend on what a revision did. ``later`` are revisions to roll back first."""
 
     revision: int
     problem: str
@@ -269,7 +268,7 @@ def _part(database: Database, connection: sa.Connection, new: int, joined: list[
 
 
 def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
-    """What somebody took back is not clustered again until something else changes."""
+    """After a rollback a key is not clustered again until something else changes."""
     where = tables.clusterings.c.key == key
     state = connection.execute(sa.select(tables.clusterings.c.digest).where(where)).scalar()
     if state is None:

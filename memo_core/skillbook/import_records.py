@@ -1,4 +1,4 @@
-"""The records of another book, checked before anything is done with them: a file may hold anything."""
+"""Validating the records of another book before they are used."""
 
 from __future__ import annotations
 

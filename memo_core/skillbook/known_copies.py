@@ -1,5 +1,5 @@
-"""Where copies of what people said may lie: the book's own list of run folders, recordings, exports, backups and books
-that were made from it. ``forget`` goes through them."""
+"""The book's list of files that hold copies of people's words: run folders, recordings, exports, backups and rebuilt
+books. ``forget`` covers them."""
 
 from __future__ import annotations
 
@@ -40,5 +40,5 @@ def places_of(database: Database, connection: sa.Connection) -> list[Place]:
 
 
 def drop_place(connection: sa.Connection, place: Place) -> None:
-    """Remember a place no longer: it is gone."""
+    """Remove a place that no longer exists."""
     connection.execute(sa.delete(tables.places).where(_P.path == str(place.path)))

@@ -1,4 +1,4 @@
-"""Lessons that were served for something else than they were taught on, and were corrected there.
+"""Withholding lessons that were retrieved for another key than their own and were corrected there.
 
 Each use is counted with the key that the code was for (table ``records``). An entry that is served for another key than
 its own is less likely to fit the less alike the two are, and each correction there is evidence against it. With n

@@ -1,4 +1,4 @@
-"""Where rows come from: a row is known everywhere by the book it was made in and its number there.
+"""The origin of rows: a row is identified by the book it was made in and its number there.
 
 Rows of the book's own have no row in ``origins``, but those that were withdrawn: their numbers stay, so that another
 laboratory's copy is not taken for something new.
@@ -40,7 +40,7 @@ class Origins:
         return self.local.get(origin)
 
     def withdrawn(self, origin: Origin) -> bool:
-        """Whether it was here once. What was made here and is not here any more was withdrawn here."""
+        """Whether it was in this book once. Rows that were made here and are gone were withdrawn."""
         return origin in self.gone or (origin[0] == self.book and self.find(origin) is None)
 
     def origin(self, local: int) -> Origin:

@@ -1,4 +1,4 @@
-"""Who said what an entry derives from, when, and of which subtask."""
+"""The provenance of entries: whose feedback they derive from, when, and about which subtask."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a book can be made again from: the words in their order, what was made of each, and a model's kept answers."""
+"""The input for rebuilding a book: feedback in its order, the entries made from it, and stored answers of models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Getting out of a damaged file what can be read: every row that SQLite still gives goes into a new book."""
+"""Recovering a damaged file: every row that SQLite can still read is copied to a new book."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading pickles that strangers made: plain containers and numpy arrays are built, and nothing is called.
+"""Reading untrusted pickles: plain containers and numpy arrays are built, and nothing is called.
 
 ``pickle.Unpickler`` with a guarded ``find_class`` is not enough: before any class is asked for, it allocates what a
 file claims to hold (a memo index of 2**31 is 32 GiB, a bytearray its stated length) and hashes tuples that are nested

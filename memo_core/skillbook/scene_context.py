@@ -1,4 +1,4 @@
-"""What a subtask is about beside its name: what a scene shows of the things it names and of the hand."""
+"""The context of a subtask: what the scene shows of the objects it names and of the hand."""
 
 from __future__ import annotations
 

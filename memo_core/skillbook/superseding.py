@@ -1,4 +1,4 @@
-"""Retiring entries and bringing them back. Both are changes that a revision made, kept with their reason."""
+"""Superseding and restoring entries. Both are stored as changes of a revision, with their reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The book's tables. Nothing is overwritten that a person said; superseded entries stay until somebody is forgotten."""
+"""The tables of the book. Feedback is never overwritten; superseded entries stay until a person is forgotten."""
 
 from __future__ import annotations
 

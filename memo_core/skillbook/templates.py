@@ -1,10 +1,8 @@
 """Versions of templates: one under each key is served, the others stay in the book with their record.
 
-Code that a person approved becomes the new version, for it worked last and has in it whatever was corrected before. A
-version whose code is found fault with gives way to an older one with a better record: the share of approvals,
-(confirmed uses + 1) / (uses + 1), counting the approval that made it; of equals the newest. Only what happened to
-subtasks of the template's own key counts: that it did not fit something else says nothing against it.
-"""
+Approved code becomes the new version, because it worked most recently and includes earlier corrections. A version whose
+code is corrected is replaced by an older one with a better record: the share of approvals, (confirmed uses + 1) / (uses
++ 1), counting the approval that made it; of equals the newest. Only uses for the template's own key count."""
 
 from __future__ import annotations
 

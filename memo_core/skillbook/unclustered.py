@@ -1,4 +1,4 @@
-"""A book as it would be had it never been clustered: what `memo-c` and `droc-v` read of a book that others cluster."""
+"""The unclustered state of a book, which `memo-c` and `droc-v` read when other methods cluster the book."""
 
 from __future__ import annotations
 

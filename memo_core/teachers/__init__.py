@@ -1,1 +1,2 @@
-"""Who watches the robot and may speak up: a person at the terminal, a script, a simulated teacher, nobody."""
+"""Teachers, who watch the robot and may give feedback: a person at the terminal, a script, a simulated teacher,
+nobody."""

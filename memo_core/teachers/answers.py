@@ -1,4 +1,4 @@
-"""What a typed answer means: approval, silence, a correction, or something that has to be asked back."""
+"""Classifying a typed answer: approval, silence, a correction, or unclear."""
 
 from __future__ import annotations
 

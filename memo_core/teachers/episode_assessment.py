@@ -1,4 +1,4 @@
-"""What somebody in the room saw of one subtask, and what they would call wrong about it.
+"""Assessing a subtask from what a person in the room saw, and what they would call wrong about it.
 
 Works from scene graphs over time alone: visible poses, boxes, relations and the hand. It knows no joint parameters, no
 success checks, no reference solutions and no code (a test asserts the imports).

@@ -1,4 +1,4 @@
-"""What somebody made of what they saw."""
+"""The result of assessing an episode."""
 
 from __future__ import annotations
 

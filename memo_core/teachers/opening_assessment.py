@@ -1,4 +1,4 @@
-"""What somebody saw of an attempt to open a door, a drawer or a lid."""
+"""Assessing an attempt to open a door, a drawer or a lid."""
 
 from __future__ import annotations
 

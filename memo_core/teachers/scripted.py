@@ -1,7 +1,5 @@
-"""A scripted teacher: what is said at which subtask and attempt stands in the config.
-
-For tests and reproducible runs.
-"""
+"""A scripted teacher, whose feedback for each subtask and attempt is given in the config. For tests and reproducible
+runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be read off scene graphs over time: things by the names people give them, their motion, the hand.
+"""Reading scene graphs over time: objects by everyday names, their motion, the hand.
 
 Only visible poses, boxes, relations and the hand are used here, as by everything that a simulated teacher does.
 """

@@ -1,4 +1,4 @@
-"""Goals in terms of what is visible: ``Task.goal`` read sentence by sentence, and whether each is so.
+"""Evaluating goals in terms of what is visible: the sentences of ``Task.goal``, and whether each holds.
 
 One sentence is one condition. ``X`` and ``Y`` are things as people name them: a label, "the left can", "the lonely
 object", "the others"; several at once: "the fork, the knife and the spoon".

@@ -1,4 +1,4 @@
-"""Code in what a model says: fenced, unfenced, between prose, in several blocks."""
+"""Finding code in a model's answer: fenced, unfenced, between prose, in several blocks."""
 
 from __future__ import annotations
 

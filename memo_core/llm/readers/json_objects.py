@@ -1,4 +1,4 @@
-"""JSON objects in what a model says: strict JSON first, then the ways in which models get it slightly wrong."""
+"""Finding JSON objects in a model's answer: strict JSON first, then common deviations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every reader begins with: what an answer is before anybody looks for something in it."""
+"""Checks that every reader begins with, and the error for an answer that cannot be used."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Unreadable(MemoError):
 
 
 def spoken(phase: str, text: str, wanted: str) -> str:
-    """An answer with plain line ends and without what a model thought aloud in tags. Raises ``Unreadable`` where
+    """An answer with plain line ends and without tagged reasoning. Raises ``Unreadable`` where
     nothing is left, saying what is ``wanted``."""
     plain = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")
     said = _THOUGHT.sub("", plain)
