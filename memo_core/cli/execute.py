@@ -58,7 +58,7 @@ def command(
         if findings and not json:
             # Refused code costs nobody the building of a scene.
             raise CodeEnded(str(file), refused(findings).error)
-        with environment_of(experiment, chosen, experiment.seed) as world, _stopping(world.link):
+        with environment_of(experiment, chosen, experiment.seed) as world, stopping(world.link):
             execution = run_code(world, code, sandbox, on_print=None if json else _print_now)
             outcome = world.check()
     if json:
@@ -96,7 +96,7 @@ def _print_now(text: str) -> None:
 
 
 @contextmanager
-def _stopping(link: Link) -> Iterator[None]:
+def stopping(link: Link) -> Iterator[None]:
     """A first signal stops the robot; a second one is an ``Interrupt``."""
     interrupt = Interrupt()
 

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
-from memo_core.cli import skillbook_editing, skillbook_history, skillbook_rebuild, skillbook_transfer
+from memo_core.cli import (
+    skillbook_editing,
+    skillbook_history,
+    skillbook_rebuild,
+    skillbook_retest,
+    skillbook_transfer,
+)
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, MemoError, close_match
@@ -25,6 +31,7 @@ skillbook_history.register(app)
 skillbook_transfer.register(app)
 skillbook_editing.register(app)
 skillbook_rebuild.register(app)
+skillbook_retest.register(app)
 
 KINDS = ("correction", "general", "template")
 WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries

@@ -39,7 +39,7 @@ def edit(
 ) -> None:
     """Put another text in place of an entry's. What it said before stays in the history."""
     wanted = _text(text, file)
-    with _opened(book, config, overrides) as opened:
+    with opened_book(book, config, overrides) as opened:
         new = opened.edit(entry, wanted, _name(who))
     if json:
         print_json({"entry": new.id, "replaces": entry, "revision": new.revision, "text": new.text})
@@ -58,7 +58,7 @@ def remove(
     json: Json = False,
 ) -> None:
     """Take an entry out of what is served. It stays in the history; words are removed for good by forget."""
-    with _opened(book, config, overrides) as opened:
+    with opened_book(book, config, overrides) as opened:
         revision = opened.remove(entry, _name(who))
     if json:
         print_json({"entry": entry, "revision": revision.id})
@@ -85,7 +85,7 @@ def _text(text: str | None, file: Path | None) -> str:
     return sys.stdin.read() if text == "-" else text
 
 
-def _opened(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
+def opened_book(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:
     """Without embedder and store: neither is needed. A mistyped path is an error, not a new empty book."""
     from memo_core.skillbook.book import Skillbook
 

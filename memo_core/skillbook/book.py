@@ -16,7 +16,7 @@ import sqlalchemy as sa
 from memo_core.errors import UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook import bulk_adding, queries, tables, templates
+from memo_core.skillbook import bulk_adding, queries, tables, templates, trials
 from memo_core.skillbook.adding_entries import add_notes, add_template
 from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
@@ -317,6 +317,25 @@ class Skillbook:
             templates.count_use(connection, there, key, success)
             if not success and templates.elect(self._database, connection, key, "record") is not None:
                 self._database.next_generation(connection, by_revisions=True)
+
+    def note_trial(self, entry_id: int, start: str, success: bool, reason: str = "") -> None:
+        """Keep how a template did when it was run again in a simulator from ``start``, in place of an earlier trial
+        from there. Where it fails then, an older version of it that does not is served
+        (``memo_core.skillbook.trials``). Raises ``UnknownName``, ``ReadOnlyBook``."""
+        with self._database.write() as connection:
+            entry = _entry(connection, entry_id)
+            before = trials.failing(self._database, connection, [entry_id])
+            trials.keep_trial(connection, entry_id, trials.Trial(start, success, self._database.now(), reason))
+            if before == trials.failing(self._database, connection, [entry_id]):
+                return
+            key = queries.key_id(connection, self._database.upsert(tables.keys), entry.key)
+            templates.elect(self._database, connection, key, "retest")
+            self._database.next_generation(connection, by_revisions=True)
+
+    def trials(self, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.Trial]]:
+        """How templates did when they were run again, by entry; those without trials are left out."""
+        with self._database.read() as connection:
+            return trials.trials_of(self._database, connection, entry_ids)
 
     # -- made anew from the raw log -----------------------------------------------------------------------------------
     def log(self, until: int | float | None = None) -> RawLog:

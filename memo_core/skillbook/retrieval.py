@@ -34,6 +34,7 @@ from memo_core.skillbook.shared_terms import Terms
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
+from memo_core.skillbook.trials import failing
 
 __all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text"]
 
@@ -284,6 +285,8 @@ class Retriever:
                 for entry, i in zip(entries, order, strict=True)
             ]
         )
+        if kind == "template" and len(ranked) > 1:
+            ranked = self._failing_last(ranked)
         return tuple(
             Served(
                 entry,
@@ -297,6 +300,12 @@ class Retriever:
             )
             for rank, (entry, i) in enumerate(ranked[: self._limits[kind]], start=1)
         )
+
+    def _failing_last(self, ranked: list[tuple[Entry, int]]) -> list[tuple[Entry, int]]:
+        """Templates that fail when they are run again in a simulator come after those that do not."""
+        with self._database.read() as connection:
+            failed = failing(self._database, connection, [entry.id for entry, _ in ranked])
+        return sorted(ranked, key=lambda one: one[0].id in failed)
 
     def _general(self, found: dict[int, float], rows: dict[int, Entry], question: _Question) -> tuple[Served, ...]:
         """Those like enough to the subtask; half as like is enough for one that shares a term with it, and one that

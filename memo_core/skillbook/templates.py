@@ -2,7 +2,9 @@
 
 Approved code becomes the new version, because it worked most recently and includes earlier corrections. A version whose
 code is corrected is replaced by an older one with a better record: the share of approvals, (confirmed uses + 1) / (uses
-+ 1), counting the approval that made it; of equals the newest. Only uses for the template's own key count."""
++ 1), counting the approval that made it; of equals the newest. Only uses for the template's own key count. A version
+that fails when it is retested in a simulator is replaced by one that does not, whatever their records.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +19,7 @@ from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.superseding import restore, supersede
+from memo_core.skillbook.trials import failing
 
 _E, _R, _K, _C = tables.entries.c, tables.records.c, tables.keys.c, tables.changes.c
 
@@ -101,7 +104,8 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
     candidates = [entry for entry in every if entry in valid or (entry.superseded_by, entry.id) in outdone]
     if not valid:
         return None
-    best = max(candidates, key=_merit(records_of(database, connection, [entry.id for entry in candidates])))
+    ids = [entry.id for entry in candidates]
+    best = max(candidates, key=_merit(records_of(database, connection, ids), failing(database, connection, ids)))
     if valid == [best]:
         return None
     revision = queries.insert(connection, tables.revisions, key=key, time=database.now(), reason=reason)
@@ -113,5 +117,5 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
     return revision
 
 
-def _merit(records: Records) -> Callable[[Entry], tuple[float, float, int]]:
-    return lambda entry: (records.share(entry), entry.created, entry.id)
+def _merit(records: Records, failed: set[int]) -> Callable[[Entry], tuple[bool, float, float, int]]:
+    return lambda entry: (entry.id not in failed, records.share(entry), entry.created, entry.id)

@@ -1,0 +1,229 @@
+"""Templates are run again from the start that the run stored and in fresh scenes, and what was measured stays with
+them; what has no start is told and is no trial."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from memo_core.cli.main import main
+from memo_core.config import load_experiment
+from memo_core.plugins import Registry
+from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.policy.method_interface import LanguageMethod
+from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.runlog.log_history import Entry as Effect
+from memo_core.runlog.log_history import History
+from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
+from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.retesting import CannotRetest, Planned, Retesting, program, start_of
+from memo_core.runs.run import RunComponents, perform
+from memo_core.runs.sections import SECTIONS
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.entries import Entry
+from memo_core.skillbook.keys import Key
+from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_llm import ScriptedModel
+from memo_core.testing.fake_store import FakeStore
+
+GRASP = """
+    look()
+    hand = top_orientation()
+    place = get_position(thing)
+    open_gripper()
+    move_to([place[0], place[1], place[2] + 0.1], hand)
+    move_straight(place, hand)
+    close_gripper()
+    move_straight([place[0], place[1], place[2] + 0.15], hand)
+"""
+PICK = f'def pick(thing):\n    """Grasp it from above."""{GRASP}'
+FAILING = 'def pick(thing):\n    """Only look."""\n    look()\n'
+CODE = f"```python\n{PICK}\npick('cube')\n```"
+RUN = {"plan": ["LIFT(cube)", "DONE"], "code": [CODE], "template": [f"```python\n{PICK}```"]}
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return Registry()
+
+
+@pytest.fixture(scope="module")
+def taught(registry, tmp_path_factory) -> Path:
+    """A folder with a book, ``book.db``, and the run that taught it a template."""
+    folder = tmp_path_factory.mktemp("taught")
+    experiment = load_experiment(registry, None, ("task=put-the-cube-away",), SECTIONS)
+    task = task_of(experiment, "put-the-cube-away")
+    components = RunComponents(
+        method=LanguageMethod("memo", METHODS["memo"]),
+        llm=ScriptedModel(RUN),
+        make_environment=lambda: environment_of(experiment, task, 0),
+        sandbox=sandbox_of(experiment),
+        skills=library_of(experiment),
+        settings=RunSettings(video="off"),
+        book=Skillbook(f"sqlite:///{folder / 'book.db'}", FakeEmbedder(), FakeStore()),
+        teacher=ScriptedTeacher(ScriptSettings(lines=(Line("LIFT(*)"),))),
+        teaching=TeachingSettings(replan=False),
+    )
+    report = perform(
+        components, task, 0, lambda: RunFolder(new_run_folder(folder, task.name, 0)), registry, experiment.public()
+    )
+    assert [one.status for one in report.result.subtasks] == ["approved"]
+    return folder
+
+
+@pytest.fixture
+def book(taught, tmp_path):
+    shutil.copy(taught / "book.db", tmp_path / "book.db")
+    with Skillbook(str(tmp_path / "book.db")) as opened:
+        yield opened
+
+
+def test_a_template_is_run_from_its_stored_start_and_in_a_fresh_scene(book, registry):
+    [template] = book.entries("template")
+    retesting = Retesting(book, registry)
+    first, second = retesting.plan([template], [0, 3])  # the run's own seed is no fresh one
+    assert isinstance(first, Planned) and first.seed is None and first.start.startswith("run put-the-cube-away")
+    assert isinstance(second, Planned) and second.start == "put-the-cube-away seed 3"
+    assert [retesting.run(one).success for one in (first, second)] == [True, True]
+    kept = book.trials()[template.id]
+    assert [(one.start, one.success) for one in kept] == [(first.start, True), (second.start, True)]
+
+
+def test_one_that_fails_is_measured_so_and_an_edited_one_has_the_start_of_the_version_before(book, registry):
+    [template] = book.entries("template")
+    edited = book.edit(template.id, FAILING, "ana")
+    retesting = Retesting(book, registry)
+    [planned] = retesting.plan([edited], [])
+    found = retesting.run(planned)
+    assert found.success is False and found.reason
+    [trial] = book.trials([edited.id])[edited.id]
+    assert not trial.success and trial.reason == found.reason
+
+
+def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registry):
+    [template] = book.entries("template")
+    book.note_trial(template.id, "elsewhere", True)
+
+    @contextmanager
+    def stopping(link):
+        link.stop()
+        yield
+
+    retesting = Retesting(book, registry, stopping)
+    [planned] = retesting.plan([template], [])
+    with pytest.raises(KeyboardInterrupt):
+        retesting.run(planned)
+    assert [one.start for one in book.trials()[template.id]] == ["elsewhere"]
+    assert not book.problems()
+
+
+def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(book, registry, monkeypatch):
+    monkeypatch.setattr(Skillbook, "places", lambda self: [])
+    key = "OPEN(box)"
+    alone = book.add_template(book.record_feedback("", "ana", subtask=key, kind="approval"), key, FAILING)
+    told = list(Retesting(book, registry).plan(book.entries("template"), [1]))
+    assert [one.success for one in told] == [None, None]
+    assert "folder of the run put-the-cube-away" in told[0].reason and "not approved in a run" in told[1].reason
+    assert told[1].template == alone.id and not book.trials()
+
+
+def test_the_command_tells_keeps_and_goes_on(taught, tmp_path, capsys):
+    shutil.copy(taught / "book.db", tmp_path / "book.db")
+
+    def retest(*more: str):
+        with pytest.raises(SystemExit) as ended:
+            main(["skillbook", "retest", "--book", str(tmp_path / "book.db"), "--seeds", "4", *more])
+        out, err = capsys.readouterr()
+        assert not ended.value.code, err
+        return out, err
+
+    out, _ = retest("--json")
+    [row] = json.loads(out)["templates"]
+    assert (row["key"], row["trials"], row["successes"], row["fails"]) == ("LIFT(cube)", 2, 2, False)
+    out, err = retest()
+    assert "2 of 2 trials are in the book already" in err and "2/2" in out
+
+
+def test_hardware_is_refused_in_one_sentence(taught, capsys, monkeypatch):
+    from memo_core.runs import retesting
+
+    class Moves:
+        simulated = False
+
+    monkeypatch.setattr("memo_core.config.Experiment.create", lambda self, kind, *_, **__: Moves())
+    monkeypatch.setattr(retesting.Retesting, "plan", lambda *_: pytest.fail("nothing may be run"))
+    with pytest.raises(SystemExit) as ended:
+        main(["skillbook", "retest", "--book", str(taught / "book.db")])
+    err = capsys.readouterr().err
+    assert ended.value.code and "retest runs templates in simulators only" in err and err.count("\n") == 1
+
+
+# -- starts and calls ----------------------------------------------------------------------------------------------
+
+
+def history(*effects: tuple[str, str, str]) -> History:
+    import base64
+    import zlib
+
+    def value(world: str) -> dict[str, str]:
+        return {"world": base64.b85encode(zlib.compress(world.encode())).decode()} if world else {}
+
+    made = [Effect(n, name, about, ended=True, value=value(world)) for n, (name, about, world) in enumerate(effects)]
+    return History({}, tuple(made))
+
+
+PLAN, RAN = ("ask a model", "plan 1f", ""), ("execute", "9", "after")
+
+
+def saved(world: str) -> tuple[str, str, str]:
+    return "checkpoint", "", world
+
+
+def kept(approval: int) -> tuple[str, str, str]:
+    return "add a template", f"approval {approval}", ""
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [saved("a"), PLAN, saved("start"), RAN, kept(7)],
+        [PLAN, saved("x"), RAN, kept(3), saved("y"), PLAN, saved("start"), RAN, kept(7)],
+        [PLAN, saved("start"), RAN, saved("worked"), RAN, kept(7)],  # merged into one program and run again
+        [PLAN, saved("start"), RAN, saved("y"), PLAN, RAN, kept(7)],  # corrected, and planned once more as before
+        [PLAN, saved("start"), RAN, saved("y"), PLAN, RAN, saved("worked"), RAN, kept(7)],  # both
+    ],
+)
+def test_the_start_is_the_world_when_the_subtask_began(effects):
+    assert start_of(history(*effects), 7) == b"start"
+
+
+def test_a_log_without_worlds_has_no_start():
+    assert start_of(history(PLAN, saved(""), RAN, kept(7)), 7) is None
+    assert start_of(history(PLAN, saved("start"), RAN, kept(7)), 8) is None
+
+
+def template(code: str, key: str = "PLACE(cup, shelf)") -> Entry:
+    with Skillbook("sqlite://") as one:
+        return one.add_template(one.record_feedback("", "ana", subtask=key, kind="approval"), Key.parse(key), code)
+
+
+@pytest.mark.parametrize(
+    ("head", "call"),
+    [
+        ("thing, place, gap=0.1", "f('cup', 'shelf')"),
+        ("thing='mug', gap=0.1", "f()"),
+        ("thing, *, place", "f('cup', place='shelf')"),
+    ],
+)
+def test_parameters_without_a_default_are_the_things_of_the_subtask(head, call):
+    assert program(template(f"def f({head}):\n    look()\n")).endswith(f"\n\n\n{call}\n")
+
+
+def test_a_function_that_needs_more_than_names_cannot_be_run():
+    with pytest.raises(CannotRetest, match="needs more"):
+        program(template("def f(thing, place, height):\n    look()\n"))
