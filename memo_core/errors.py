@@ -53,6 +53,21 @@ class BackendUnavailable(MemoError):
 
 
 @attrs.define(auto_exc=True, eq=False)
+class RobotFault(MemoError):
+    """A real robot that can no longer be commanded. It ends the program and the run: no code may go on, and nothing is
+    recovered unasked. ``fault`` is a word for programs, such as ``reflex`` or ``user-stop``; ``remedy`` says what a
+    person has to do."""
+
+    robot: str
+    fault: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"robot {self.robot!r}: {self.problem} ({self.remedy})"
+
+
+@attrs.define(auto_exc=True, eq=False)
 class InvalidArgument(MemoError):
     """An invalid argument; says what would be valid."""
 

@@ -26,7 +26,7 @@ from pydantic_monty import (
     NameLookupSnapshot,
 )
 
-from memo_core.errors import InvalidArgument, MemoError, Stopped, UnknownName
+from memo_core.errors import InvalidArgument, MemoError, RobotFault, Stopped, UnknownName
 from memo_core.events import SkillCalled
 from memo_core.sandbox import prelude
 from memo_core.sandbox.check_process import Checker
@@ -126,8 +126,8 @@ class Sandbox:
         ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
         milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
         piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code; ``wall_seconds`` is what
-        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code; any
-        other exception is a bug in MEMO: the worker is killed and the exception is raised here."""
+        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code; a
+        ``RobotFault``, and any other exception, a bug in MEMO, kills the worker and is raised here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:
@@ -290,6 +290,10 @@ class _Run:
             result = result_for_sandbox(skill.function(self._control, **arguments))
         except Stopped:
             self._note(SkillCalled(name, arguments, error="stopped"))
+            raise
+        except RobotFault as fault:
+            self._note(SkillCalled(name, arguments, error=" ".join(str(fault).split())))
+            self._watch.kill()
             raise
         except MemoError as error:
             message = " ".join(str(error).split())

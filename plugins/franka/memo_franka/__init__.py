@@ -1,1 +1,1 @@
-"""Franka's Panda and Research 3 for MEMO: descriptions and gripper."""
+"""Franka's Panda and Research 3 for MEMO: descriptions, driver, and a double of the control box."""

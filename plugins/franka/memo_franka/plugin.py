@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import Backend
+from memo_core.interfaces.backend import Backend, Needs
 from memo_franka.configured import FR3Settings, PandaSettings, configured
+from memo_franka.settings import FrankaSettings, HandSettings
 
 
 @hookimpl
@@ -25,4 +28,47 @@ def memo_robots() -> list[Backend]:
             factory=configured,
             config=FR3Settings,
         ),
+    ]
+
+
+def _driver(settings: FrankaSettings) -> Any:
+    from memo_franka.driver import FrankaDriver
+
+    return FrankaDriver(settings)
+
+
+def _hand(settings: HandSettings) -> Any:
+    from memo_franka.hand import FrankaHand
+
+    return FrankaHand(settings)
+
+
+_FRANKY = Needs(modules={"franky": "memo-franka[hardware]"})
+
+
+@hookimpl
+def memo_robot_drivers() -> list[Backend]:
+    return [
+        Backend(
+            kind="robot_driver",
+            name="franka",
+            summary="a real Franka arm with its Hand, over franky-control; never tried on a real one",
+            factory=_driver,
+            config=FrankaSettings,
+            needs=_FRANKY,
+        )
+    ]
+
+
+@hookimpl
+def memo_gripper_drivers() -> list[Backend]:
+    return [
+        Backend(
+            kind="gripper_driver",
+            name="franka-hand",
+            summary="a Franka Hand whose arm another driver moves; never tried on a real one",
+            factory=_hand,
+            config=HandSettings,
+            needs=_FRANKY,
+        )
     ]

@@ -1,0 +1,315 @@
+"""The driver of a real Franka arm, over franky-control: position targets streamed as short-lived joint velocities.
+
+Each target becomes a velocity waypoint that lives for 60 ms and is followed by one of rest: v = (target - the one
+before) / period + gain (the one before - q_d). The client library keeps acceleration and jerk within their limits;
+where no new waypoint comes, the arm brakes by itself. The link paces itself on the robot's clock, never on the wall's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+
+from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault
+from memo_core.interfaces.driver import GripperDriver, RobotDriver
+from memo_core.interfaces.link import Health, Link
+from memo_core.interfaces.simulator import Simulator
+from memo_core.robot.description import RobotDescription
+from memo_core.scene.pose import Array
+from memo_franka.faults import fault, fault_of_error, fault_of_state
+from memo_franka.hand import FrankaHand, import_franky
+from memo_franka.settings import FrankaSettings, HandSettings
+
+_GAIN = 10.0  # 1/s
+_LIFE_MS = 60  # of a velocity that nothing follows
+_SHARE = 0.95  # of the limits of acceleration and jerk that is used
+_STILL = 1e-4  # rad and rad/s: nothing is sent to an arm that stands where it should
+_REST_S = 0.5  # on the robot's clock, in which a halted arm comes to rest
+_POLL_S = 0.0005
+_TARE_STATES = 20
+
+
+class FrankaLink(Link):
+    """One arm with its gripper. One thread moves it; ``stop`` and ``health`` may come from any."""
+
+    feels_force = True
+
+    def __init__(self, settings: FrankaSettings, robot: RobotDescription, gripper: GripperDriver) -> None:
+        super().__init__(robot)
+        self._settings = settings
+        self._gripper = gripper
+        self._franky: Any = None
+        self._robot: Any = None
+        self._state: Any = None  # the last one
+        self._fault: RobotFault | None = None
+        self._lower = np.array([joint.lower for joint in robot.joints])
+        self._upper = np.array([joint.upper for joint in robot.joints])
+        self._targets = np.array(robot.home)
+        self._fastest = np.array([joint.velocity for joint in robot.joints])  # rad/s
+        self._due = 0.0  # s on the robot's clock, at which the next command is due
+        self._tare = np.zeros(6)
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        """Connect, check, set limits, collision thresholds and load. Nothing moves, nothing is recovered. Raises
+        ``BackendUnavailable`` without the client library, else ``RobotFault``."""
+        self._franky = import_franky()
+        self._fault = None
+        try:
+            self._robot = self._connected()
+            self._read()
+            wrong = fault_of_state(self._settings.address, self._state)
+            if wrong is not None:
+                raise wrong
+            self._set_up()
+            self._gripper.open(self.description.gripper)
+        except BaseException:
+            self.close()
+            raise
+        self._begin()
+
+    def _connected(self) -> Any:
+        franky, config = self._franky, self._franky.RealtimeConfig
+        kernel = Path("/sys/kernel/realtime")
+        realtime = kernel.is_file() and kernel.read_text().strip() == "1"
+        enforce = self._settings.realtime == "enforce" or (self._settings.realtime == "auto" and realtime)
+        if self._settings.realtime == "auto" and not realtime:
+            told = "this computer's kernel is not real-time (PREEMPT_RT): motions may end in lost packets at any moment"
+            warnings.warn(told, RuntimeWarning, stacklevel=2)
+        try:
+            return franky.Robot(self._settings.address, realtime_config=config.Enforce if enforce else config.Ignore)
+        except franky.RealtimeException as error:
+            remedy = "a PREEMPT_RT kernel and rtprio for your user, or robot.realtime=ignore"
+            raise BackendUnavailable("robot_driver", "franka", " ".join(str(error).split()), remedy) from error
+        except Exception as error:
+            raise fault_of_error(self._settings.address, error) from error
+
+    def _set_up(self) -> None:
+        robot, settings = self._robot, self._settings
+        joints = self.description.joints
+        positions = np.array(self._state.q)
+        if (outside := (positions < self._lower) | (positions > self._upper)).any():
+            worst = int(np.argmax(outside))
+            raise fault(settings.address, "outside", f"{joints[worst].name} at {positions[worst]:.3f} rad")
+        # A wheel that was built for another arm offers that one's limits: never more than either's.
+        for name, limit in (("acceleration", robot.joint_acceleration_limit), ("jerk", robot.joint_jerk_limit)):
+            limit.set(np.minimum([_SHARE * getattr(joint, name) for joint in joints], limit.max))
+        self._fastest = np.minimum([joint.velocity for joint in joints], robot.joint_velocity_limit.max)
+        robot.joint_velocity_limit.set(self._fastest)
+        try:
+            robot.set_collision_behavior(settings.collision_torque, settings.collision_force)
+            if settings.load_mass > 0:
+                robot.set_load(settings.load_mass, settings.load_centre, np.zeros((3, 3)))
+        except Exception as error:
+            raise self._failed(error) from error
+
+    def _begin(self) -> None:
+        """Start from where the robot says that it is meant to be."""
+        self._read()
+        self._targets = np.array(self._state.q_d)
+        self._due = self._now
+        felt = []
+        for _ in range(_TARE_STATES):
+            self._read()
+            felt.append(self._state.O_F_ext_hat_K)
+        self._tare = np.mean(felt, axis=0)
+
+    def close(self) -> None:
+        if self._robot is not None and self._fault is None and self._state is not None:
+            with contextlib.suppress(RobotFault):
+                self._rest()
+        self._gripper.close()
+        self._robot = None
+
+    def health(self) -> Health:
+        if self._robot is None:
+            return Health(False, f"not connected to {self._settings.address}")
+        if self._fault is not None:
+            return Health(False, str(self._fault))
+        gripper = self._gripper.health()
+        if not gripper.ready:
+            return Health(False, gripper.problem)
+        measures = {"time": self._now, "success_rate": float(self._state.control_command_success_rate)}
+        return attrs.evolve(super().health(), measures=measures)
+
+    def stop(self) -> None:
+        super().stop()
+        self._gripper.stop()
+
+    def release(self) -> None:
+        """Raises ``RobotFault`` where the robot has one: the stop stays latched."""
+        self._check()
+        super().release()
+
+    def recover(self) -> None:
+        """Ask the control box to leave its error, for a person who has looked. Raises ``RobotFault``."""
+        try:
+            self._robot.recover_from_errors()
+        except Exception as error:
+            raise fault_of_error(self._settings.address, error) from error
+        self._fault = None
+        self._read()
+        if (wrong := fault_of_state(self._settings.address, self._state)) is not None:
+            raise self._latched(wrong)
+        self._begin()
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+    def send(self, targets: Array) -> None:
+        self.check_stop("moving")
+        self._stream(targets)
+
+    def halt(self, targets: Array) -> None:
+        for row in targets:
+            self._stream(row)
+        self._rest()
+
+    def set_gripper(self, width: float, force: float) -> None:
+        self.check_stop("moving the fingers")
+        gripper = self.description.gripper
+        self._gripper.move(float(np.clip(width, 0.0, gripper.stroke)), float(np.clip(force, 0.0, gripper.max_force)))
+
+    def _stream(self, targets: Array) -> None:
+        """Head for targets (n,) and let a control period of the robot's clock pass."""
+        self._check()
+        row = np.array(targets, dtype=float)
+        if row.shape != self._targets.shape or not np.isfinite(row).all():
+            raise InvalidArgument("targets", f"are {targets}", f"{len(self._targets)} finite numbers")
+        state = self._read()
+        ahead = (row - self._targets) / self.control_period
+        if (np.abs(ahead) > self._fastest).any():
+            joint = int(np.argmax(np.abs(ahead) / self._fastest))
+            problem = f"{self.description.joints[joint].name} would have to move at {abs(ahead[joint]):.1f} rad/s"
+            raise InvalidArgument("targets", problem, f"steps of at most {self._fastest[joint]:.2f} rad/s")
+        velocity = np.clip(ahead + _GAIN * (self._targets - np.array(state.q_d)), -self._fastest, self._fastest)
+        moving = np.abs(velocity).max() > _STILL or np.abs(state.dq_d).max() > _STILL
+        self._targets = row
+        if moving:
+            self._move(velocity)
+        self._wait()
+
+    def _move(self, velocity: Array) -> None:
+        franky, waypoint = self._franky, self._franky.JointVelocityWaypoint
+        life = franky.Duration(_LIFE_MS)
+        motion = franky.JointVelocityWaypointMotion(
+            [waypoint(velocity, hold_target_duration=life), waypoint(np.zeros(len(velocity)))]
+        )
+        try:
+            self._robot.move(motion, asynchronous=True)
+        except Exception as error:
+            raise self._failed(error) from error
+
+    def _wait(self) -> None:
+        """Until the next command is due; after a pause the clock starts anew."""
+        period = self.control_period
+        self._due = self._due + period if self._now < self._due + 2 * period else self._now + period
+        while self._now < self._due - 1e-6:
+            time.sleep(_POLL_S)
+            self._read()
+
+    def _rest(self) -> None:
+        """Hold the last target until the arm is at rest and its motion has ended."""
+        end = self._now + _REST_S
+        while self._now < end and (np.abs(self._state.dq_d).max() > _STILL or self._robot.is_in_control):
+            self._wait()
+
+    # -- state ---------------------------------------------------------------------------------------------------------
+    @property
+    def _now(self) -> float:
+        return float(self._state.time.to_sec())
+
+    def _read(self) -> Any:
+        """The robot's state. Raises ``RobotFault`` where it has one, or none comes."""
+        before = self._state
+        since = time.monotonic()
+        while True:
+            try:
+                if self._robot.is_in_control is False and self._robot.has_errors:
+                    self._robot.poll_motion()
+                self._state = self._robot.state
+            except Exception as error:
+                raise self._failed(error) from error
+            if before is None or self._state.time.to_msec() != before.time.to_msec():
+                break
+            stood = time.monotonic() - since
+            if stood > self._settings.clock_timeout_s:
+                raise self._latched(fault(self._settings.address, "clock", f"{stood:.1f} s"))
+            time.sleep(_POLL_S)
+        if (wrong := fault_of_state(self._settings.address, self._state)) is not None and before is not None:
+            raise self._latched(wrong)
+        return self._state
+
+    def _check(self) -> None:
+        if self._robot is None:
+            raise BackendUnavailable("robot", self._settings.address, "the link is not open", "open()")
+        if self._fault is not None:
+            raise self._fault
+
+    def _failed(self, error: Exception) -> RobotFault:
+        """What an exception of the client library was about: the robot's own state says it best, where it answers."""
+        if isinstance(error, RobotFault):
+            return self._latched(error)
+        wrong = fault_of_error(self._settings.address, error)
+        if wrong.fault in ("reflex", "ended", "user-stop"):
+            try:
+                wrong = fault_of_state(self._settings.address, self._robot.state) or wrong
+            except Exception as further:
+                wrong = fault_of_error(self._settings.address, further)
+        return self._latched(wrong)
+
+    def _latched(self, wrong: RobotFault) -> RobotFault:
+        self._fault = self._fault or wrong
+        return self._fault
+
+    def joint_positions(self) -> Array:
+        return np.array(self._read().q)
+
+    def joint_velocities(self) -> Array:
+        return np.array(self._read().dq)
+
+    def joint_targets(self) -> Array:
+        return self._targets.copy()
+
+    def gripper_width(self) -> float:
+        return self._gripper.width()
+
+    def holding(self) -> bool:
+        return self._gripper.holding()
+
+    def contact_wrench(self) -> Array:
+        """As the world exerts it; the stiffness frame K is the tool's. What was felt when the link was opened is taken
+        off."""
+        return self._settings.force_sign * (np.array(self._read().O_F_ext_hat_K) - self._tare)
+
+    def time(self) -> float:
+        return float(self._read().time.to_sec())
+
+    def checkpoint(self) -> bytes:
+        raise BackendUnavailable(
+            "robot", self._settings.address, "hardware cannot be restored", "put things back by hand"
+        )
+
+    def restore(self, checkpoint: bytes) -> None:
+        self.checkpoint()
+
+
+class FrankaDriver(RobotDriver):
+    """Makes links to the arm at an address; its Hand is moved too, unless another gripper driver is configured."""
+
+    def __init__(self, settings: FrankaSettings) -> None:
+        self._settings = settings
+
+    @property
+    def address(self) -> str:
+        return self._settings.address
+
+    def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
+        if len(robot.joints) != 7:
+            raise InvalidArgument("robot.driver", f"{robot.name!r} has {len(robot.joints)} joints", "panda or fr3")
+        own = FrankaHand(HandSettings(self._settings.address)) if gripper.included else gripper
+        return FrankaLink(self._settings, robot, own)

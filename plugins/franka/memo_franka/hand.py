@@ -1,0 +1,162 @@
+"""The Franka Hand as a gripper driver, over franky. Its calls block, so that they run in a thread of their own.
+
+``move`` into an object would stall for a minute, and ``stop`` is unreliable: the fingers close with ``grasp``, its
+tolerance as wide as the stroke, and a call that takes longer than its deadline is reported instead of waited for.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+import time
+from typing import Any
+
+from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.interfaces.driver import GripperDriver
+from memo_core.interfaces.link import Health
+from memo_core.robot.description import GripperDescription
+from memo_franka.faults import fault_of_error
+from memo_franka.settings import HandSettings
+
+_POLL_S = 0.02  # between two states that are read while nothing is commanded
+_CLOSED = 0.001  # m
+
+
+class FrankaHand(GripperDriver):
+    """One Hand. Its motions are begun by a thread that waits for them; the newest command counts."""
+
+    def __init__(self, settings: HandSettings) -> None:
+        self._settings = settings
+        self._gripper = GripperDescription()
+        self._hand: Any = None
+        self._wanted: queue.SimpleQueue[tuple[float, float] | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._closing = threading.Event()
+        self._stopping = threading.Event()
+        self._since = 0.0  # when the call that is not answered yet began; 0 where none is
+        self._width, self._grasped = 0.0, False
+        self._problem = "it is not open"
+
+    def open(self, gripper: GripperDescription) -> None:
+        franky = import_franky()
+        self._gripper = gripper
+        try:
+            self._hand = franky.Gripper(self._settings.address)
+            state = self._hand.state
+        except Exception as error:
+            self._hand = None
+            raise fault_of_error(self._settings.address, error) from error
+        self._width, self._grasped = state.width, state.is_grasped
+        if state.max_width < gripper.stroke - 0.005:
+            self._hand = None
+            problem = f"the Hand at {self._settings.address} opens {state.max_width:.3f} m: it was never homed"
+            remedy = f"home it in Desk; the description says {gripper.stroke:.3f} m"
+            raise BackendUnavailable("gripper_driver", "franka-hand", problem, remedy)
+        self._problem = ""
+        self._closing.clear()
+        self._stopping.clear()
+        self._threads = [
+            threading.Thread(target=one, name=one.__name__, daemon=True) for one in (self._work, self._watch)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        if self._hand is None:
+            return
+        self._closing.set()
+        self._wanted.put(None)
+        for thread in self._threads:
+            thread.join(1.0)  # one that waits for a stuck Hand is left behind
+        self._hand, self._problem = None, "it is not open"
+
+    def health(self) -> Health:
+        if not self._problem and self._since and time.monotonic() - self._since > self._settings.deadline_s:
+            late = f"the Hand did not end its motion within {self._settings.deadline_s:g} s; free its fingers, home it"
+            return Health(False, late)
+        return Health(not self._problem, self._problem, {"width": self._width})
+
+    def move(self, width: float, force: float) -> None:
+        gripper = self._gripper
+        if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
+            raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
+        if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
+            raise InvalidArgument("force", f"is {force} N", f"at most {gripper.max_force} N")
+        if self._hand is None:
+            raise BackendUnavailable("gripper_driver", "franka-hand", "it is not open", "open()")
+        self._stopping.clear()
+        self._interrupt()
+        self._wanted.put((width, force))
+
+    def stop(self) -> None:
+        self._stopping.set()  # only a flag: this may be called by a signal handler; the watching thread sends it
+
+    def width(self) -> float:
+        return self._width
+
+    def holding(self) -> bool:
+        return self._grasped and self._width > _CLOSED
+
+    # -- in threads of their own ---------------------------------------------------------------------------------------
+    def _work(self) -> None:
+        """Begin what is wanted and wait for its end; of several wishes the newest."""
+        while (wanted := self._wanted.get()) is not None:
+            while not self._wanted.empty():
+                newer = self._wanted.get()
+                if newer is None:
+                    return
+                wanted = newer
+            if self._stopping.is_set():
+                continue
+            self._since = time.monotonic()
+            try:
+                self._perform(*wanted)
+                self._problem = ""
+            except Exception as error:
+                if type(error).__name__ != "CommandException":  # that one is a motion which was stopped
+                    self._problem = str(fault_of_error(self._settings.address, error))
+            self._since = 0.0
+
+    def _perform(self, width: float, force: float) -> None:
+        speed = self._gripper.speed
+        if width < self._width - _CLOSED:
+            stroke = self._gripper.stroke
+            self._hand.grasp(width, speed, force, epsilon_inner=stroke, epsilon_outer=stroke)
+        else:
+            self._hand.move(width, speed)
+
+    def _watch(self) -> None:
+        """Keep the last state, and hand on a stop."""
+        sent = False
+        while not self._closing.wait(_POLL_S):
+            stopping = self._stopping.is_set()
+            if stopping and not sent:
+                self._interrupt()
+            sent = stopping
+            try:
+                state = self._hand.state
+            except Exception as error:
+                self._problem = str(fault_of_error(self._settings.address, error))
+                return
+            self._width, self._grasped = state.width, state.is_grasped
+
+    def _interrupt(self) -> None:
+        """End the motion at hand, if there is one."""
+        if not self._since or self._hand is None:
+            return
+        try:
+            self._hand.stop()
+        except Exception as error:
+            if type(error).__name__ != "CommandException":
+                self._problem = str(fault_of_error(self._settings.address, error))
+
+
+def import_franky() -> Any:
+    """The client library. Raises ``BackendUnavailable`` with the command that installs it."""
+    try:
+        import franky
+    except ImportError as error:
+        remedy = "pip install 'plugins/franka[hardware]' in the checkout (franky-control)"
+        raise BackendUnavailable("robot_driver", "franka", f"franky cannot be imported: {error}", remedy) from error
+    return franky

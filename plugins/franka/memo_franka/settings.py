@@ -1,0 +1,53 @@
+"""Settings of the driver and of the Hand."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+from attrs.validators import ge, gt, in_
+
+
+@attrs.frozen
+class FrankaSettings:
+    """Settings of the driver."""
+
+    address: str = attrs.field(default="172.16.0.2", metadata={"help": "network address of the control box"})
+    realtime: Literal["auto", "enforce", "ignore"] = attrs.field(
+        default="auto",
+        metadata={"help": "auto: real-time priority where the kernel has it, else a warning; enforce: refuse without"},
+    )
+    collision_force: float = attrs.field(
+        default=40.0, validator=gt(0.0), metadata={"help": "N on the hand at which the control box ends a motion"}
+    )
+    collision_torque: float = attrs.field(
+        default=30.0, validator=gt(0.0), metadata={"help": "Nm on a joint at which the control box ends a motion"}
+    )
+    load_mass: float = attrs.field(
+        default=0.0, validator=ge(0.0), metadata={"help": "kg beyond the hand that Desk knows, such as a camera"}
+    )
+    load_centre: list[float] = attrs.field(
+        factory=lambda: [0.0, 0.0, 0.0], metadata={"help": "its centre of mass in the flange's frame, m"}
+    )
+    force_sign: float = attrs.field(
+        default=-1.0,
+        validator=in_((-1.0, 1.0)),
+        metadata={"help": "-1: the arm tells the force that it exerts, 1: the one that it feels; push it to find out"},
+    )
+    clock_timeout_s: float = attrs.field(
+        default=0.1,
+        validator=gt(0.0),
+        metadata={"help": "seconds that the robot's clock may stand still, by the clock on the wall"},
+    )
+
+
+@attrs.frozen
+class HandSettings:
+    """Settings of the Franka Hand."""
+
+    address: str = attrs.field(default="172.16.0.2", metadata={"help": "network address of the arm it is mounted on"})
+    deadline_s: float = attrs.field(
+        default=5.0,
+        validator=attrs.validators.gt(0.0),
+        metadata={"help": "seconds after which a motion of the fingers that has not ended is a fault"},
+    )

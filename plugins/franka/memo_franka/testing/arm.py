@@ -1,0 +1,143 @@
+"""The arm behind the double: what it is commanded, what it does, and the limits that end a motion.
+
+Time goes in ticks of 1 ms. Commanded joint velocities are integrated to the desired state (q_d, dq_d), after the
+control box's checks of position, velocity, acceleration and jerk; a body then follows it. Without a scene the body is
+ideal but for what pushes it; in a scene a simulator moves it (``SceneBody``).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.wrench import WrenchEstimate
+from memo_core.interfaces.simulator import Simulator
+from memo_core.robot.description import RobotDescription
+from memo_core.scene.pose import Array
+from memo_franka.testing.wire import Error
+
+DT = 0.001  # s
+_SLACK = 1.05  # of the limits, for the rounding of differences of differences
+_STIFFNESS = 3000.0  # Nm/rad with which the ideal body resists a push
+
+
+class Body(Protocol):
+    """What the desired state moves. ``force`` is what the world exerts on the tool, N and Nm, base axes, shape (6,)."""
+
+    q: Array
+    dq: Array
+    force: Array
+
+    def tick(self, q_d: Array, dq_d: Array) -> None: ...
+
+
+class IdealBody:
+    """An arm without a scene. ``push`` is a force on the tool (N), base axes, shape (3,)."""
+
+    def __init__(self, robot: RobotDescription) -> None:
+        self._kinematics = Kinematics(robot)
+        self.q = np.array(robot.home)
+        self.dq = np.zeros(len(robot.home))
+        self.force = np.zeros(6)
+        self.push = np.zeros(3)
+
+    def tick(self, q_d: Array, dq_d: Array) -> None:
+        self.force[:3] = self.push
+        give = np.zeros_like(q_d)
+        if self.push.any():
+            give = jacobian(self._kinematics, q_d).T[:, :3] @ self.push / _STIFFNESS
+        self.q, self.dq = q_d + give, dq_d.copy()
+
+
+class SceneBody:
+    """The robot in a built simulator, which is ticked once in each of its control periods."""
+
+    def __init__(self, simulator: Simulator, robot: RobotDescription) -> None:
+        self.simulator = simulator
+        self._lag = np.array([joint.kv / joint.kp for joint in robot.joints])
+        self._wrench = WrenchEstimate(Kinematics(robot), simulator.control_period)
+        self._every = round(simulator.control_period / DT)
+        self._ticks = 0
+        self.q, self.dq = simulator.joint_positions().copy(), simulator.joint_velocities().copy()
+        self.force = np.zeros(6)
+
+    def tick(self, q_d: Array, dq_d: Array) -> None:
+        self._ticks += 1
+        if self._ticks % self._every:
+            self.q = self.q + self.dq * DT
+            return
+        simulator = self.simulator
+        simulator.command_joints(q_d + self._lag * dq_d)
+        simulator.tick()
+        self.q, self.dq = simulator.joint_positions().copy(), simulator.joint_velocities().copy()
+        self.force = self._wrench.at(
+            simulator.time, self.q, self.dq, simulator.joint_accelerations(), simulator.joint_torques()
+        )
+
+
+def jacobian(kinematics: Kinematics, joints: Array) -> Array:
+    """Of the tool, linear over angular, base axes, shape (6, n)."""
+    from memo_core.arm.wrench import ToolDynamics
+
+    return ToolDynamics(kinematics).jacobian(joints)
+
+
+class Arm:
+    """The desired state, within the limits of the description. ``violations`` counts what broke them."""
+
+    def __init__(self, robot: RobotDescription, body: Body) -> None:
+        self.body = body
+        self.kinematics = Kinematics(robot)
+        self.lower, self.upper = self.kinematics.lower, self.kinematics.upper
+        self.q_d = body.q.copy()
+        self.dq_d = np.zeros_like(self.q_d)
+        self.ddq_d = np.zeros_like(self.q_d)
+        self.violations: list[Error] = []
+
+    @property
+    def resting(self) -> bool:
+        return not self.dq_d.any() and not self.ddq_d.any()
+
+    def hold(self) -> None:
+        """One tick of standing still."""
+        self.dq_d[:] = self.ddq_d[:] = 0.0
+        self.body.tick(self.q_d, self.dq_d)
+
+    def follow(self, velocity: Array) -> Error | None:
+        """One tick at commanded velocities (n,), or what is wrong with them; then nothing has moved."""
+        k = self.kinematics
+        acceleration = (velocity - self.dq_d) / DT
+        jerk = (acceleration - self.ddq_d) / DT
+        q = self.q_d + velocity * DT
+        wrong = None
+        if not np.isfinite(velocity).all() or (np.abs(velocity) > k.velocity * _SLACK).any():
+            wrong = Error.GENERATOR_VELOCITY_LIMITS
+        elif (np.abs(acceleration) > k.acceleration * _SLACK).any():
+            wrong = Error.GENERATOR_VELOCITY_DISCONTINUITY
+        elif (np.abs(jerk) > k.jerk * _SLACK).any():
+            wrong = Error.GENERATOR_ACCELERATION_DISCONTINUITY
+        elif ((q < self.lower) | (q > self.upper)).any():
+            wrong = Error.GENERATOR_POSITION_LIMITS
+        if wrong is not None:
+            self.violations.append(wrong)
+            return wrong
+        self.q_d, self.dq_d, self.ddq_d = q, velocity.copy(), acceleration
+        self.body.tick(self.q_d, self.dq_d)
+        return None
+
+    def jump(self, positions: Array) -> Error | None:
+        """One tick at commanded positions (n,), by the same checks."""
+        return self.follow((positions - self.q_d) / DT)
+
+    def brake(self) -> None:
+        """One tick of decelerating as hard as the limits allow, without their jerk at the end: brakes are abrupt."""
+        step = self.kinematics.acceleration * DT
+        velocity = self.dq_d - np.clip(self.dq_d, -step, step)
+        self.ddq_d = (velocity - self.dq_d) / DT
+        self.dq_d = velocity
+        self.q_d = self.q_d + velocity * DT
+        if not velocity.any():
+            self.ddq_d[:] = 0.0
+        self.body.tick(self.q_d, self.dq_d)

@@ -1,0 +1,444 @@
+"""A double of the control box: the Franka control interface on loopback, for unmodified client libraries.
+
+It checks what a control box checks (modes, limits, lost packets, collisions) and ends motions as one does. Its pace is
+*elastic*: a tick is never shorter than 1 ms, and in motion it waits for the command that answers its last state, so
+that a busy computer slows the robot's clock instead of losing packets. Faults are injected by calling its methods.
+
+    with ControlBox(fr3(), "127.0.0.2") as box:
+        …                        # franky.Robot("127.0.0.2") connects
+        box.push([0, 0, 40])     # somebody pushes the hand
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import numpy as np
+
+from memo_core.arm.wrench import ToolDynamics
+from memo_core.robot.description import RobotDescription
+from memo_franka.testing.arm import DT, Arm, Body, IdealBody
+from memo_franka.testing.hand import HandDouble
+from memo_franka.testing.model import arm_urdf
+from memo_franka.testing.wire import (
+    COMMAND,
+    CONNECT,
+    HEADER,
+    MOVE,
+    PORT,
+    REJECTED,
+    STATE,
+    VERSION,
+    Command,
+    Controller,
+    Error,
+    Generator,
+    MoveStatus,
+    RobotMode,
+)
+
+LOST_PACKETS = 20  # in a row, at which a motion ends
+_IDENTITY = np.eye(4).ravel()
+
+
+class ControlBox:
+    """The double of one arm's control box. ``robot`` names the arm; ``body`` is what it moves, by default an ideal arm.
+
+    ``version`` is what it answers a client with; another than 10 refuses today's libraries, as a Panda's box does.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        address: str = "127.0.0.2",
+        body: Body | None = None,
+        version: int = VERSION,
+        patience_s: float = 2.0,
+        hand: HandDouble | None = None,
+    ) -> None:
+        """``hand`` goes by this box's clock. ``patience_s``: after which, by the clock on the wall, a state that is not
+        answered counts as 20 lost packets."""
+        self.robot = robot
+        self.address = address
+        self.version = version
+        self.body: Body = body or IdealBody(robot)
+        self.arm = Arm(robot, self.body)
+        self.hand = hand
+        if hand is not None:
+            hand.driven = True
+        self.mode = RobotMode.IDLE
+        self.recoveries = 0
+        self.ticks = 0
+        self.rested_at = 0  # tick at which the arm came to rest last
+        self._patience_s = patience_s
+        self._dynamics = ToolDynamics(self.arm.kinematics)
+        self._urdf = arm_urdf(robot)
+        self._state = np.zeros(1, STATE)[0]
+        self._errors = np.zeros(41, bool)
+        self._reflex = np.zeros(41, bool)
+        self._force_limit, self._torque_limit = np.full(6, 30.0), np.full(7, 20.0)
+        self._ne_to_ee, self._ee_to_k = _IDENTITY.copy(), _IDENTITY.copy()
+        self._generator, self._controller = Generator.IDLE, Controller.OTHER
+        self._move_id: int | None = None
+        self._answered = False  # whether a command of this motion has come
+        self._lost = 0
+        self._to_lose = 0
+        self._frozen = False
+        self._running = False
+        self._thread: threading.Thread | None = None
+        self._inbox: deque[Callable[[], None]] = deque()
+        self._client: socket.socket | None = None
+        self._peer = ("", 0)
+        self._received = b""
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def start(self) -> None:
+        self._listener = socket.create_server((self.address, PORT), backlog=1)
+        self._listener.setblocking(False)
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._udp.bind((self.address, 0))
+        self._udp.setblocking(False)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="control box", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Idempotent."""
+        self._running = False
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def __enter__(self) -> ControlBox:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    # -- faults: each takes effect before the next tick ----------------------------------------------------------------
+    def push(self, force: Sequence[float]) -> None:
+        """Somebody pushes the hand of an ideal arm with ``force`` (N), base axes, until called again."""
+        assert isinstance(self.body, IdealBody)
+        pushed = self.body
+        self._inject(lambda: setattr(pushed, "push", np.array(force, dtype=float)))
+
+    def user_stop(self, pressed: bool) -> None:
+        """The external activation device."""
+        self._inject(lambda: self._enter(RobotMode.USER_STOPPED if pressed else RobotMode.IDLE))
+
+    def brakes(self, shut: bool) -> None:
+        self._inject(lambda: self._enter(RobotMode.OTHER if shut else RobotMode.IDLE))
+
+    def guide(self, guided: bool) -> None:
+        """Somebody presses the guiding buttons."""
+        self._inject(lambda: self._enter(RobotMode.GUIDING if guided else RobotMode.IDLE))
+
+    def lose(self, packets: int) -> None:
+        """The next commands are not seen."""
+        self._inject(lambda: setattr(self, "_to_lose", packets))
+
+    def freeze(self, frozen: bool) -> None:
+        """No states are sent and nothing moves, but the connection stays."""
+        self._inject(lambda: setattr(self, "_frozen", frozen))
+
+    def _inject(self, happen: Callable[[], None]) -> None:
+        self._inbox.append(happen)
+        while self._running and happen in self._inbox:
+            time.sleep(DT)
+
+    def _enter(self, mode: RobotMode) -> None:
+        """A mode that somebody's hand brings about; a motion ends, the arm brakes."""
+        self._abort(MoveStatus.EMERGENCY_ABORTED if mode == RobotMode.USER_STOPPED else MoveStatus.ABORTED)
+        self.mode = mode
+
+    # -- running -------------------------------------------------------------------------------------------------------
+    def _run(self) -> None:
+        due = time.monotonic()
+        try:
+            while self._running:
+                self._serve()
+                self._accept()
+                while self._inbox:
+                    self._inbox[0]()
+                    self._inbox.popleft()
+                if not self._frozen:
+                    self._tick()
+                due = max(due + DT, time.monotonic())
+                time.sleep(max(0.0, due - time.monotonic()))
+        finally:
+            for one in (self._client, self._listener, self._udp):
+                if one is not None:
+                    one.close()
+            self._client = None
+
+    def _tick(self) -> None:
+        moved = not self.arm.resting
+        if self._move_id is not None:
+            self._move()
+        elif moved:
+            self.arm.brake()
+        else:
+            self.arm.hold()
+        if moved and self.arm.resting:
+            self.rested_at = self.ticks
+        self.ticks += 1
+        if self.hand is not None:
+            self.hand.advance(DT)
+        self._check_collision()
+        self._send_state()
+        if self._move_id is None:
+            self._drain()
+
+    def _move(self) -> None:
+        """One tick of a motion: the command that answers the last state, waited for."""
+        command = self._command()
+        if command is None and not self._answered:
+            self.arm.hold()
+            return
+        if command is None:
+            self._lost += 1
+            if self._lost >= LOST_PACKETS:
+                self._reflex_with(Error.COMMUNICATION_CONSTRAINTS)
+                self.arm.brake()
+            else:
+                self._follow(self.arm.dq_d.copy())
+            return
+        self._lost = 0
+        if self._generator == Generator.JOINT_VELOCITY:
+            self._follow(command["dq_c"])
+        else:
+            self._reject(self.arm.jump(command["q_c"]))
+        if self._move_id is not None and command["motion_generation_finished"]:
+            self._respond(Command.MOVE, self._move_id, bytes([MoveStatus.SUCCESS]))
+            self._end_motion()
+            self.mode = RobotMode.IDLE
+
+    def _follow(self, velocity: np.ndarray) -> None:
+        self._reject(self.arm.follow(velocity))
+
+    def _reject(self, wrong: Error | None) -> None:
+        if wrong is not None:
+            self._reflex_with(wrong)
+            self.arm.brake()
+
+    def _command(self) -> np.void | None:
+        """The answer to the last state; None where it is lost, or none of this motion has come yet."""
+        until = time.monotonic() + self._patience_s
+        while self._running and self._client is not None:
+            wait = until - time.monotonic() if self._answered else 0.0
+            if self._answered and wait <= 0:
+                self._lost = LOST_PACKETS
+                return None
+            ready, _, _ = select.select([self._udp, self._client], [], [], min(max(wait, 0.0), 0.02))
+            if self._client in ready:
+                self._serve()
+                if self._move_id is None:
+                    return None
+            if self._udp in ready:
+                data = self._udp.recv(4096)
+                if len(data) != COMMAND.itemsize:
+                    continue
+                command = np.frombuffer(data, COMMAND)[0]
+                if self._answered and command["message_id"] < self.ticks:
+                    continue
+                if self._to_lose:
+                    self._to_lose -= 1
+                    return None
+                self._answered = True
+                return command
+            if not self._answered:
+                return None
+        return None
+
+    def _drain(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._udp.recv(4096)
+
+    # -- ends of motions -----------------------------------------------------------------------------------------------
+    def _end_motion(self) -> None:
+        self._move_id = None
+        self._answered = False
+        self._lost = 0
+        self._generator, self._controller = Generator.IDLE, Controller.OTHER
+
+    def _abort(self, status: MoveStatus) -> None:
+        """The motion ends and the arm brakes."""
+        move, _ = self._move_id, self._end_motion()
+        if move is not None:
+            self._respond(Command.MOVE, move, bytes([status]))
+
+    def _reflex_with(self, error: Error) -> None:
+        self._errors[:] = False
+        self._errors[error] = True
+        self._reflex = self._errors.copy()
+        self.mode = RobotMode.REFLEX
+        self._abort(MoveStatus.REFLEX_ABORTED)
+
+    def _check_collision(self) -> None:
+        if self.mode not in (RobotMode.IDLE, RobotMode.MOVE):
+            return
+        force = self.body.force
+        if (np.abs(force) > self._force_limit).any():
+            self._reflex_with(Error.CARTESIAN_REFLEX)
+        elif force.any() and (np.abs(self._external_torque()) > self._torque_limit).any():
+            self._reflex_with(Error.JOINT_REFLEX)
+
+    def _external_torque(self) -> np.ndarray:
+        return self._dynamics.jacobian(self.body.q).T @ self.body.force
+
+    # -- states --------------------------------------------------------------------------------------------------------
+    def _send_state(self) -> None:
+        if self._client is None or not self._peer[1]:
+            return
+        state, arm, body = self._state, self.arm, self.body
+        state["message_id"] = self.ticks
+        state["q"], state["dq"], state["theta"], state["dtheta"] = body.q, body.dq, body.q, body.dq
+        state["q_d"], state["dq_d"], state["ddq_d"] = arm.q_d, arm.dq_d, arm.ddq_d
+        rotation, position = self._dynamics.placement(body.q)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, position
+        for name in ("O_T_EE", "O_T_EE_d", "O_T_EE_c"):
+            state[name] = pose.T.ravel()
+        state["F_T_NE"] = state["F_T_EE"] = self._flange_to_tool
+        state["NE_T_EE"], state["EE_T_K"] = self._ne_to_ee, self._ee_to_k
+        # The sign is that of the force which the robot exerts, as users report of the real one.
+        state["O_F_ext_hat_K"] = -body.force
+        state["K_F_ext_hat_K"] = np.concatenate([rotation.T @ -body.force[:3], rotation.T @ -body.force[3:]])
+        state["tau_ext_hat_filtered"] = self._external_torque() if body.force.any() else 0.0
+        state["m_ee"] = 0.73
+        state["motion_generator_mode"], state["controller_mode"] = self._generator, self._controller
+        state["errors"], state["reflex_reason"] = self._errors, self._reflex
+        state["robot_mode"] = self.mode
+        state["control_command_success_rate"] = 1.0 - self._lost / 100 if self._move_id is not None else 0.0
+        with contextlib.suppress(OSError):
+            self._udp.sendto(state.tobytes(), self._peer)
+
+    @property
+    def _flange_to_tool(self) -> np.ndarray:
+        pose = np.eye(4)
+        half = np.sqrt(0.5)
+        pose[:2, :2] = [[half, half], [-half, half]]
+        pose[2, 3] = 0.1034
+        return pose.T.ravel()
+
+    # -- commands over TCP ---------------------------------------------------------------------------------------------
+    def _accept(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            client, peer = self._listener.accept()
+            if self._client is not None:
+                client.close()  # one client at a time has the robot
+                return
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client, self._peer, self._received = client, (peer[0], 0), b""
+
+    def _serve(self) -> None:
+        if self._client is None:
+            return
+        try:
+            data = self._client.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._gone()
+            return
+        self._received += data
+        while len(self._received) >= HEADER.size:
+            command, number, size = HEADER.unpack_from(self._received)
+            if len(self._received) < size:
+                return
+            payload, self._received = self._received[HEADER.size : size], self._received[size:]
+            self._answer(Command(command), number, payload)
+
+    def _gone(self) -> None:
+        """The client has closed the connection, or died: the motion ends and the arm brakes."""
+        assert self._client is not None
+        self._client.close()
+        self._client, self._peer = None, ("", 0)
+        if self._move_id is not None:
+            self._end_motion()
+            self.mode = RobotMode.IDLE
+
+    def _answer(self, command: Command, number: int, payload: bytes) -> None:
+        if command == Command.CONNECT:
+            _, port = CONNECT.unpack(payload)
+            same = self.version == VERSION
+            self._peer = (self._peer[0], port if same else 0)
+            self._respond(command, number, bytes([not same]) + self.version.to_bytes(2, "little"))
+        elif command == Command.GET_ROBOT_MODEL:
+            self._respond(command, number, b"\0" + self._urdf.encode())
+        elif command == Command.MOVE:
+            self._begin_move(number, payload)
+        elif command == Command.STOP_MOVE:
+            self._abort(MoveStatus.PREEMPTED)
+            if self.mode == RobotMode.MOVE:
+                self.mode = RobotMode.IDLE
+            self._respond(command, number, b"\0")
+        elif command == Command.AUTOMATIC_ERROR_RECOVERY:
+            self._recover(number)
+        else:
+            self._respond(command, number, bytes([self._set(command, payload)]))
+
+    def _begin_move(self, number: int, payload: bytes) -> None:
+        controller, generator, *_ = MOVE.unpack(payload)
+        generators = (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
+        wanted = Generator(generator + 1)
+        if self.mode != RobotMode.IDLE or not self.arm.resting:
+            self._respond(Command.MOVE, number, bytes([MoveStatus.COMMAND_NOT_POSSIBLE]))
+            return
+        if wanted not in generators or controller > Controller.CARTESIAN_IMPEDANCE:
+            self._respond(Command.MOVE, number, bytes([MoveStatus.INPUT_ERROR_ABORTED]))
+            return
+        self._respond(Command.MOVE, number, bytes([MoveStatus.MOTION_STARTED]))
+        self._move_id, self._answered, self._lost = number, False, 0
+        self._generator, self._controller, self.mode = wanted, Controller(controller), RobotMode.MOVE
+        self._drain()
+
+    def _recover(self, number: int) -> None:
+        if self.mode not in (RobotMode.REFLEX, RobotMode.IDLE):
+            self._respond(Command.AUTOMATIC_ERROR_RECOVERY, number, bytes([REJECTED]))
+            return
+        while not self.arm.resting:
+            self.arm.brake()
+        self.recoveries += 1
+        self._errors[:] = False
+        self.mode = RobotMode.IDLE
+        self._respond(Command.AUTOMATIC_ERROR_RECOVERY, number, b"\0")
+
+    def _set(self, command: Command, payload: bytes) -> int:
+        """A setter; its status."""
+        if self.mode == RobotMode.MOVE:
+            return REJECTED
+        values = np.frombuffer(payload, "<f8", len(payload) // 8)
+        if command == Command.SET_COLLISION_BEHAVIOR:
+            self._torque_limit, self._force_limit = values[21:28].copy(), values[46:52].copy()
+        elif command == Command.SET_EE_TO_K:
+            self._ee_to_k = values.copy()
+        elif command == Command.SET_NE_TO_EE:
+            self._ne_to_ee = values.copy()
+        elif command == Command.SET_LOAD:
+            self._state["m_load"] = values[0]
+            self._state["F_x_Cload"], self._state["I_load"] = values[1:4], values[4:13]
+        return 0
+
+    def _respond(self, command: Command, number: int, payload: bytes) -> None:
+        if self._client is None:
+            return
+        message = HEADER.pack(command, number, HEADER.size + len(payload)) + payload
+        with contextlib.suppress(OSError):
+            self._client.setblocking(True)
+            self._client.sendall(message)
+            self._client.setblocking(False)
