@@ -274,7 +274,8 @@ class ControlBox:
 
     def _abort(self, status: MoveStatus) -> None:
         """The motion ends and the arm brakes."""
-        move, _ = self._move_id, self._end_motion()
+        move = self._move_id
+        self._end_motion()
         if move is not None:
             self._respond(Command.MOVE, move, bytes([status]))
 
