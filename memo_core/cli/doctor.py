@@ -171,7 +171,7 @@ def _try_embedder(registry: Registry) -> str:
 
 def _simulator(registry: Registry) -> Iterator[Finding]:
     """Physics and pictures are tried apart: a machine without GL libraries simulates all the same."""
-    from memo_core.testing.simulator import check_robot, check_scene
+    from memo_core.testing.simulator_scenes import check_robot, check_scene
 
     try:
         simulator = _made(registry, "simulator")

@@ -34,7 +34,7 @@ from memo_core.scene.description import (
     Slide,
 )
 from memo_core.scene.pose import Pose, look_at, quaternion_from_axis_angle
-from memo_core.testing.simulator import check_robot, check_scene
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 
 ROBOT = panda()
 CAMERA = Camera("front", look_at((1.5, -0.9, 0.9), (0.4, 0.0, 0.25)), resolution=(160, 120))
@@ -461,7 +461,7 @@ def test_without_opengl_a_recording_is_one_problem_and_the_run_goes_on(tmp_path,
 def test_an_opengl_that_does_not_exist_is_named(kind):
     code = """
 from memo_core.errors import BackendUnavailable
-from memo_core.testing.simulator import check_robot, check_scene
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 from memo_sim_mujoco.simulator import MujocoSimulator
 try:
     with MujocoSimulator() as simulator:

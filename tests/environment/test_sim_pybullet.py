@@ -20,7 +20,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription, Slide
 from memo_core.scene.hollow import cup
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
-from memo_core.testing.simulator import check_robot, check_scene
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 
 
 def built(scene: SceneDescription) -> PybulletSimulator:
@@ -163,7 +163,8 @@ def test_a_checkpoint_continues_in_another_process(tmp_path):
 import json, sys
 from pathlib import Path
 from memo_sim_pybullet.simulator import PybulletSimulator
-from memo_core.testing.simulator import _history, check_robot, check_scene
+from memo_core.testing.simulator import _history
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 with PybulletSimulator() as simulator:
     simulator.build(check_scene(), check_robot())
     if sys.argv[1] == "go":
@@ -188,7 +189,7 @@ def test_a_world_is_built_in_one_order_in_every_process():
     """The order of a set of names differs from process to process, and with it a can was crushed or not."""
     program = """
 import json
-from memo_core.testing.simulator import check_robot, check_scene
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 from memo_sim_pybullet.simulator import PybulletSimulator
 from memo_sim_pybullet.world import build_world
 class Told:
@@ -234,7 +235,8 @@ def test_the_grip_is_felt_whatever_the_fingers_inertia_looks_like():
 LOOK = """
 import json
 from memo_core.errors import BackendUnavailable
-from memo_core.testing.simulator import _history, check_robot, check_scene
+from memo_core.testing.simulator import _history
+from memo_core.testing.simulator_scenes import check_robot, check_scene
 from memo_sim_pybullet.simulator import PybulletSimulator
 with PybulletSimulator() as simulator:
     simulator.build(check_scene(), check_robot())

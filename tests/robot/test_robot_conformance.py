@@ -6,7 +6,7 @@ import pytest
 from memo_franka.description import panda
 
 from memo_core.testing.robot import RULES, check_robot_description, wrong_robots
-from memo_core.testing.simulator import check_robot
+from memo_core.testing.simulator_scenes import check_robot
 
 WRONG = wrong_robots(panda())
 
