@@ -18,9 +18,9 @@ from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.runs.demo import EMPTY, run_demo
 from memo_core.runs.demo_result import DemoReport
-from memo_core.runs.factories import book_of, environment_of, library_of, prompts_of, sandbox_of, task_of
+from memo_core.runs.factories import book_of, environment_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.run import RunComponents, RunReport, perform
+from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 
@@ -133,17 +133,12 @@ class Lesson:
         person ended the run."""
         experiment = self.experiment
         watch = FirstVerdict()
-        components = RunComponents(
-            method=experiment.create("method"),
+        components = components_of(
+            experiment,
+            lambda: watch.world_made(environment_of(experiment, task, self.seed)),
+            book,
+            teacher,
             llm=self._llm,
-            make_environment=lambda: watch.world_made(environment_of(experiment, task, self.seed)),
-            sandbox=sandbox_of(experiment),
-            skills=library_of(experiment),
-            settings=experiment.section("run"),
-            book=book,
-            teacher=teacher,
-            prompts=prompts_of(experiment),
-            teaching=experiment.section("teaching"),
         )
         config = experiment.public() | {"task": task.name}
         report = perform(

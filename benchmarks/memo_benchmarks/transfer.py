@@ -26,9 +26,9 @@ from memo_core.interfaces.task import Outcome
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.runs.demo import EMPTY
-from memo_core.runs.factories import book_of, environment_of, library_of, prompts_of, sandbox_of, task_of, tasks_of
+from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.run import RunComponents, RunReport, perform
+from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 
@@ -198,17 +198,11 @@ class Transfer:
         def folder() -> RunFolder:
             return RunFolder(new_run_folder(self.folder, f"{name}-in-{simulator}-{what}", seed))
 
-        components = RunComponents(
-            method=experiment.create("method"),
-            llm=experiment.create("llm"),
-            make_environment=lambda: verdict.world_made(environment_of(experiment, task, seed)),
-            sandbox=sandbox_of(experiment),
-            skills=library_of(experiment),
-            settings=experiment.section("run"),
-            book=self._book(experiment, name, taught_in, lesson),
-            teacher=teacher,
-            prompts=prompts_of(experiment),
-            teaching=experiment.section("teaching"),
+        components = components_of(
+            experiment,
+            lambda: verdict.world_made(environment_of(experiment, task, seed)),
+            self._book(experiment, name, taught_in, lesson),
+            teacher,
         )
         config = experiment.public() | {"task": name, "bench": "transfer"}
         return perform(components, task, seed, folder, self._registry, config, verdict.heard), verdict.first

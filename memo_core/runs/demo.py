@@ -22,7 +22,7 @@ from memo_core.runs.folder import RunFolder, json_text, new_run_folder
 from memo_core.teachers.simulated_teacher import SimulatedTeacherSettings, SimulatedTeacher
 from memo_core.runs.demo_result import CHAPTERS, Chapter, DemoReport
 from memo_core.runs.report import write_demo_report
-from memo_core.runs.run import RunComponents, RunReport, perform
+from memo_core.runs.run import components_of, RunReport, perform
 from memo_core.interfaces.task import Task
 from memo_core.plugins import Registry
 from memo_core.skillbook.book import Skillbook
@@ -54,17 +54,11 @@ def run_demo(
         name = demo.taught if part in CHAPTERS[:2] else demo.transfer
         task = task_of(experiment, name)
         book, teacher = _props(experiment, part, lesson, task)
-        components = RunComponents(
-            method=experiment.create("method"),
-            llm=llm,
-            make_environment=lambda task=task: environment_of(experiment, task, experiment.seed),  # type: ignore[misc]
-            sandbox=sandbox_of(experiment),
-            skills=library_of(experiment),
-            settings=experiment.section("run"),
-            book=book,
-            teacher=teacher,
-            prompts=prompts_of(experiment),
-            teaching=experiment.section("teaching"),
+        components = components_of(
+            experiment,
+            lambda task=task: environment_of(experiment, task, experiment.seed),  # type: ignore[misc]
+            book,
+            teacher, llm=llm,
         )
         config = experiment.public() | {"task": name, "demo.chapter": part.name}
         runs[part.name] = perform(

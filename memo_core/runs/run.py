@@ -178,21 +178,39 @@ def resume_experiment(
     )
 
 
-def _components(experiment: Experiment, task: Task) -> RunComponents:
-    teacher = experiment.create("teacher")
-    _check_release(experiment, teacher)
+def components_of(
+    experiment: Experiment,
+    make_environment: Callable[[], World],
+    book: Skillbook | None,
+    teacher: Teacher | None,
+    llm: LanguageModel | None = None,
+    clustering: AfterRun | None = None,
+) -> RunComponents:
+    """The parts of a run as the experiment chooses them, but for those given here; ``llm`` None: the experiment's."""
     return RunComponents(
         method=experiment.create("method"),
-        llm=experiment.create("llm"),
-        make_environment=lambda: world_of(experiment, task, experiment.seed),
+        llm=llm or experiment.create("llm"),
+        make_environment=make_environment,
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
         settings=experiment.section("run"),
-        book=book_of(experiment),
+        book=book,
         teacher=teacher,
         prompts=prompts_of(experiment),
-        clustering=after_run(experiment),
+        clustering=clustering,
         teaching=experiment.section("teaching"),
+    )
+
+
+def _components(experiment: Experiment, task: Task) -> RunComponents:
+    teacher = experiment.create("teacher")
+    _check_release(experiment, teacher)
+    return components_of(
+        experiment,
+        lambda: world_of(experiment, task, experiment.seed),
+        book_of(experiment),
+        teacher,
+        clustering=after_run(experiment),
     )
 
 
