@@ -12,7 +12,8 @@ import pytest
 from memo_core import hooks
 from memo_core.interfaces.backend import Backend
 
-PAGES = sorted((Path(__file__).parents[1] / "docs" / "plugins").glob("*.md"))
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs" / "plugins").glob("*.md"))
 WITH_CODE = [page for page in PAGES if "@hookimpl" in page.read_text(encoding="utf-8")]
 
 
@@ -79,3 +80,12 @@ def test_the_pages_backends_do_what_they_say():
     assert task.scene(np.random.default_rng(0)).body("block").label == "block"
     [nudge] = build("skills")
     assert nudge.signature == "nudge_up(height: float = 0.05) -> None"
+
+
+def test_files_that_the_docs_name_exist():
+    """Links are checked by mkdocs; this is about names in the text."""
+    named = re.compile(r"`((?:memo_core|tests|plugins|benchmarks|docs|examples|tools)/[\w./-]+\.(?:py|toml|yaml|md))`")
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    found = [(page.name, path) for page in pages for path in named.findall(page.read_text(encoding="utf-8"))]
+    assert len(found) > 30
+    assert not [(page, path) for page, path in found if not (ROOT / path).exists()]
