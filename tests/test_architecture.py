@@ -46,7 +46,12 @@ LEVELS = (
     ("cli",),
 )
 # Distributions whose files do not say, or say elsewhere, which package they bring.
-WHEELS_WITHOUT_A_LIST = {"pinocchio": ["pin"], "coal": ["coal"], "pydantic_monty": ["pydantic-monty"]}
+WHEELS_WITHOUT_A_LIST = {
+    "pinocchio": ["pin"],
+    "coal": ["coal"],
+    "pydantic_monty": ["pydantic-monty"],
+    "franky": ["franky-control"],  # an extra, which need not be installed here
+}
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 VENDORS = {
     "mujoco",
