@@ -33,6 +33,8 @@ class ClusteringBench:
     rest: int
     rest_kept: int
     kept_share: float
+    rest_in_template: int
+    drop_covered: bool
     repetitions: int
     repetitions_left: int
     entries_before: int
@@ -79,6 +81,7 @@ def bench_clustering(
         model=model,
         seed=seed,
         keys=keys,
+        drop_covered=experiment.section("clustering").drop_covered,
         templates=len(planted.templates),
         **attrs.asdict(verdict),
         gone_share=round(verdict.gone_share, 4),

@@ -294,6 +294,9 @@ def clustering(
     keep: Annotated[
         Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the book, questions and answers.")
     ] = None,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Also with clustering.drop_covered the other way round.")
+    ] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
@@ -304,12 +307,23 @@ def clustering(
     from memo_benchmarks.clustering import bench_clustering
 
     _, experiment = load(config, overrides)
-    measured = _measured(
-        "clustering", lambda progress: attrs.asdict(bench_clustering(experiment, keys, seed, keep, progress))
-    )
-    missed, problems = measured["missed"], measured["problems"]
-    _report(measured if json else measured | {"missed": len(missed), "problems": len(problems)}, json)
-    if not json:
+    chosen = {"clustering": (experiment, keep)}
+    if ablation:
+        other = not experiment.section("clustering").drop_covered
+        _, changed = load(config, [*(overrides or ()), f"clustering.drop_covered={str(other).lower()}"])
+        chosen["ablation"] = (changed, keep and keep / "ablation")
+
+    def row(name: str) -> dict[str, Any]:
+        one, folder = chosen[name]
+        return _measured(name, lambda progress: attrs.asdict(bench_clustering(one, keys, seed, folder, progress)))
+
+    rows = {name: row(name) for name in chosen}
+    if json:
+        _report(rows["clustering"] | ({"ablation": rows["ablation"]} if ablation else {}), json)
+        return
+    for measured in rows.values():
+        missed, problems = measured["missed"], measured["problems"]
+        _report(measured | {"missed": len(missed), "problems": len(problems)}, json)
         print("\n".join(["", *missed, *problems]))
 
 

@@ -38,6 +38,10 @@ class Fact:
             for found in re.finditer(self.mark, text.lower())
         )
 
+    def done_by(self, template: str) -> bool:
+        """Whether a template says it or, where code shows it, does it."""
+        return self.stated_in([template]) or bool(self.code and self.code in template)
+
 
 MATTERS: dict[str, tuple[Fact, Fact]] = {
     "path": (
@@ -259,6 +263,7 @@ class Verdict:
     contradictions_gone: int
     rest: int
     rest_kept: int
+    rest_in_template: int  # not in any entry, but in the template of their key
     repetitions: int
     repetitions_left: int
     missed: tuple[str, ...]  # contradictions that are still there, and what was lost
@@ -309,7 +314,8 @@ def judge_book(book: Skillbook, planted: PlantedBook) -> Verdict:
     for entry in book.entries():
         if entry.kind != "template":
             texts.setdefault(entry.key if entry.key.objects else None, []).append(entry.text)
-    gone = kept = contradictions = rest = 0
+    codes = {entry.key: entry.text for entry in book.entries("template")}
+    gone = kept = contradictions = rest = in_template = 0
     missed: list[str] = []
     times: dict[tuple[Key | None, str], tuple[Fact, int]] = {}
     for one in planted.statements:
@@ -321,12 +327,23 @@ def judge_book(book: Skillbook, planted: PlantedBook) -> Verdict:
             else:
                 rest, kept = rest + 1, kept + stated
                 times[one.key, fact.name] = (fact, times.get((one.key, fact.name), (fact, 0))[1] + 1)
+                if not stated and one.key is not None and fact.done_by(codes.get(one.key, "")):
+                    in_template += 1
+                    continue
             if stated == (fate == "gone"):
                 missed.append(f"{one.key or '*'}: {one.text!r} ({fact.name}) should be {fate}")
     several = {where: fact for where, (fact, count) in times.items() if count > 1}
     left = sum(sum(fact.stated_in([text]) for text in texts.get(key, [])) > 1 for (key, _), fact in several.items())
     return Verdict(
-        len(planted.statements), contradictions, gone, rest, kept, len(several), left, tuple(dict.fromkeys(missed))
+        len(planted.statements),
+        contradictions,
+        gone,
+        rest,
+        kept,
+        in_template,
+        len(several),
+        left,
+        tuple(dict.fromkeys(missed)),
     )
 
 

@@ -183,7 +183,8 @@ def print_outcome(outcome: Outcome) -> None:
     dropped = {gone.number for gone in proposal.dropped}
     for gone in proposal.dropped:
         member, template = cluster.members[gone.number - 1], cluster.templates[gone.template - 1].entry.id
-        why = f"contradicts template {template}" + (f": {gone.why}" if gone.why else "")
+        how = "says no more than" if gone.covered else "contradicts"
+        why = f"{how} template {template}" + (f": {gone.why}" if gone.why else "")
         shown.print(Text(f"  - {member.id}: {member.text}", style="red") + Text(f"   [{why}]", style="dim"))
     changed = [one for one in proposal.entries if not is_kept(cluster, one)]
     for one in changed:

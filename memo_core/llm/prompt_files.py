@@ -97,6 +97,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "key": "what the notes are about, ACTION(object), or * for general statements",
         "entries": "the notes, each with .text and .after (the number of the template it was said of, or 0)",
         "templates": "related templates, each with .key, .text, .uses and .confirmed",
+        "covered": "the number of the template whose repetitions among the notes may go, or 0",
         "characters": "how many characters all entries may have together",
     },
 }
@@ -106,6 +107,7 @@ OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of 
     "feedback": {"printed": "", "earlier": (), "subtasks": (), "planning": False, "plans": False},
     "template": {"printed": ""},
     "merge": {"restart": False},
+    "cluster": {"covered": 0},
 }
 REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be answered
     SYSTEM: (),
@@ -169,6 +171,7 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "key": "OPEN(jar)",
     "entries": [_Entry()],
     "characters": 100,
+    "covered": 1,
 }
 
 

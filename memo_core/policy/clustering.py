@@ -46,6 +46,9 @@ class ClusteringSettings:
     template_characters: int = attrs.field(
         default=24_000, validator=_positive(1), metadata={"help": "of related templates shown in one question"}
     )
+    drop_covered: bool = attrs.field(
+        default=False, metadata={"help": "drop notes that say no more than the template of their key (as in the paper)"}
+    )
     reasks: int = attrs.field(
         default=2, validator=_positive(0), metadata={"help": "times a model is asked again after an unusable answer"}
     )
@@ -158,7 +161,7 @@ class Clustering:
 
     @property
     def _limits(self) -> ClusterLimits:
-        return ClusterLimits(self._settings.members, self._settings.template_characters)
+        return ClusterLimits(self._settings.members, self._settings.template_characters, self._settings.drop_covered)
 
     def _proposal(self, cluster: Cluster) -> tuple[Condensed, int]:
         if len(cluster.members) < 2 and not cluster.templates:
@@ -192,4 +195,5 @@ def prompt_context(cluster: Cluster, book: Skillbook) -> dict[str, Any]:
             for template in cluster.templates
         ],
         "characters": cluster.characters,
+        "covered": own if cluster.drop_covered else 0,
     }

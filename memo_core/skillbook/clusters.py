@@ -53,6 +53,7 @@ class Cluster:
     related: frozenset[int] = frozenset()
     part: int = 1
     parts: int = 1
+    drop_covered: bool = False  # whether a member that says no more than the key's own template may go
 
     @property
     def label(self) -> str:
@@ -93,11 +94,12 @@ class Merged:
 @attrs.frozen
 class Dropped:
     """A member that contradicts a template (its place among the cluster's templates from 1) and goes; where only a part
-    of it does, an entry derives from the rest."""
+    of it does, an entry derives from the rest. ``covered``: it says no more than the key's own template instead."""
 
     number: int
     template: int
     why: str = ""
+    covered: bool = False
 
 
 @attrs.frozen
@@ -214,7 +216,24 @@ def _wrongly_dropped(cluster: Cluster, proposal: Condensed) -> str:
                 f"number {gone.number} is dropped for template {gone.template}, but was said of code written with that "
                 "template: it says what is wrong with it; keep it"
             )
+        if gone.covered and (problem := _not_covered(cluster, proposal, gone)):
+            return f"number {gone.number} is dropped as covered by template {gone.template}, {problem}; keep it"
     return ""
+
+
+def _not_covered(cluster: Cluster, proposal: Condensed, gone: Dropped) -> str:
+    """Why a member may not go as one that says no more than a template; "" where it may."""
+    text, template = cluster.members[gone.number - 1].text, cluster.templates[gone.template - 1]
+    if not cluster.drop_covered:
+        return "but what a template does anyway stays"
+    if template.entry.key != cluster.key:
+        return f"which is not of {cluster.label}"
+    if any(gone.number in one.of for one in proposal.entries):
+        return "and yet stands in an entry"
+    lost = sorted(set(_NUMBER.findall(text)) - set(_NUMBER.findall(template.text)))
+    if lost:
+        return f"which does not have the amount {lost[0]}"
+    return "" if _words(text) & _words(template.text) else "which has no word in common with it"
 
 
 def _grown(cluster: Cluster, proposal: Condensed) -> str:

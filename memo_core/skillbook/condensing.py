@@ -50,10 +50,11 @@ class ClusterChanged(MemoError):
 
 @attrs.frozen
 class ClusterLimits:
-    """How much one prompt can hold."""
+    """How much one prompt can hold, and what may be dropped."""
 
     members: int = 40
     template_characters: int = 24_000
+    drop_covered: bool = False  # whether notes that say no more than the key's own template may go
 
 
 @attrs.frozen(eq=False)
@@ -95,6 +96,7 @@ class Clusters:
             said_after=frozenset(m.id for m in mine for t in faulted if m.created > t.created),
             whole=frozenset(m.id for m in mine),
             related=frozenset(self.related.ids(key)),
+            drop_covered=self.limits.drop_covered,
         )
 
 
@@ -225,7 +227,8 @@ def _replace(connection: sa.Connection, cluster: Cluster, proposal: Condensed, r
         why, because = [], into.get(number)
         if number in gone:
             template = cluster.templates[gone[number].template - 1].entry.id
-            why.append(gone[number].why.strip() or f"contradicts template {template}")
+            how = "says no more than" if gone[number].covered else "contradicts"
+            why.append(gone[number].why.strip() or f"{how} template {template}")
             because = because or template
         if number in into:
             why.append(f"{'the rest ' if why else ''}merged into {into[number]}")

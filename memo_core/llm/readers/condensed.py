@@ -55,7 +55,8 @@ def _dropped(item: dict[str, Any], cluster: Cluster, text: str) -> Dropped:
         given = 1
     reason = item.get("reason")
     why = " ".join(reason.split())[:MAX_NOTE] if isinstance(reason, str) else ""
-    return Dropped(number, _number(given, f'"template" of the dropped number {number}', text), why)
+    covered = item.get("covered") is True
+    return Dropped(number, _number(given, f'"template" of the dropped number {number}', text), why, covered)
 
 
 def _number(value: Any, where: str, text: str) -> int:

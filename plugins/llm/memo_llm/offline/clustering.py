@@ -80,8 +80,15 @@ def condense(prompt: Prompt, vocabulary: Vocabulary) -> CondensedAnswer:
         _Template(int(number), name, text, conduct_of(text, vocabulary))
         for number, name, text in _TEMPLATE.findall(prompt.section("templates") + "\n")
     ]
-    kept, dropped = [], []
+    kept: list[_Note] = []
+    dropped: list[dict[str, object]] = []
+    may_drop_covered = '"covered"' in prompt.section("answer")
     for note in notes:
+        covering = _covering(note, key, templates) if may_drop_covered else None
+        if covering is not None:
+            reason = "the template does all of that"
+            dropped.append({"number": note.number, "template": covering, "reason": reason, "covered": True})
+            continue
         against = None if note.fixed else _contradicted(note, key, templates, vocabulary)
         if against is None:
             kept.append(note)
@@ -123,6 +130,19 @@ def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabul
             matter = disputed(against[0].edits, template.conduct)
             left = [p for p in pieces if p not in against and (p.edits or len(p.rest) > 1)]
             return _Against(template.number, f"the template {template.conduct.said(matter)}", _joined(left, note.text))
+    return None
+
+
+def _covering(note: _Note, key: str, templates: Sequence[_Template]) -> int | None:
+    """The number of a template of the very key that does all that a note asks for and speaks of all else in it."""
+    if note.fixed or note.conditions or note.not_understood or not note.edits:
+        return None
+    for template in templates:
+        said = _stems(template.text)
+        amounts = note.numbers <= frozenset(re.findall(r"\d+(?:[.,]\d+)?", template.text))
+        done = all(supported([edit], template.conduct) for edit in note.edits)
+        if template.key == key and done and amounts and note.rest <= said and note.words & said:
+            return template.number
     return None
 
 
