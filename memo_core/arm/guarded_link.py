@@ -60,6 +60,9 @@ class GuardedLink(Link):
         self._inner.release()
         self._begin()
 
+    def recover(self) -> None:
+        self._inner.recover()
+
     def outside(self) -> str:
         """How the arm stands outside of its limits, in one sentence; empty where it does not."""
         joints = self._inner.joint_positions()

@@ -26,6 +26,7 @@ COMMANDS = {
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",
     "budget": "What the runs that share a ledger have spent on language models.",
+    "robot": "A real robot: check it, move it slowly, take it out of an error.",
     "doctor": "What works on this machine, and what would make the rest work.",
 }
 MODULES = {name: f"memo_core.cli.{name}" for name in COMMANDS} | {"exec": "memo_core.cli.execute"}

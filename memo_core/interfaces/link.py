@@ -69,6 +69,12 @@ class Link(ABC):
         if self._stop.is_set():
             raise Stopped(where)
 
+    def recover(self) -> None:
+        """Take the robot out of an error, for a person who has looked; nothing moves. Allowed while closed; the link
+        stays so. Raises ``RobotFault`` where the error stays, ``BackendUnavailable`` where nothing can be done."""
+        problem = "its driver cannot take it out of an error"
+        raise BackendUnavailable("robot", self.description.name, problem, "see the robot's own manual")
+
     # -- state and commands --------------------------------------------------------------------------------------------
     @abstractmethod
     def joint_positions(self) -> Array: ...

@@ -301,7 +301,9 @@ def test_an_arm_that_stands_outside_of_its_limits_is_not_started(person, tmp_pat
     chosen = experiment(registry, tmp_path, "hardware.safety.workspace=[0.5,-0.5,0,0.8,0.5,1]")
     with pytest.raises(BackendUnavailable, match=r"outside its limits.*x = 0.3.*by hand"):
         world_of(chosen, task_of(chosen, "put-the-cube-away"), 0).open()
-    Lease("127.0.0.9").take()
+    free = Lease("127.0.0.9")
+    free.take()
+    free.give_back()
 
 
 def test_limits_that_cannot_be_are_said_with_their_key(person, tmp_path):

@@ -334,3 +334,23 @@ def test_the_double_ends_what_breaks_its_limits(cell):
     with pytest.raises(franky.ControlException, match="discontinuity"):
         robot.move(motion)
     assert cell.box.arm.violations and isinstance(cell.box.arm.violations[0], Error)
+
+
+def test_memo_robot_moves_checks_and_recovers_it(cell, capsys):
+    from memo_core.cli import robot as command
+
+    config = {"backend": "fr3", "driver": "franka", "address": cell.address, "clock_timeout_s": BUSY_S}
+    given = [f"robot.{key}={value}" for key, value in config.items()]
+    command.jog(1, 5.0, None, given, True)
+    assert abs(cell.box.arm.q_d[0] - np.radians(5.0)) < 1e-3
+    command.home(None, given, True)
+    assert np.abs(cell.box.arm.q_d - ROBOT.home).max() < 1e-3 and not cell.box.arm.violations
+    cell.box.push([0.0, 0.0, 45.0])
+    while cell.box.mode.name != "REFLEX":
+        time.sleep(0.01)
+    with pytest.raises(RobotFault, match="cartesian reflex"):
+        command.home(None, given, True)
+    cell.box.push([0.0, 0.0, 0.0])
+    assert cell.box.recoveries == 0
+    command.recover(None, given, True)
+    assert cell.box.recoveries == 1 and "can be commanded" in capsys.readouterr().out

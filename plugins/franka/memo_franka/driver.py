@@ -148,16 +148,22 @@ class FrankaLink(Link):
         super().release()
 
     def recover(self) -> None:
-        """Ask the control box to leave its error, for a person who has looked. Raises ``RobotFault``."""
+        closed = self._robot is None
+        if closed:
+            self._franky = import_franky()
+            self._robot = self._connected()
         try:
             self._robot.recover_from_errors()
+            self._fault, self._state = None, self._robot.state
         except Exception as error:
-            raise fault_of_error(self._settings.address, error) from error
-        self._fault = None
-        self._read()
+            raise self._failed(error) from error
+        finally:
+            if closed:
+                self._robot = None
         if (wrong := fault_of_state(self._settings.address, self._state)) is not None:
             raise self._latched(wrong)
-        self._begin()
+        if not closed:
+            self._begin()
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def send(self, targets: Array) -> None:

@@ -17,7 +17,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 import numpy as np
@@ -93,6 +93,7 @@ class ControlBox:
         self._frozen = False
         self._running = False
         self._thread: threading.Thread | None = None
+        self._ticking = threading.Lock()
         self._inbox: deque[Callable[[], None]] = deque()
         self._client: socket.socket | None = None
         self._peer = ("", 0)
@@ -124,6 +125,12 @@ class ControlBox:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.stop()
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """No tick happens meanwhile: to look at the simulator behind the body."""
+        with self._ticking:
+            yield
 
     # -- faults: each takes effect before the next tick ----------------------------------------------------------------
     def push(self, force: Sequence[float]) -> None:
@@ -172,7 +179,8 @@ class ControlBox:
                     self._inbox[0]()
                     self._inbox.popleft()
                 if not self._frozen:
-                    self._tick()
+                    with self._ticking:
+                        self._tick()
                 due = max(due + DT, time.monotonic())
                 time.sleep(max(0.0, due - time.monotonic()))
         finally:

@@ -25,6 +25,8 @@ from memo_franka.testing.wire import (
 _STROKE = 0.08  # m
 _THERE = 0.0005  # m
 _STATE_S = 0.01  # between two states
+_PRESSED = 1.5  # N between fingers that something is between
+_STILL_S = 0.05
 _STUCK_S = 100.0  # that ``move`` into something takes on a real Hand
 
 
@@ -55,32 +57,28 @@ class Fingers:
 
 
 class SceneFingers:
-    """The fingers of the robot in a built simulator, which somebody else ticks (``SceneBody``)."""
+    """The fingers of the robot in a built simulator, which somebody else ticks (``SceneBody``). The simulator is
+    touched by ``advance`` only, since it stands one user at a time."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._goal, self._still, self._last = _STROKE, 0.0, 0.0
-
-    @property
-    def width(self) -> float:
-        return self._simulator.gripper_width()
+        self._goal, self._force, self._still = _STROKE, 40.0, 0.0
+        self.width = simulator.gripper_width()
+        self.blocked = False
 
     def command(self, width: float, speed: float, force: float) -> None:
-        self._goal, self._still = width, 0.0
-        self._simulator.command_gripper(width, force)
+        self._goal, self._force, self._still, self.blocked = width, force, 0.0, False
 
     def halt(self) -> None:
-        self._goal = self.width
-        self._simulator.command_gripper(self._goal, 40.0)
+        self._goal, self._force = self.width, 40.0
 
     def advance(self, seconds: float) -> None:
-        width = self.width
-        self._still = self._still + seconds if abs(width - self._last) < 1e-5 else 0.0
-        self._last = width
-
-    @property
-    def blocked(self) -> bool:
-        return self.width > self._goal + _THERE and self._simulator.gripper_effort() > 1.5 and self._still > 0.05
+        self._simulator.command_gripper(self._goal, self._force)
+        width = self._simulator.gripper_width()
+        self._still = self._still + seconds if abs(width - self.width) < 1e-5 else 0.0
+        self.width = width
+        pressed = width > self._goal + _THERE and self._simulator.gripper_effort() > _PRESSED
+        self.blocked = pressed and self._still > _STILL_S
 
 
 class HandDouble:

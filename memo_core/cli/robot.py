@@ -1,0 +1,138 @@
+"""``memo robot``: look at a real robot, move it slowly by command, and take it out of an error. No safety function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import attrs
+import numpy as np
+import typer
+
+from memo_core.cli.options import ConfigFile, Json, Overrides, load
+from memo_core.cli.output import note, print_json, print_table
+from memo_core.errors import BackendUnavailable, InvalidArgument
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
+    from memo_core.interfaces.link import Link
+
+app = typer.Typer()
+
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")]
+
+
+@app.command()
+def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Look at the computer and the robot, and say what keeps it from moving. Nothing moves. Exit code 1 if anything."""
+    from memo_core.environment.robot_check import examine_host, examine_robot
+
+    experiment = _hardware(config, overrides)
+    driver, gripper, robot = (experiment.create(kind) for kind in ("robot_driver", "gripper_driver", "robot"))
+    found = [*examine_host(), *examine_robot(driver, gripper, robot, experiment.section("hardware").safety)]
+    if json:
+        print_json({"checks": [attrs.asdict(one) for one in found]})
+    else:
+        print_table(("what", "state", "detail", "remedy"), [attrs.astuple(one) for one in found])
+    if any(one.state == "failed" for one in found):
+        raise typer.Exit(1)
+
+
+@app.command()
+def home(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
+    """Move slowly to the home posture, straight through the joints. Nothing is looked at: keep the way free."""
+    with _link(_hardware(config, overrides)) as link:
+        _confirmed("The arm moves to its home posture, straight through its joints and past no obstacle.", yes)
+        _move(link, lambda: np.array(link.description.home))
+
+
+@app.command()
+def jog(
+    joint: Annotated[int, typer.Argument(min=1, help="Which joint; 1 is the base's.")],
+    degrees: Annotated[float, typer.Argument(help="How far, in degrees; -- before a negative number.")],
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    yes: Yes = False,
+) -> None:
+    """Turn one joint slowly. Nothing is looked at: keep the way free."""
+    experiment = _hardware(config, overrides)
+    count = len(experiment.create("robot").joints)
+    if joint > count:
+        raise InvalidArgument("JOINT", f"{joint}", f"1 to {count}")
+    if not abs(degrees) <= 90:
+        raise InvalidArgument("DEGREES", f"{degrees:g}", "-90 to 90")
+    with _link(experiment) as link:
+        _confirmed(f"Joint {joint} turns by {degrees:g} degrees.", yes)
+        _move(link, lambda: link.joint_targets() + math.radians(degrees) * np.eye(count)[joint - 1])
+
+
+@app.command()
+def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
+    """Take the robot out of an error, such as a reflex, after somebody has looked. Nothing moves."""
+    from memo_core.environment.lease import Lease
+
+    experiment = _hardware(config, overrides)
+    driver = experiment.create("robot_driver")
+    lease = Lease(driver.address)
+    lease.take()
+    try:
+        link = driver.link(experiment.create("robot"), experiment.create("gripper_driver"))
+        _confirmed("Have you seen why it stopped, and is the arm free?", yes)
+        try:
+            link.recover()
+        finally:
+            link.close()
+    finally:
+        lease.give_back()
+    print("the robot can be commanded")
+
+
+def _hardware(config: object, overrides: list[str] | None) -> Experiment:
+    """Raises ``BackendUnavailable`` where the experiment's robot is simulated."""
+    _, experiment = load(config, overrides)  # type: ignore[arg-type]
+    if experiment.create("robot_driver").simulated:
+        remedy = "robot.driver=… in the experiment, or --set"
+        raise BackendUnavailable("robot_driver", "simulated", "it moves no real robot", remedy)
+    return experiment
+
+
+@contextmanager
+def _link(experiment: Experiment) -> Iterator[Link]:
+    """The robot within the limits of ``hardware.safety``; a first signal stops it."""
+    from memo_core.arm.guarded_link import GuardedLink
+    from memo_core.cli.signal_handling import handling
+    from memo_core.environment.lease import Lease
+
+    driver = experiment.create("robot_driver")
+    robot = experiment.create("robot")
+    lease = Lease(driver.address)
+    lease.take()
+    inner = driver.link(robot, experiment.create("gripper_driver"))
+    link = GuardedLink(inner, robot, experiment.section("hardware").safety)
+    try:
+        link.open()
+        with handling(lambda *_: link.stop()):
+            yield link
+    finally:
+        link.close()
+        lease.give_back()
+
+
+def _move(link: Link, goal: Callable[[], np.ndarray]) -> None:
+    from memo_core.arm.slow_motion import move_joints
+
+    move_joints(link, goal())
+    shown = ", ".join(f"{angle:.3f}" for angle in link.joint_positions())
+    print(f"at rest; joints {shown} rad")
+
+
+def _confirmed(what: str, yes: bool) -> None:
+    """Raises ``InvalidArgument`` unless somebody says yes."""
+    note(f"{what} A hand on the emergency stop, nobody within reach.")
+    if yes:
+        return
+    typed = typer.prompt("Go on? [y/n]", default="n", show_default=False, err=True)
+    if typed.strip().lower() not in ("y", "yes"):
+        raise InvalidArgument("the answer", "not yes: nothing was done", "y")

@@ -1,0 +1,122 @@
+"""What is looked at before a real robot moves for the first time. Nothing here moves it."""
+
+from __future__ import annotations
+
+import platform
+import resource
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import attrs
+import numpy as np
+
+from memo_core.environment.lease import Lease
+from memo_core.errors import BackendUnavailable, MemoError, RobotFault
+from memo_core.interfaces.driver import GripperDriver, RobotDriver
+from memo_core.interfaces.link import Link
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.safety import SafetyLimits
+
+LISTENING_S = 5.0
+_SLOWEST_S = 0.02  # between two states, by the clock on the wall
+_BIAS_N = 10.0
+
+
+@attrs.frozen
+class Check:
+    """One line: what was looked at, how it is, and what to do where it is not as it should be."""
+
+    what: str
+    state: Literal["ok", "warning", "failed"]
+    detail: str
+    remedy: str = ""
+
+
+def examine_host() -> Iterator[Check]:
+    """Whether this computer can answer a robot a thousand times a second (Linux)."""
+    kernel = platform.version()
+    flag = Path("/sys/kernel/realtime")
+    realtime = "PREEMPT_RT" in kernel or (flag.is_file() and flag.read_text().strip() == "1")
+    remedy = "" if realtime else "install a PREEMPT_RT kernel: without one motions may end in lost packets"
+    yield Check("kernel", "ok" if realtime else "warning", f"{platform.release()} {kernel}", remedy)
+    priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    allowed = priority == resource.RLIM_INFINITY or priority >= 80
+    remedy = "" if allowed else "give your user `rtprio 99` in /etc/security/limits.conf and log in again"
+    yield Check("real-time priority", "ok" if allowed else "warning", f"up to {priority}", remedy)
+    files = sorted(Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
+    governors = sorted({file.read_text().strip() for file in files})
+    if governors:
+        fast = governors == ["performance"]
+        remedy = "" if fast else "cpupower frequency-set -g performance"
+        yield Check("processor's governor", "ok" if fast else "warning", ", ".join(governors), remedy)
+
+
+def examine_robot(
+    driver: RobotDriver,
+    gripper: GripperDriver,
+    robot: RobotDescription,
+    limits: SafetyLimits,
+    listening_s: float = LISTENING_S,
+) -> Iterator[Check]:
+    """Connect, listen for a while, and tell how the robot is. It ends with the first thing that prevents the rest."""
+    lease = Lease(driver.address)
+    try:
+        lease.take()
+    except BackendUnavailable as error:
+        yield Check("lease", "failed", error.reason, error.remedy)
+        return
+    link = driver.link(robot, gripper)
+    try:
+        link.open()
+        yield Check("connection", "ok", f"{robot.name} at {driver.address}")
+        health = link.health()
+        yield Check("health", "ok" if health.ready else "failed", health.problem or "ready")
+        yield _listened(link, listening_s)
+        yield _standing(link, robot, limits)
+        yield Check("gripper", "ok", f"{1000 * link.gripper_width():.0f} mm open")
+        if link.feels_force:
+            yield _bias(link)
+    except RobotFault as fault:
+        yield Check("connection", "failed", fault.problem, fault.remedy)
+    except BackendUnavailable as error:
+        yield Check("connection", "failed", error.reason, error.remedy)
+    except MemoError as error:
+        yield Check("connection", "failed", str(error))
+    finally:
+        link.close()
+        lease.give_back()
+
+
+def _listened(link: Link, seconds: float) -> Check:
+    """How evenly states come, while nothing is commanded."""
+    began = last = time.monotonic()
+    robot_began, slowest, states = link.time(), 0.0, 0
+    while last - began < seconds:
+        link.joint_positions()
+        now = time.monotonic()
+        slowest, last, states = max(slowest, now - last), now, states + 1
+        time.sleep(0.0005)
+    passed = link.time() - robot_began
+    detail = (
+        f"{states} read in {seconds:g} s, the robot's clock went {passed:.2f} s, longest wait {1000 * slowest:.0f} ms"
+    )
+    good = slowest <= _SLOWEST_S and abs(passed - seconds) < 0.05 * seconds + 0.02
+    remedy = "" if good else "no other load on this computer, a network port of its own, no switch in between"
+    return Check("states", "ok" if good else "warning", detail, remedy)
+
+
+def _standing(link: Link, robot: RobotDescription, limits: SafetyLimits) -> Check:
+    from memo_core.arm.guarded_link import GuardedLink
+
+    outside = GuardedLink(link, robot, limits).outside()
+    remedy = "guide it by hand until it stands within hardware.safety" if outside else ""
+    return Check("limits", "failed" if outside else "ok", outside or "it stands within hardware.safety", remedy)
+
+
+def _bias(link: Link) -> Check:
+    felt = float(np.linalg.norm(link.contact_wrench()[:3]))
+    heavy = felt > _BIAS_N
+    remedy = "set the load of what is mounted on the flange, and keep clear of the hand" if heavy else ""
+    return Check("force at rest", "warning" if heavy else "ok", f"{felt:.1f} N", remedy)

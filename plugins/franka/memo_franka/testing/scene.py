@@ -1,0 +1,132 @@
+"""A task's scene behind the double, so that a task runs unchanged through TCP and UDP.
+
+with TaskCell(task, seed, simulator, fr3(), perception, "127.0.0.2") as cell:
+    cell.run(task.reference_solution, sandbox)
+    print(cell.check())
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+from memo_core.arm.control import ArmControl
+from memo_core.arm.simulated_link import IncludedGripper
+from memo_core.environment.simulated import generator
+from memo_core.interfaces.link import Link
+from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.interfaces.simulator import Simulator
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.robot.description import RobotDescription
+from memo_core.sandbox.execution import Execution
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.sandbox.workspace import Workspace
+from memo_franka.driver import FrankaDriver
+from memo_franka.settings import FrankaSettings
+from memo_franka.testing.arm import SceneBody
+from memo_franka.testing.control_box import ControlBox
+from memo_franka.testing.hand import HandDouble, SceneFingers
+
+
+class _BetweenTicks:
+    """A simulator whose every method is called between two ticks of the box that ticks it."""
+
+    def __init__(self, simulator: Simulator, box: ControlBox) -> None:
+        self._simulator = simulator
+        self._box = box
+
+    def __getattr__(self, name: str) -> Any:
+        with self._box.paused():
+            value = getattr(self._simulator, name)
+        if not callable(value):
+            return value
+
+        def called(*args: Any, **kwargs: Any) -> Any:
+            with self._box.paused():
+                return value(*args, **kwargs)
+
+        return called
+
+
+class TaskCell:
+    """A simulator ticked by a control box, the driver connected to it, and what a task needs above the link.
+
+    Contact forces in a simulator have peaks that would end motions at a careful threshold: ``collision_force`` (N)."""
+
+    def __init__(
+        self,
+        task: Task,
+        seed: int,
+        simulator: Simulator,
+        robot: RobotDescription,
+        perception: Perception,
+        address: str = "127.0.0.2",
+        collision_force: float = 80.0,
+    ) -> None:
+        """``simulator`` and ``perception`` come unopened; perception may read the simulator."""
+        self.task = task
+        self.seed = seed
+        self.simulator = simulator
+        self.robot = robot
+        self.perception = perception
+        torque = 0.75 * collision_force
+        self._settings = FrankaSettings(
+            address, collision_force=collision_force, collision_torque=torque, clock_timeout_s=10.0
+        )
+
+    def __enter__(self) -> TaskCell:
+        address = self._settings.address
+        scene = self.task.scene(generator(self.seed, "scene"))
+        self.simulator.open()
+        self.simulator.build(scene, self.robot)
+        self.monitors = {monitor.name: monitor for monitor in self.task.monitors()}
+        for monitor in self.monitors.values():
+            monitor.reset(self.simulator)
+        self.simulator.add_tick_listener(self._update_monitors)
+        self.hand = HandDouble(address, SceneFingers(self.simulator))
+        self.box = ControlBox(self.robot, address, SceneBody(self.simulator, self.robot), hand=self.hand)
+        self.hand.start()
+        self.box.start()
+        self.link: Link = FrankaDriver(self._settings).link(self.robot, IncludedGripper())
+        try:
+            self.link.open()
+            self.control = ArmControl(self.robot, self.link, self.perception)
+            self.perception.open()
+            seen: Any = _BetweenTicks(self.simulator, self.box)
+            rng = generator(self.seed, "perception")
+            self.perception.start(PerceptionContext(rng, self.robot, self.link, self.control.tool_pose, seen, scene))
+            self._table = self.control.look().table_height
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def close(self) -> None:
+        self.perception.close()
+        self.link.close()
+        self.box.stop()
+        self.hand.stop()
+        self.simulator.close()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def run(self, code: str, sandbox: Sandbox) -> Execution:
+        """Run robot code as a run would, then let things come to rest. Raises ``RobotFault``."""
+        workspace = Workspace.around(self.robot.reach, self._table)
+        execution = sandbox.run(
+            code, self.control, stopped=lambda: self.link.stopped, workspace=workspace, clock=self.link.time
+        )
+        self.control.wait(self.task.settle)
+        return execution
+
+    def check(self) -> Outcome:
+        """What the task's success check says of the simulator's state."""
+        with self.box.paused():
+            return self.task.check(self.simulator, self.monitors)
+
+    def _update_monitors(self) -> None:
+        for monitor in self.monitors.values():
+            monitor.update(self.simulator)
