@@ -81,8 +81,10 @@ def test_of_words_that_teach_nothing_no_note_is_made_but_why(words):
 
 
 def test_coordinates_do_not_get_into_notes():
-    said, _ = notes("Go 3 cm higher. Zoom to (0.45, 0.2, 0.1) quickestly.")
-    assert "0.45" not in said.corrections[1]
+    said, _ = notes("Go 3 cm higher. You stood at (0.45 0.2 0.1) like a heron.")
+    assert "heron" in said.corrections[1] and "0.45" not in said.corrections[1]
+    ordered, _ = notes("Go 3 cm higher. Zoom to (0.45, 0.2, 0.1) quickestly.")
+    assert ordered.corrections == () and "zoom" in ordered.unclear, "an order that is not understood is asked about"
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ PHRASINGS = {
     "all the way": ["all-the-way"],
     "until it stands wide open": ["all-the-way"],
     "swing it through 60 degrees": ["arc", "angle 60deg"],
-    "that's not wide enough": ["all-the-way"],
+    "that's not wide enough": ["farther"],
     # the hand
     "turn the hand by a quarter turn": ["turn-hand 90deg"],
     "rotate your gripper 45 degrees to the left": ["turn-hand=left 45deg"],
@@ -100,7 +100,7 @@ PHRASINGS = {
     "the fingers should be horizontal": ["fingers=horizontal"],
     "open your fingers wider": ["finger-width=wider"],
     "open the gripper only halfway": ["finger-width=only halfway"],
-    "don't open the gripper so wide": ["finger-width=wide"],
+    "don't open the gripper so wide": ["finger-width=less"],
     "the bar wasn't between your fingers": ["between"],
     # order, repetition, force
     "open the gripper first": ["open-first"],

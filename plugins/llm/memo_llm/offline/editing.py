@@ -8,12 +8,10 @@ from collections.abc import Callable
 
 import attrs
 
-from memo_llm.offline.reading import Edit
+from memo_llm.offline.reading import GENTLE, Edit
 from memo_llm.offline.recipe import Recipe
 
 Rough = dict[str, float]
-_GENTLE_WORDS = "gently|softly|lightly|carefully|delicately|softer|less hard|with less force|less force|little force"
-GENTLE = frozenset(_GENTLE_WORDS.split("|"))
 _BASE = {
     "up": (0.0, 0.0, 1.0),
     "down": (0.0, 0.0, -1.0),
@@ -35,6 +33,8 @@ def _arc(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _straight(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if recipe.kind == "place":
+        return recipe  # nothing is led anywhere
     return attrs.evolve(_with_path(recipe), shape="straight")
 
 
@@ -55,15 +55,15 @@ def _way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         return recipe
     if way == "in" and recipe.kind == "open":
         return _first_in(recipe, edit, rough)  # what is to open is not shut by it: it is pushed first
-    recipe = _with_path(recipe)
-    if recipe.shape == "arc":
-        return attrs.evolve(recipe, sense=-1 if way == "in" else 1, way=way)
     if (
         way in ("up", "down")
         and recipe.kind in ("pick", "place")
         and not edit.said.startswith(("lift", "raise", "pull"))
     ):
         return _offset(recipe, edit, rough)  # neither is done by leading something that way
+    recipe = _with_path(recipe)
+    if recipe.shape == "arc":
+        return attrs.evolve(recipe, sense=-1 if way == "in" else 1, way=way)
     if way == "in" and recipe.kind == "close":
         return _all_the_way(recipe, edit, rough)
     distance = edit.amount.metres if edit.amount and edit.amount.exact else recipe.distance
@@ -71,6 +71,8 @@ def _way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _farther(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.degrees is not None:
+        return _turned_on(recipe, edit, edit.degrees, rough)
     if edit.amount and edit.amount.exact:
         return _lengthened(recipe, edit, edit.amount.metres, rough)
     return _stretched(recipe, edit, edit.amount.factor if edit.amount else rough["further"], rough)
@@ -81,9 +83,21 @@ def _all_the_way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _less_far(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    if edit.degrees is not None:
+        return _turned_on(recipe, edit, -edit.degrees, rough)
     if edit.amount and edit.amount.exact:
         return _lengthened(recipe, edit, -edit.amount.metres, rough)
     return _stretched(recipe, edit, 0.5 if "half" in edit.said else rough["less"], rough)
+
+
+def _turned_on(recipe: Recipe, edit: Edit, degrees: float, rough: Rough) -> Recipe:
+    if "turn" in recipe.steps:
+        turn = (
+            recipe.turn or 90.0 if edit.base_degrees is None else math.copysign(edit.base_degrees, recipe.turn or 1.0)
+        )
+        return attrs.evolve(recipe, turn=turn + math.copysign(degrees, turn))
+    angle = recipe.angle if edit.base_degrees is None else edit.base_degrees
+    return attrs.evolve(recipe, angle=min(angle + degrees, 180.0))
 
 
 def _lengthened(recipe: Recipe, edit: Edit, metres: float, rough: Rough) -> Recipe:
@@ -172,6 +186,8 @@ def _approach(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 def _tilt(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if recipe.kind == "pour":
         return attrs.evolve(recipe, angle=edit.degrees) if edit.degrees is not None else _farther(recipe, edit, rough)
+    if edit.value in ("level", "upright"):
+        return attrs.evolve(recipe, tilt=0.0)
     degrees = edit.degrees if edit.degrees is not None else rough["tilt"]
     upwards = edit.value in ("up", "out", "towards", "less")
     return attrs.evolve(recipe, tilt=0.0 if edit.negated else recipe.tilt + (-degrees if upwards else degrees))
@@ -279,6 +295,8 @@ def _force(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if recipe.kind == "place":
         return recipe  # what is held already is not gripped anew
     if "close-hand" not in recipe.steps[_after_approach(recipe.steps) :] and "path" in recipe.steps:
+        if gentle != edit.negated and recipe.kind == "close":
+            return attrs.evolve(recipe, speed=rough["slow"])  # shut it must be all the same
         # Nothing is gripped: what pushes pushes farther, or less far.
         return _stretched(recipe, edit, rough["less"] if gentle != edit.negated else rough["further"], rough)
     return attrs.evolve(recipe, force=rough["gentle_force"] if gentle != edit.negated else rough["firm_force"])

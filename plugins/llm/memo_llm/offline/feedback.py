@@ -88,11 +88,25 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     recipe = habits.recipe(action, objects)
     kind = recipe.kind if recipe is not None else ""
     sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip())
-    readings = tuple(read_sentence(sentence, vocabulary, known, kind) for sentence in sentences)
+    others = _others(scene, objects)
+    readings = tuple(read_sentence(sentence, vocabulary, known, kind, others) for sentence in sentences)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
     effective = recipe is not None and _effective(edits, recipe, habits, prompt, scene)
     question = _question(words, readings, edits, recipe, effective, vocabulary)
     return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
+    """Words for what is to be seen and neither is nor belongs to one of the objects."""
+    names = [name.lower() for name in objects]
+    names += [relation.subject.lower() for relation in scene.relations if relation.predicate == "held"]
+    own = {word for name in names for word in name.split()}
+    for node in scene.nodes:
+        family = {node.label.lower(), (node.part_of or "").lower()}
+        if family & set(names) or any(name and set(name.split()) < set(node.label.lower().split()) for name in names):
+            own |= {word for label in family for word in label.split()}
+    words = {word for node in scene.nodes for word in node.label.lower().split()}
+    return sorted(words - own)
 
 
 def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
@@ -165,13 +179,19 @@ def _question(
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
     swung = [edit for edit in edits if edit.kind in _OF_DOORS]
+    led = [
+        edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
+    ]
+    placed = any(edit.kind in (*PLACES, *LENGTHS) for edit in edits)
+    if led and not placed and recipe is not None and recipe.kind == "place":
+        return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
     if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
     understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
     opposed = _opposed(edits, vocabulary)
     if opposed:
         return f"which of the two is meant: {opposed}? You said: {quoted}"
-    unsure = [part for reading in readings if reading.edits for part in reading.unsure]
+    unsure = [part for reading in readings for part in reading.unsure]
     if unsure:
         return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
     if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):

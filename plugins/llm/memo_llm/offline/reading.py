@@ -7,10 +7,58 @@ from collections.abc import Iterable
 
 import attrs
 
+from memo_llm.offline.clauses import core, has_condition, is_request, orders_unknown, unread
+from memo_llm.offline.degrees import REFUSED, Degree
 from memo_llm.offline.spelling import in_figures
+from memo_llm.offline.typos import in_full
 from memo_llm.offline.vocabulary import Amount, Phrase, Vocabulary
 
 _UNITS = {"cm", "mm", "inch", "m", "degrees", "seconds", "newton"}
+_SUBORDINATOR = (
+    r"\b(?:only )?(?:unless|if|when|once|until|after)(?: you| it)* ?\x00"
+    r"|\b(?:if|when) it (?:sticks|jams|gets stuck|is stuck|catches|hangs)[,]? ?(?:then )?\x00"
+)
+_AFTER_SO = "you|it|the|we|please|just|go|be|do|try|hold|push|pull|move|open|lower|lift|take|turn|grab|make|keep|put"
+_FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
+_OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
+_MOTIONS = {
+    "pick": "approach|mov|com|reach",
+    "push": "approach|mov|com|reach",
+    "place": "approach|mov|com|reach|put|set|lay|plac|lower",
+}
+_GRIPS = r"\b(?:grip|grab|grasp|hold|squeeze|take|pick|fingers|force|press)\w*\b"
+GENTLE = frozenset(
+    [
+        "gently",
+        "softly",
+        "lightly",
+        "carefully",
+        "delicately",
+        "softer",
+        "less hard",
+        "with less force",
+        "less force",
+        "little force",
+    ]
+)
+# What telling of it does not ask for: "you approached it from the left".
+ORDERS = frozenset(
+    [
+        "way",
+        "approach",
+        "hold-at",
+        "repeat",
+        "turn-hand",
+        "turn-thing",
+        "look",
+        "back-off",
+        "open-first",
+        "close-first",
+        "back-off-before",
+        "tilt",
+    ]
+)
+TOLD = re.compile(r"^(?:[a-z]+,? )?(?:you|i|we|your|because|since|otherwise|or|when|that's why)\b|\bwhen you\b")
 MOST_UNKNOWN = 0.22  # share of a clause's words beside what was understood, above which it may mean something else
 
 
@@ -40,30 +88,71 @@ class Reading:
     unsure: tuple[str, ...] = ()  # clauses that may mean something else than what was understood of them
 
 
-def read_sentence(text: str, vocabulary: Vocabulary, known: Iterable[str] = (), kind: str = "") -> Reading:
-    """``known`` are words that name something in the scene, ``kind`` is the kind of subtask that was spoken of (see
-    ``memo_llm.offline.recipe``), "" where that is not known."""
-    nouns = {word for name in known for word in re.findall(r"[\w'-]+", name.lower())}
+def read_sentence(
+    text: str, vocabulary: Vocabulary, known: Iterable[str] = (), kind: str = "", others: Iterable[str] = ()
+) -> Reading:
+    """``known`` are words that name what the subtask is about or something in the scene, ``others`` those of them that
+    the subtask is not about; ``kind`` is the kind of subtask that was spoken of (see ``memo_llm.offline.recipe``), ""
+    where that is not known."""
+    nouns = _words(known)
+    other_things = _words(others)
     edits: list[Edit] = []
     missed: list[str] = []
     unsure: list[str] = []
-    found, plain = _read_whole(_plain(text), vocabulary, kind)
+    found, plain = _read_whole(_plain(text, vocabulary, nouns), vocabulary, kind)
     edits += found
+    request = True
     for clause in _clauses(plain):
+        request = is_request(clause, request)
+        if edits and (amount := _amount_alone(clause, vocabulary)) and not _measured(edits[-1]):
+            edits[-1] = attrs.evolve(edits[-1], amount=amount)
+            continue
         found, rest = _read_clause(clause, vocabulary, kind)
-        said = [edit for edit in found if edit.kind != "nothing"]
+        said = [
+            edit
+            for edit in found
+            if edit.kind not in ("nothing", REFUSED) and (request or not _only_told(edit, clause))
+        ]
+        rest = core(rest, nouns - other_things, other_things)
         unknown = [w for w in re.findall(r"[^\W_][\w'-]*", rest) if not _plain_word(w, vocabulary, nouns)]
         for edit in said:
             edits += [] if any(_same(edit, other) for other in edits) else [edit]
+        denied = vocabulary.negations.search(clause) is not None and not said
+        open_words = unread(rest, kind, [edit.kind for edit in said], other_things) if request and not denied else []
+        doubtful = has_condition(rest) or bool(open_words)
         if unknown and not said:
             missed.append(clause)
-            continue
-        missed += unknown
-        if len(unknown) > 1 and len(unknown) >= MOST_UNKNOWN * len(clause.split()):
+            doubtful |= request and not denied and orders_unknown(rest)
+        else:
+            missed += unknown
+            doubtful |= request and len(unknown) > 1 and len(unknown) >= MOST_UNKNOWN * len(clause.split())
+        if doubtful:
             unsure.append(clause)
     if not edits:
         missed = [" ".join(text.split())]
     return Reading(tuple(edits), tuple(missed), tuple(unsure))
+
+
+def _words(names: Iterable[str]) -> set[str]:
+    return {word for name in names for word in re.findall(r"[\w'-]+", name.lower())}
+
+
+def _only_told(edit: Edit, clause: str) -> bool:
+    """Whether it names what the hand did, which nobody asks for by saying so."""
+    faulted = edit.phrase is not None and edit.phrase.told
+    return edit.kind in ORDERS and not faulted and TOLD.search(clause) is not None
+
+
+def _measured(edit: Edit) -> bool:
+    return edit.kind not in ("offset", "farther", "less-far") or (edit.amount is not None and edit.amount.exact)
+
+
+def _amount_alone(clause: str, vocabulary: Vocabulary) -> Amount | None:
+    """The length that is all a clause says: "about 6 cm"."""
+    about = r"(?:(?:by|about|around|roughly|maybe|say|just|some|at least|like|i think|i guess) )*"
+    if not re.fullmatch(rf"{about}[\d.]+ (?:cm|mm|inch|m)(?: or so| i think| maybe| only| please)?", clause):
+        return None
+    return vocabulary.amount(clause)
 
 
 def _same(one: Edit, other: Edit) -> bool:
@@ -83,8 +172,10 @@ def clauses(text: str) -> list[str]:
     return _clauses(_plain(text))
 
 
-def _plain(text: str) -> str:
+def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str] = ()) -> str:
     plain = text.lower().replace("’", "'").replace("`", "'")
+    if vocabulary is not None:
+        plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
     plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
     plain = re.sub(r"\b(?:can't|couldn't|can|could|would|won't|why don't|will) you\b", "", plain)  # asked politely
@@ -93,9 +184,10 @@ def _plain(text: str) -> str:
 
 def _clauses(plain: str) -> list[str]:
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
-    plain = re.sub(
-        r"\b(?:and then|and|then|because|since|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain
-    )
+    plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
+    plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
+    plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
+    plain = re.sub(r"\b(?:and then|and|then|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain)
     pieces = re.split(r"[,;:!?\x00]|\.(?!\d)", plain)
     return [piece for piece in (" ".join(p.split()) for p in pieces) if piece]
 
@@ -112,6 +204,7 @@ def _read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edi
                 edit = _edit(phrase, match, False, vocabulary)
                 edits += [] if any(edit.kind == other.kind for other in edits) else [edit]
                 plain = plain[: match.start()] + "\x00" + plain[match.end() :]
+                plain = re.sub(_SUBORDINATOR, "\x00", plain)
     return edits, plain
 
 
@@ -119,6 +212,11 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
     """Edits in the order of the words, and the clause with what was read blanked out."""
     rest = clause
     found: list[tuple[int, Phrase, re.Match[str]]] = []
+    degrees = vocabulary.degrees.read(clause, kind)
+    for one in degrees:
+        rest = rest[: one.start] + "\x00" * (one.end - one.start) + rest[one.end :]
+    if any(one.edit in ("finger-width", "farther", "less-far") for one in degrees):
+        rest = re.sub(_OPENS_FINGERS, lambda m: "\x00" * len(m.group()), rest)
     for phrase in vocabulary.phrases:
         if phrase.whole or (phrase.only and kind not in phrase.only):
             continue
@@ -130,11 +228,60 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
                 rest = rest[: match.start()] + "\x00" * (match.end() - match.start()) + rest[match.end() :]
     rest = vocabulary.complaints.sub(lambda m: "\x00" * len(m.group()), rest)
     denial = vocabulary.negations.search(rest)
-    edits = []
-    for start, phrase, match in sorted(found, key=lambda item: item[0]):
-        edits.append(_edit(phrase, match, denial is not None and denial.start() < start, vocabulary))
+    placed = [(one.start, _of_degree(one, clause, kind, vocabulary)) for one in degrees]
+    for start, phrase, match in found:
+        placed.append((start, _edit(phrase, match, denial is not None and denial.start() < start, vocabulary)))
+    edits = [_as_motion(edit, clause, kind, vocabulary) for _, edit in sorted(placed, key=lambda item: item[0])]
+    if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
+        edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
+    edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
     return edits, rest.replace("\x00", " ")
+
+
+def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary) -> Edit:
+    kind, value = degree.edit, degree.value
+    if kind in ("farther", "less-far") and re.search(r"wid|narrow", degree.said) and re.search(_FINGERS, clause):
+        kind, value = "finger-width", "wider" if kind == "farther" else "less"
+    if (
+        kind == "offset"
+        and value in ("up", "down")
+        and re.search(r"\b(?:lift|rais|carr)\w*\b", clause)
+        and subtask == "pick"
+    ):
+        kind, value = ("farther" if value == "up" else "less-far"), ""
+    phrase = next((p for p in vocabulary.phrases if p.edit == kind and not (p.only or p.whole)), None)
+    degrees = vocabulary.angle(degree.said) if kind in ("farther", "less-far") else None
+    return Edit(kind, value, vocabulary.amount(degree.said), degrees, said=degree.said, phrase=phrase)
+
+
+def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Edit:
+    """What is to be gentle is a motion, where the clause's verb is one: then it is to be slow."""
+    moves = (
+        "approach|mov|com|reach"
+        if kind in ("pick", "place", "push")
+        else "approach|mov|com|reach|pull|push|swing|shut|clos|open|turn|pour|slid"
+    )
+    if (
+        edit.kind == "force"
+        and edit.value in GENTLE
+        and re.search(rf"\b(?:{moves})\w*\b", clause)
+        and not re.search(_GRIPS, clause)
+    ):
+        slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
+        return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)
+    return edit
+
+
+def _with_amount(edits: list[Edit], rest: str, vocabulary: Vocabulary) -> tuple[list[Edit], str]:
+    """The clause's one length goes with the one edit that it can be meant of."""
+    lengths = re.findall(r"[\d.]+ (?:cm|mm|inch|m)\b", rest)
+    open_ones = [i for i, edit in enumerate(edits) if not _measured(edit)]
+    if len(lengths) != 1 or len(open_ones) != 1:
+        return edits, rest
+    i = open_ones[0]
+    measured = attrs.evolve(edits[i], amount=vocabulary.amount(lengths[0]))
+    return [*edits[:i], measured, *edits[i + 1 :]], rest.replace(lengths[0], " ")
 
 
 def _edit(phrase: Phrase, match: re.Match[str], negated: bool, vocabulary: Vocabulary) -> Edit:

@@ -196,6 +196,8 @@ def _goal(edit: Edit, rough: dict[str, float]) -> float:
     if edit.kind in PLACES:
         return _start(edit) + WAYS[edit.value][1] * metres
     sign = -1 if edit.kind == "less-far" else 1
+    if edit.degrees is not None:
+        return _start(edit) + sign * edit.degrees
     if edit.amount and edit.amount.exact:
         further = math.degrees(metres / rough["door_radius"]) if edit.base_degrees is not None else metres
         return _start(edit) + sign * further

@@ -70,6 +70,7 @@ def in_figures(text: str) -> str:
     for pattern, metres in _BODY.items():
         text = re.sub(rf"\b{pattern}\b", f"{100 * metres:g} cm", text)
     text = re.sub(r"(\d) ?½", r"\1.5", text).replace("½", "half")
+    text = re.sub(rf"\b({_NUMBER}) more (?=(?:{_UNIT})\b)(\S+)", r"\1 \2 more", text)
     return _AMOUNT.sub(_figures, text)
 
 

@@ -11,6 +11,7 @@ import attrs
 import yaml
 
 from memo_core.errors import InvalidArgument
+from memo_llm.offline.degrees import Degrees, Scale, comparatives, plain_forms
 from memo_llm.offline.spelling import number
 
 _UNITS = {"cm": 0.01, "mm": 0.001, "inch": 0.0254, "m": 1.0}
@@ -22,7 +23,8 @@ class Phrase:
     statement that holds for other objects too, made when one of its phrasings explains why (``lesson``). ``whole``:
     read before a sentence is taken apart. ``value`` is what is meant where no words name it, ``values`` a table that is
     looked into first, ``flip`` says that a fault is named and its opposite meant. ``only``: the kinds of subtask that
-    it is about; none: all."""
+    it is about; none: all. ``told``: also where somebody only tells what happened ("your hand
+    wasn't on the handle")."""
 
     edit: str
     patterns: tuple[re.Pattern[str], ...]
@@ -35,6 +37,7 @@ class Phrase:
     values: dict[str, str] = attrs.field(factory=dict, hash=False)
     flip: bool = False
     only: tuple[str, ...] = ()
+    told: bool = False
 
 
 @attrs.frozen
@@ -61,6 +64,8 @@ class Vocabulary:
     opposites: dict[str, str]
     scopes: tuple[re.Pattern[str], ...]
     fillers: frozenset[str]
+    degrees: Degrees
+    spelled: frozenset[str]  # every word that stands in the vocabulary
 
     @classmethod
     def load(cls, path: str = "") -> Vocabulary:
@@ -79,6 +84,7 @@ class Vocabulary:
             "positions",
             "approaches",
             "scopes",
+            "scales",
             "fillers",
             "phrases",
         } - set(data)
@@ -118,6 +124,7 @@ class Vocabulary:
                     values=_table(data, item.get("lookup", ""), where),
                     flip=bool(item.get("flip")),
                     only=tuple(item.get("only", ())),
+                    told=bool(item.get("told")),
                 )
             )
         values = {spelling: value for value, spellings in data["values"].items() for spelling in spellings}
@@ -126,7 +133,25 @@ class Vocabulary:
         praise = tuple(_compile(pattern, "praise") for pattern in data["praise"])
         opposites = {**data["opposites"], **{value: key for key, value in data["opposites"].items()}}
         scopes = tuple(_compile(pattern, "scopes") for pattern in data["scopes"])
-        return cls(tuple(phrases), values, amounts, angles, numbers, *denials, praise, opposites, scopes, fillers)
+        degrees = Degrees.of(
+            [_scale(item, i) for i, item in enumerate(data["scales"])], f"(?:{groups['amount']}|{groups['angle']})"
+        )
+        text = " ".join([*_strings(data), *(form for scale in data["scales"] for form in _forms(scale))])
+        in_it = frozenset(word for word in re.findall(r"[a-z']{3,}", text))
+        return cls(
+            tuple(phrases),
+            values,
+            amounts,
+            angles,
+            numbers,
+            *denials,
+            praise,
+            opposites,
+            scopes,
+            fillers,
+            degrees,
+            in_it,
+        )
 
     def scope(self, text: str) -> tuple[str, str]:
         """What a statement is about: (noun in the singular, beginning of a verb), each "" where it does not say."""
@@ -200,6 +225,27 @@ def read_yaml(path: str, name: str, setting: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InvalidArgument(setting, f"{path or name} holds no mapping", f"the keys of {name}")
     return data
+
+
+def _scale(item: dict[str, Any], i: int) -> Scale:
+    where = f"llm.vocabulary: scales[{i}]"
+    unknown = set(item) - {field.name for field in attrs.fields(Scale)}
+    if unknown or not {"more", "less", "high", "low"} <= set(item):
+        raise InvalidArgument(where, "more, less, high and low are needed; nouns and only may follow")
+    more, less = ((edit, value) for edit, _, value in (str(item[end]).partition("=") for end in ("more", "less")))
+    return Scale(more, less, *(tuple(item.get(key, ())) for key in ("high", "low", "nouns", "only")))
+
+
+def _forms(scale: dict[str, Any]) -> list[str]:
+    return [form for word in (*scale["high"], *scale["low"]) for form in (*plain_forms(word), *comparatives(word))]
+
+
+def _strings(data: Any) -> list[str]:
+    if isinstance(data, dict):
+        return [text for pair in data.items() for part in pair for text in _strings(part)]
+    if isinstance(data, list):
+        return [text for part in data for text in _strings(part)]
+    return [data] if isinstance(data, str) else []
 
 
 def _table(data: dict[str, Any], name: str, where: str) -> dict[str, str]:

@@ -1,0 +1,162 @@
+"""What kind of clause something is, and whether all that matters in it was read.
+
+A clause that asks for something is acted on only if every word of it that carries meaning is accounted for. One that
+tells what happened, or why, may hold anything: the request stands elsewhere, or it is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+
+def split_words(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_OPENERS = re.compile(
+    r"^(?:(?:no|nope|well|ok|okay|please|hey|hm+|oh|ah|uh|um|just|then|now|so|and|but|next time|also|careful|really|"
+    r"maybe|perhaps|"
+    r"always|in general|first|instead|actually|yes|sorry|still|again|here|there|this time|robot|it looks like|i think|"
+    r"looks like|seems|as i said|i said|i mean)[, ]+)+"
+)
+_ASKED_FOR = re.compile(
+    r"\b(?:must|should(?! have)|has to|have to|need to|needs to|got to|ought to|supposed to|"
+    r"want(?:s|ed)? (?:you|it)? ?to|"
+    r"'d better|try to|make sure|let's|wants? to be|better to)\b"
+)
+_REASON = re.compile(r"^(?:because|since|otherwise|or else|or|so that|that's why|as|which|who|that's how|for)\b")
+_CONDITION = re.compile(
+    r"\b(?:if|unless|except|only when|only if|only while|as long as|in case|depending|either|whether)\b"
+)
+_SUBJECT = re.compile(
+    r"^(?:i|you|it|they|he|she|we|this|that|there|these|those|what|why|who|how|where|nothing|everything|something|"
+    r"(?:my|your|its|the|a|an|one|our|his|her|some|most|all|one of) [\w'-]+(?: [\w'-]+)?|[a-z]+s|[a-z]+)(?:'\w+)?\b"
+)
+_FINITE = re.compile(
+    r"(?:\b(?:is|are|was|were|am|be|been|has|have|had|does|did|will|would|could|can|might|may|isn't|aren't|wasn't|weren't|"
+    r"doesn't|didn't|won't|can't|cannot|couldn't|hasn't|haven't|wouldn't|go|went|fell|hit|hits|came|got|gets|took|lost|made|"
+    r"knocked|let|broke|threw|stuck|held|left|shut|slid|swung|bent|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
+    r"wants?|likes?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
+)
+_AT = "over|above|in|into|inside|on|onto|at|near|of|from|off|by|under|behind|beside|between|against"
+_TOUCHING = "to|than|as|hits?|hitting|bump\\w*|knock\\w*|touch\\w*|clear|miss|like|with|for"
+_PARTICLES = "up|down|in|out|on|off|over|back|open|shut|away|together"
+# What a hand does. Said of nothing that was read, it is a request that was not understood.
+_ACTS = {
+    "open": "open pull swing hold grip grab take grasp",
+    "close": "close push shut press hold",
+    "pick": "pick take grab grasp grip lift get hold reach catch fetch",
+    "place": "place put set lay drop leave release let",
+    "push": "push press hit touch use",
+    "pull": "pull hold grip",
+    "turn": "turn twist rotate screw unscrew open close tighten loosen hold grip grab take",
+    "pour": "pour tip tilt shake sprinkle season hold put",
+}
+_HOLD = "hold grip grab grasp take squeeze press push pull pinch clamp catch"
+_LEAD = "open close shut push pull turn twist rotate tip tilt swing slide press lift raise"
+_MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick reach pour"
+# edit -> verbs that it says how to do
+_CARRIED = {
+    "force": f"{_HOLD} handle touch wipe close shut turn open",
+    "speed": f"{_HOLD} {_MOVE} open close shut turn twist rotate tip tilt wipe shake swing",
+    "offset": _MOVE,
+    "finger-width": "open spread close",
+    "hold-at": _HOLD,
+    "approach": f"{_HOLD} pick lift",
+    "centre": _MOVE,
+    "set-down": _MOVE,
+    "farther": f"{_LEAD} tighten loosen screw unscrew",
+    "less-far": f"{_LEAD} tighten",
+    "all-the-way": "open close shut push pull turn twist rotate press put",
+    "turn-hand": "turn twist rotate",
+    "arc": "open swing pull turn",
+    "pivot": "open swing pull turn",
+    "straight": "pull open",
+}
+_LIGHT = "go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
+_ALL_ACTS = frozenset(" ".join(_ACTS.values()).split()) | split_words(
+    "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat withdraw"
+)
+_TELLING = split_words(
+    "up down left right out back front top bottom middle centre center near inside outside above below "
+    "under over higher lower further farther upside sideways behind beside between edge corner side end "
+    "half twice"
+)
+
+
+def is_request(clause: str, before: bool = True) -> bool:
+    """Whether a clause asks for something, rather than telling what happened or why. ``before``: whether the clause
+    before it does: "it is heavy and made of glass" goes on telling."""
+    plain = _OPENERS.sub("", f"{clause} ").strip()
+    if _REASON.match(plain):
+        return False
+    if _ASKED_FOR.search(plain):
+        return True
+    subject = _SUBJECT.match(plain)
+    if subject is None:
+        return True
+    first = plain.split()[0]
+    if re.match(r"(?:(?:it|that|this|there)|(?:the|my|your|its) [\w'-]+(?: one| \w+)?) [a-z]+s\b", plain):
+        return False
+    if not before and re.match(r"\w+(?:ed|ing)\b|made\b", first):
+        return False
+    if first == "not":
+        return False  # "not that one, the other": what is wanted stands beside it
+    if first in _ALL_ACTS or first in _LIGHT.split() or first in ("don't", "do", "never", "no", "stop", "avoid"):
+        return True
+    return _FINITE.search(plain[first.find("'") if "'" in first else len(first) :]) is None
+
+
+def has_condition(clause: str) -> bool:
+    """Whether it says itself that it does not always hold."""
+    return _CONDITION.search(clause) is not None
+
+
+def core(rest: str, own: Collection[str], others: Collection[str]) -> str:
+    """A clause's remainder without what only says when, where or for what: "after letting go", "over the bowl". ``own``
+    are words for what the subtask is about, ``others`` for what else is to be seen."""
+    rest = re.sub(r"\b(?:after|before|when|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest)
+    rest = re.sub(r"\btry (?:it |that )?(?:again|once more|another time)\b", " ", rest)
+    place = r"(?:side|edge|top|front|back|rim|bottom|middle|centre|center|end|inside|outside|wall|surface)"
+    of_it = rf"(?:(?:the|its|your|that|this|each) )?(?:{place} of )?(?:(?:the|its|your|that|this|each) )?(?:\w+ )?"
+    parts = "|".join(map(re.escape, sorted(own))) or "(?!)"
+    rest = re.sub(rf"\b(?:the |its )?{place} of (?:the |its )?(?:\w+ )?(?:{parts})\b", " ", rest)
+    for prepositions, things in ((_AT, {*own, "it", "them"}), (f"{_AT}|{_TOUCHING}", others)):
+        if things:
+            named = "|".join(map(re.escape, sorted(things)))
+            rest = re.sub(rf"\b(?:{prepositions}) {of_it}(?:{named})\b", " ", rest)
+    return rest
+
+
+def unread(core: str, kind: str, carried: Collection[str], others: Collection[str]) -> list[str]:
+    """Words of a request's remainder (``core``) that say what to do, where, how much or with what: none of them may
+    stay unread. ``carried``: kinds of what was read in the clause; "harder" accounts for the "squeeze" before it."""
+    own = set(_ACTS.get(kind, "").split()) | set(_LIGHT.split())
+    # "pick it up", "take out": the particle belongs to the verb
+    verbs = "|".join(sorted(_ALL_ACTS | own))
+    core = re.sub(rf"\b({verbs})((?: (?:it|them|this|that|the \w+(?: \w+)?))?) (?:{_PARTICLES})\b", r"\1\2", core)
+    words = re.findall(r"[a-z][a-z'-]*|\d+(?:\.\d+)?", core)
+    found = [w for w in words if w[0].isdigit() or w in _TELLING or w in others]
+    acts = [w for w in words if (stem := _stem(w)) in _ALL_ACTS and stem not in own]
+    for carrier, verbs_of in _CARRIED.items():
+        if carrier in carried:
+            acts = [w for w in acts if _stem(w) not in verbs_of.split()]
+    return [*found, *acts]
+
+
+def orders_unknown(core: str) -> bool:
+    """Whether it looks like an order with a verb that is not known: "polish the spoon"."""
+    no_verb = "mind|watch|careful|like|as|with|for|not|no|in|on|at|by|from|to|of"
+    order = rf"\s*(?:\w+ly )?(?!(?:{no_verb})\b)[a-z]+ (?:the|a|an|it|them|your|this|that|my)\b"
+    return re.match(order, _OPENERS.sub("", core)) is not None
+
+
+def _stem(word: str) -> str:
+    for ending in ("ing", "ed", "s"):
+        base = word.removesuffix(ending)
+        if base != word:
+            for candidate in (base, base + "e", base[:-1] if base[-1:] == base[-2:-1] else base):
+                if candidate in _ALL_ACTS:
+                    return candidate
+    return word
