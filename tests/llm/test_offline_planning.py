@@ -128,3 +128,69 @@ def test_a_row_that_cannot_be_read_is_named():
     broken = re.sub(r"(\| pantry door \| part \| pantry \|[^|]*\|)[^|]*", r"\1 somewhere ", text)
     with pytest.raises(LanguageModelError, match="pantry door"):
         MODEL.answer(Request("plan", (Message("user", broken),)))
+
+
+# -- what people said about plans --------------------------------------------------------------------------------------
+
+
+@attrs.frozen
+class Said:
+    subtask: str
+    words: str
+
+
+@attrs.frozen
+class PlanNote:
+    task: str
+    text: str
+
+
+def taught(graph, task, *words, notes=(), done=()):
+    corrected = [Said("PICK_UP(pear)", one) for one in words]
+    told = [PlanNote("put the bread in the oven", one) for one in notes]
+    asked = request("plan", graph, task=task, done=list(done), corrected=corrected, notes=told)
+    answer = MODEL.answer(asked)
+    return answer.text, answer.not_understood
+
+
+PEAR = thing("pear")
+PUT = "put the pear on the board"
+BOARD = thing("board", (0.4, 0.3, 0.01), (0.2, 0.2, 0.02))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "open the pantry first",
+        "You have to open the pantry before you pick up the pear.",
+        "no, first open the pantry",
+        "First open the pantry, then take the pear!",
+    ],
+)
+def test_a_step_asked_for_in_this_run_is_planned_before_the_rest_and_once(words):
+    graph = pantry(False, content=[PEAR, BOARD])
+    assert taught(graph, PUT)[0] == "PICK_UP(pear)"
+    assert taught(graph, PUT, words)[0] == "OPEN(pantry)"
+    opened = pantry(True, content=[PEAR, BOARD])
+    assert taught(opened, PUT, words, done=["OPEN(pantry)"])[0] == "PICK_UP(pear)"
+
+
+def test_what_was_forgotten_is_done_after_the_rest():
+    graph = pantry(True, ("pear", "on", "board"), content=[PEAR, BOARD, thing("fig", (0.4, -0.1, 0.02))])
+    assert taught(graph, PUT)[0] == "DONE"
+    assert taught(graph, PUT, "you forgot the fig")[0] == "PICK_UP(fig)"
+    assert taught(graph, PUT, "you forgot to close the pantry")[0] == "CLOSE(pantry)"
+    assert taught(graph, PUT, "a bit lower please")[0] == "DONE", "a remark about how it is done plans nothing"
+
+
+def test_a_note_from_elsewhere_is_followed_only_where_it_concerns_the_step():
+    graph = pantry(False, content=[PEAR, BOARD])
+    note = "Close the pantry before you put something on the board."
+    opened = pantry(True, content=[PEAR, BOARD])
+    assert taught(opened, PUT, notes=[note])[0] == "PICK_UP(pear)", "the step has nothing to do with the pantry"
+    assert taught(graph, PUT, notes=["Open the pantry first."])[0] == "PICK_UP(pear)"
+    held = pantry(False, ("pear", "held"), content=[PEAR])
+    put = "put the pear on the pantry"
+    assert taught(held, put)[0] == "PLACE(pear, pantry)"
+    assert taught(held, put, notes=["Open the pantry's door before putting something there."])[0] == "OPEN(pantry)"
+    assert taught(graph, PUT, notes=["Set a napkin at each place."])[1] == ("Set a napkin at each place.",)

@@ -8,6 +8,7 @@ from collections import Counter
 import attrs
 
 from memo_core.scene.graph import Node, SceneGraph
+from memo_llm.offline.planning_remarks import Remark, concerns, remarks
 from memo_llm.offline.prompt import Prompt, read_subtask, unreadable
 from memo_llm.offline.surroundings import descendants, doors, find, last_word, space_of, states
 
@@ -46,14 +47,48 @@ def plan(prompt: Prompt) -> Plan:
     scene = prompt.scene()
     done = [read_subtask(line) for line in prompt.bullets("done")]
     wishes, unread = read_task(prompt.task, scene)
+    asked_for, missed = remarks(prompt)
+    unread = (*unread, *missed)
+    wishes += [wish for one in asked_for if not one.before and (wish := _added(one, wishes, scene))]
     # A door opened on the way is not one to open again: what is wished for is met one after the other.
     for wish in wishes:
         step = _next(wish, scene, done, prompt.task)
         if step:
-            return Plan(_usable(step, scene, prompt.task), unread)
+            first = _before(step, asked_for, scene, done, prompt.task)
+            return Plan(_usable(first or step, scene, prompt.task), unread)
     if unread and not wishes:
         raise unreadable(f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing")
     return Plan("DONE", unread)
+
+
+def _before(
+    step: str, asked_for: list[Remark], scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], task: str
+) -> str:
+    """The step that somebody wants done before ``step``; "" where there is none, or it is done."""
+    _, objects = read_subtask(step)
+    for one in asked_for:
+        wish = _wish(one.clause, []) if one.before else None
+        if wish is None or find(scene, wish.what) is None:
+            continue
+        if not one.trusted and not concerns(wish.what, objects, scene):
+            continue
+        first = _next(wish, scene, done, task)
+        if first and first != step and read_subtask(first) not in done:
+            return first
+    return ""
+
+
+def _added(one: Remark, wishes: list[Wish], scene: SceneGraph) -> Wish | None:
+    """What was left out: a step of its own, or another thing to do the same with."""
+    if not one.trusted:
+        return None  # what one task lacked, another may not want
+    kind, _, thing = one.clause.partition(": ")
+    if kind != "forgotten":
+        wish = _wish(one.clause, wishes)
+    else:
+        label = re.sub(r"^(?:the|a|an|my|your) ", "", thing)
+        wish = attrs.evolve(wishes[-1], what=label) if wishes else None
+    return wish if wish is not None and find(scene, wish.what) is not None else None
 
 
 def _usable(step: str, scene: SceneGraph, task: str) -> str:
