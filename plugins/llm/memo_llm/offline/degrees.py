@@ -18,7 +18,7 @@ _TO = r"(?:(?:over |further |farther |far |more )*(?:to |towards? |on )(?:the |y
 # "the lower end", "from the left", "on the right side" say where something is, not how much of something is wanted.
 _NO_PLACE = (
     r"(?! (?:end|edge|side|part|rim|half|corner|hinge|hand|one|ones)\b| (?:of|as|on) (?:the|it|its|that)\b"
-    r"| (?:from|apart|below|above|clockwise|it|them|your|its|the \w+)\b)"
+    r"| (?:from|apart|below|above|left|right|clockwise|it|them|your|its|the \w+)\b)"
 )
 _PARTS = {  # of the patterns below
     "NOT": r"(?:\w+n't|not|never|no|nor|without|hardly|barely|cannot)",

@@ -40,6 +40,8 @@ def in_full(text: str, words: Collection[str]) -> str:
     """Lower-case text with abbreviations written out, and with slips of the keys put right where the word meant is one
     of ``words`` and the word typed is not."""
 
+    text = re.sub(r"\b(counter|anti)[ -]?clock-?wise\b", r"\1clockwise", text)
+
     def full(match: re.Match[str]) -> str:
         word = match.group()
         word = _SHORT.get(word) or _APOSTROPHES.get(word) or word
