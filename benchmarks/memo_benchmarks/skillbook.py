@@ -28,6 +28,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
+from memo_benchmarks.exact_serving import recall_of_exact
 from memo_benchmarks.generated_book import BookSize, fill, keys_of
 from memo_core.config import load_experiment
 from memo_core.errors import MemoError
@@ -144,6 +145,7 @@ def bench_skillbook(
         made = _made(asked, size, progress)
         names = _usable(Registry()) if stores is None else list(stores)
         measured = [_alone(_ours, asked)]
+        recall = _alone(_recall, asked)
         progress(0.8)
         measured += [_alone(_store_of_entries, asked, name) for name in names]
         progress(0.95)
@@ -155,6 +157,7 @@ def bench_skillbook(
         "dimension": DIMENSION,
         "questions": questions,
         **made,
+        "recall_of_exact": recall,
         "contenders": measured,
     }
 
@@ -280,6 +283,13 @@ def _ours(asked: Asked) -> dict[str, Any]:
         | {"after_a_change_" + name: value for name, value in _times(changed).items() if name != "questions"}
         | {"peak_mib": peak_mib()}
     )
+
+
+def _recall(asked: Asked) -> dict[str, Any]:
+    """Of a tenth of the questions, at least 20: what share of what comparing every entry would serve is served."""
+    subtasks = asked.subtasks()[: max(20, asked.questions // 10)]
+    source = asked.source
+    return dict(recall_of_exact(str(asked.book), WordVectors(), source.store(""), source.settings(), subtasks))
 
 
 def _read_through(file: Path) -> None:

@@ -221,7 +221,7 @@ class Loop:
                 if self._extensions.replan or self._extensions.plan_notes:
                     context["corrected"] = self._open_remarks()
                 if self._extensions.plan_notes:
-                    context["notes"] = self._plan_notes()
+                    context["notes"] = self._plan_notes(scene)
                 return _Planned(self._questions.ask("plan", scene, read, **context)[0])
             except InDoubt:
                 self._effects.confirm(self._episode(at))
@@ -236,10 +236,10 @@ class Loop:
     def _planning(self) -> Key:
         return for_plans(self._session.environment.instruction)
 
-    def _plan_notes(self) -> list[PlanNote]:
+    def _plan_notes(self, scene: SceneGraph) -> list[PlanNote]:
         """What people said about plans before this run."""
         noted = self._teaching.noted(self._planning)
-        served = retrieving.retrieve_for_plans(self._session, self._memory, self._planning)
+        served = retrieving.retrieve_for_plans(self._session, self._memory, self._planning, scene)
         return [PlanNote(one.entry.key.objects[0], one.text) for one in served if one.entry.id not in noted]
 
     def _open_remarks(self) -> list[Corrected]:

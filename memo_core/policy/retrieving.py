@@ -55,10 +55,10 @@ def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> S
     return served
 
 
-def retrieve_for_plans(session: Session, memory: Memory, key: Key) -> tuple[retrieval.Served, ...]:
+def retrieve_for_plans(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> tuple[retrieval.Served, ...]:
     """What people said about the plans of this and like tasks, best first. Emits ``Retrieved`` where there is
     something. Raises ``Stopped``."""
-    found = _found(session, memory, key, SubtaskContext())
+    found = _found(session, memory, key, SubtaskContext.of(key, scene))
     notes = tuple(one for one in found.served.corrections if is_of_plans(one.entry.key)) if found is not None else ()
     if notes:
         session.emit(Retrieved(str(key), tuple(one.event() for one in notes), ()))

@@ -59,7 +59,7 @@ from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.known_copies import Place, PlaceKind, drop_place, note_place, places_of
-from memo_core.skillbook.negative_transfer import Evidence, evidence_of, withhold
+from memo_core.skillbook.negative_transfer import Evidence, evidence_of, is_evidence, withhold
 from memo_core.skillbook.origins import origins_of
 from memo_core.skillbook.rebuild_input import RawLog, keep_answer, kept_answer, read_log
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
@@ -581,8 +581,11 @@ class Skillbook:
     # -- inside --------------------------------------------------------------------------------------------------------
     def _without_harm(self, found: Retrieval) -> Retrieval:
         """Drop entries that were corrected when they were retrieved for such a subtask."""
+        served = [one.entry.id for one in found.served]
+        if not is_evidence(self._database, served):
+            return found
         with self._database.read() as connection:
-            evidence = evidence_of(self._database, connection, [one.entry.id for one in found.served])
+            evidence = evidence_of(self._database, connection, served)
             if not evidence:
                 return found
             meant = queries.alias_rows(connection).get(str(found.query), found.query)

@@ -376,6 +376,13 @@ class Database:
             self._names = names
         return self._whole or table.name in self._names
 
+    def has_table(self, table: sa.Table) -> bool:
+        """``has``, without a transaction at hand."""
+        if self._whole is None:
+            with self.read() as connection:
+                return self.has(connection, table)
+        return self._whole or table.name in self._names
+
     def _add_tables(self) -> None:
         """What an older book lacks, all or nothing."""
         with self.write() as connection:

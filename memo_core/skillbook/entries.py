@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import re
+from functools import lru_cache
 from typing import Literal
 
 import attrs
@@ -14,6 +16,8 @@ EntryKind = Literal["correction", "general", "template"]
 FeedbackKind = Literal["correction", "approval", "edit"]  # edit: the text that somebody put in place of an entry's
 Status = Literal["pending", "processed", "parked", "kept"]  # kept: nothing is to be made of it (a run of memo-s)
 Outcome = Literal["accepted", "reworded", "struck"]
+
+_FUNCTION = re.compile(r'def (\w+)\([^()"\'#]*\)(?: -> \w+)?:\n\s+"""([^"\\]*)"""\s*\n')
 
 GLOBAL_KEY = Key("", ())  # all general statements share it
 
@@ -109,6 +113,23 @@ def headline(kind: str, text: str) -> str:
         return (text.strip().splitlines() or [""])[0]
     said = (ast.get_docstring(functions[0]) or "").strip().splitlines()
     return f"{functions[0].name}: {said[0]}" if said else functions[0].name
+
+
+@lru_cache(maxsize=20_000)
+def spoken(kind: str, text: str) -> str:
+    """What an entry says in words, as it is compared with other texts: of a template its function's name and docstring,
+    of one without them the code."""
+    if kind != "template":
+        return text
+    if plain := _FUNCTION.match(text):  # as templates usually begin; parsing takes twenty times as long
+        return " ".join([plain[1].replace("_", " "), *plain[2].split()])
+    try:
+        functions = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        functions = []
+    if not functions:
+        return text
+    return " ".join([functions[0].name.replace("_", " "), *(ast.get_docstring(functions[0]) or "").split()])
 
 
 @attrs.frozen

@@ -8,7 +8,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables
 from memo_core.skillbook.adding_entries import CLUSTER, EDIT
-from memo_core.skillbook.entries import Forgotten
+from memo_core.skillbook.entries import Forgotten, spoken
 from memo_core.skillbook.origins import note_withdrawn
 from memo_core.skillbook.superseding import gave_way_to, restore
 from memo_core.skillbook.templates import succeed
@@ -54,7 +54,7 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
     own_wording = sa.and_(_E.phase == EDIT, _E.feedback.in_(theirs))
     goes = sa.or_(_E.id.not_in(of_others), own_wording, _E.phase == CLUSTER)
-    doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.text).where(_E.id.in_(of_them), goes)))
+    doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.kind, _E.text).where(_E.id.in_(of_them), goes)))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
@@ -76,8 +76,9 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     feedback = connection.execute(sa.delete(tables.feedback).where(condition)).rowcount
     _bring_back(connection, sorted(set(back) - set(ids)), "what it gave way to was withdrawn")
     gone = _no_longer_there(connection, texts)
-    for start in range(0, len(gone), _CHUNK):
-        digests = [digest(text) for text in gone[start : start + _CHUNK]]
+    embedded = sorted({*gone, *(spoken(row.kind, row.text) for row in doomed if row.text in gone)})
+    for start in range(0, len(embedded), _CHUNK):
+        digests = [digest(text) for text in embedded[start : start + _CHUNK]]
         connection.execute(sa.delete(tables.vectors).where(tables.vectors.c.digest.in_(digests)))
     _drop_orphans(connection)
     counted = tables.keys.c.id.in_(sa.select(tables.records.c.key))  # what entries did for it is still evidence

@@ -19,7 +19,7 @@ _E, _K = tables.entries.c, tables.keys.c
 _COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
 _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
-_PLACES = 96  # three times what is served, and the general statements
+_PLACES = 128  # twice what is served, what people said last, and the general statements
 _CHUNK = 500
 _PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
 _GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))

@@ -7,6 +7,7 @@ import sqlalchemy as sa
 from memo_core.interfaces.embedder import Embedder
 from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import spoken
 from memo_core.skillbook.text_vectors import TextVectors
 
 
@@ -20,7 +21,7 @@ def reembed(url: str, embedder: Embedder) -> int:
     try:
         embedder.open()
         with database.read() as connection:
-            texts = sorted({row.text for row in queries.valid_entry_rows(connection)})
+            texts = sorted({spoken(row.kind, row.text) for row in queries.valid_entry_rows(connection)})
         with database.write() as connection:
             connection.execute(sa.delete(tables.vectors))
             connection.execute(sa.delete(tables.sheets))

@@ -24,7 +24,13 @@ def alike(subtask: Key, key: Key, actions: Actions) -> str:
 @attrs.frozen
 class Served:
     """An entry that was served: its place (1 is first) and each term of its score. General statements have no cosines
-    of their own, their score is their text's similarity to the subtask."""
+    of their own, their score is their text's similarity to the subtask.
+
+    ``passes`` tells the two ways of being served apart. True: the entry's key passes the cut (``retrieval.cut``), it is
+    about this subtask or one like it, and is meant to be followed; so are general statements. False: it is only a hint,
+    served beside the others, or because there are none, for what its text says or as the nearest there is: it may be of
+    use and may as well be about something else. ``alike`` says in words what the key has in common with the subtask.
+    """
 
     entry: Entry
     rank: int
@@ -35,6 +41,7 @@ class Served:
     key_score: float = 0.0  # r(q, v); 0 for general statements
     overlap: float = 0.0  # share of the subtask's terms that the text has; 0 where r alone decides
     provenance: Provenance = Provenance()  # who said it, when, and of which subtask
+    passes: bool = True  # whether its key passes the cut; False: a hint from something else, see above
     alike: str = ""  # how the key compares with the subtask, in words: one of ``ALIKE``; "" for general statements
 
     @property

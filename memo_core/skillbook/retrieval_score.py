@@ -32,10 +32,12 @@ class Candidates:
     similar: np.ndarray  # cosine of the text and the subtask's words
     key_similar: np.ndarray  # cosine of the key's words and the subtask's
     overlap: np.ndarray  # share of the subtask's terms that the text has
+    must: np.ndarray  # bool, served whatever the score
 
     @classmethod
     def none(cls) -> Candidates:
-        return cls(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(6)))
+        none = np.zeros(0)
+        return cls(none.astype(np.int64), none, none, none, none, none, none, none.astype(bool))
 
     @classmethod
     def joined(cls, several: Sequence[Candidates]) -> Candidates:
@@ -56,26 +58,34 @@ class Candidates:
         likeness = (self.similar + self.key_similar) / 2
         return (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
 
-    def served(self, settings: RetrievalSettings) -> np.ndarray:
-        """Which of them may be served, bool: those whose key passes the cut; and, by text, those whose score is near
-        the best one's and whose text shares a term with the subtask or is like it."""
-        passing = self.key_scores >= settings.cut - TIE
+    def passing(self, settings: RetrievalSettings) -> np.ndarray:
+        """Whose key passes the cut, bool."""
+        return np.asarray(self.key_scores >= settings.cut - TIE)
+
+    def served(self, settings: RetrievalSettings, room: int) -> np.ndarray:
+        """Which of them may be served, bool: those whose key passes the cut; and beside them, while fewer than
+        ``room`` pass, those whose score is near the best one's and whose text shares a term with the subtask or is
+        like it. Of either, none that is far below the best one."""
+        passing = self.passing(settings)
         if settings.ranking == "key" or not len(self.ids):
-            return passing
+            return passing | self.must
         scores = self.scores(settings)
+        best = scores.max()
         likeness = (self.similar + self.key_similar) / 2
         speaking = (self.overlap > 0) | (likeness >= settings.text_floor)
-        beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
-        room = max(0, settings.fill - int(passing.sum()))
-        passing[beside[np.argsort(-scores[beside], kind="stable")[:room]]] = True
-        return passing
+        beside = np.flatnonzero(~passing & speaking & (scores >= best - settings.reach))
+        chosen = (passing & (scores >= best - settings.spread)) | self.must
+        left = max(0, room - int(passing.sum()))
+        chosen[beside[np.argsort(-scores[beside], kind="stable")[:left]]] = True
+        return chosen
 
 
-def best(scores: np.ndarray, similar: np.ndarray, count: int) -> np.ndarray:
-    """Places of the ``count`` best by score and then likeness, and of all that tie with the last, in no order."""
+def best(scores: np.ndarray, similar: np.ndarray, count: int, must: np.ndarray) -> np.ndarray:
+    """Places of the ``count`` best by score and then likeness, of all that tie with the last, and of those that
+    ``must`` be there, in no order."""
     if len(scores) <= count:
         return np.arange(len(scores))
     order = np.lexsort((-similar, -np.round(scores, 6)))  # keys of one synonym group differ by rounding only
     last = order[count - 1]
     level = np.abs(scores - scores[last]) <= TIE
-    return np.flatnonzero((scores > scores[last] + TIE) | (level & (similar > similar[last] - TIE)))
+    return np.flatnonzero((scores > scores[last] + TIE) | (level & (similar > similar[last] - TIE)) | must)

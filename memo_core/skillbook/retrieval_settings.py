@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 import attrs
 
-from memo_core.errors import InvalidArgument
+from memo_core.config.layers import preset_sections
+from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook.action_relations import Actions, default_actions
 from memo_core.skillbook.key_embedding import Wording
 
@@ -31,13 +32,6 @@ def _cosine(instance: object, attribute: attrs.Attribute[float], value: float) -
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
 
 
-def _entries(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 100_000_000:
-        raise InvalidArgument(
-            f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 100000000"
-        )
-
-
 def _ranking(instance: object, attribute: attrs.Attribute[str], value: str) -> None:
     if value not in ("key", "key-and-text"):
         raise InvalidArgument("retrieval.ranking", f"{value!r} is not right", "'key' or 'key-and-text'")
@@ -55,22 +49,6 @@ class RetrievalSettings:
     where the cosines are those of the plain words of subtask, text and key, and the overlap is the share of the
     subtask's terms that the text has (``memo_core.skillbook.shared_terms``).
     """
-
-    PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
-        "paper": {
-            "ranking": "key",
-            "lambda_action": 0.75,
-            "lambda_objects": 0.25,
-            "cut": 0.8,
-            "corrections": 20,
-            "general": 10,
-            "general_floor": -1.0,
-            "action_phrase": "{}",
-            "object_phrase": "{}",
-            "shipped_actions": False,
-            "notice_harm": False,
-        }
-    }
 
     lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})
     lambda_objects: float = attrs.field(default=0.25, validator=_positive, metadata={"help": "λ2, weight of objects"})
@@ -92,8 +70,13 @@ class RetrievalSettings:
     overlap_weight: float = attrs.field(
         default=0.105, validator=_share, metadata={"help": "w_o, weight of the terms that subtask and text share"}
     )
+    spread: float = attrs.field(
+        default=0.23,
+        validator=_share,
+        metadata={"help": "entries whose s is further below the best are not served, whatever their key"},
+    )
     reach: float = attrs.field(
-        default=0.2,
+        default=0.17,
         validator=_share,
         metadata={"help": "below the cut, entries are served whose s is so near the best"},
     )
@@ -107,10 +90,11 @@ class RetrievalSettings:
         validator=_count,
         metadata={"help": "entries below the cut are served as long as there are not so many in all"},
     )
-    text_entries: int = attrs.field(
-        default=50_000,
-        validator=_entries,
-        metadata={"help": "up to so many entries are also searched by their texts; a larger book by its keys alone"},
+    newest: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "always serve what each person said last under the subtask's own key, before their older notes"
+        },
     )
     notice_harm: bool = attrs.field(
         default=True,
@@ -137,8 +121,19 @@ class RetrievalSettings:
 
     @classmethod
     def preset(cls, name: str) -> RetrievalSettings:
-        """Settings by one word, as ``retrieval: paper`` in a config."""
-        return cls(**cls.PRESETS[name])
+        """What a preset says of retrieval, as ``retrieval: paper`` in a config. Raises ``UnknownName``."""
+        known = preset_sections("retrieval")
+        if name not in known:
+            raise UnknownName("retrieval preset", name, tuple(known))
+        return cls(**known[name])
+
+    def limit(self, kind: str) -> int:
+        """Most entries of a kind that are served."""
+        return {"correction": self.corrections, "template": self.templates, "general": self.general}[kind]
+
+    def room(self, kind: str) -> int:
+        """As long as fewer entries of a kind pass the cut, others are served up to so many."""
+        return min(self.fill, self.limit(kind))
 
     @property
     def weights(self) -> tuple[float, float]:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import attrs
 
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.skillbook.keys import Key
+
+_WORD = re.compile(r"\w+")
 
 
 @attrs.frozen
@@ -15,28 +20,54 @@ class SubtaskContext:
     parts: tuple[str, ...] = ()  # names of visible parts, without the thing's own: "handle", "knob"
     attributes: tuple[str, ...] = ()  # what is seen of them: "white", "wooden"
     holding: bool | None = None  # whether the hand holds something; None: not known
+    labels: tuple[str, ...] = ()  # words of their labels that the subtask leaves out: "shaker" of POUR(sugar, cake)
 
     @classmethod
     def of(cls, subtask: Key, scene: SceneGraph) -> SubtaskContext:
-        """From a look at the scene. Things that the scene does not show are passed over."""
+        """From a look at the scene. Things that the scene does not show are passed over.
+
+        A name that is no node's is taken for the node whose label has all its words, for the one whose label is
+        within it (``PLAN(put the cup on the shelf)`` is about cup and shelf), else for none.
+        """
         by_id = {node.id: node for node in scene.nodes}
-        seen = [node for name in subtask.objects if (node := _named(name, scene)) is not None]
+        seen = [node for name in subtask.objects for node in _named(name, scene.nodes)]
         wholes = list(dict.fromkeys(_whole(node, by_id).id for node in seen))
-        words = {word for name in subtask.objects for word in name.split()}
+        words = {word for name in subtask.objects for word in _words(name)}
         parts: list[str] = []
         for node in scene.nodes:
             whole = _whole(node, by_id)
             if node.id == whole.id or whole.id not in wholes or node.kind == "space":
                 continue
-            own = set(_plain(whole.label).split())
-            parts += [word for word in _plain(node.label).split() if word not in own | words]
+            own = set(_words(whole.label))
+            parts += [word for word in _words(node.label) if word not in own | words]
+        whole_words = [word for whole in wholes for word in _words(by_id[whole].label)]
         attributes = [word for node in seen for word in node.attributes]
-        return cls(tuple(dict.fromkeys(parts)), tuple(dict.fromkeys(attributes)), scene.observation.holding)
+        labels = [word for word in whole_words if word not in words]
+        return cls(_once(parts), _once(attributes), scene.observation.holding, _once(labels))
 
 
-def _named(name: str, scene: SceneGraph) -> Node | None:
-    wanted = _plain(name)
-    return next((node for node in scene.nodes if wanted in (_plain(node.id), _plain(node.label))), None)
+def _once(words: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(words))
+
+
+def _named(name: str, nodes: Sequence[Node]) -> list[Node]:
+    """The nodes that a name stands for, best guess; several only where several labels are within it."""
+    wanted = _words(name)
+    exact = [node for node in nodes if wanted in (_words(node.id), _words(node.label))]
+    if exact:
+        return exact[:1]
+    longer = [node for node in nodes if set(wanted) <= set(_words(node.label))]
+    if longer:
+        return [min(longer, key=lambda node: len(_words(node.label)))]
+    within = [node for node in nodes if _within(_words(node.label), wanted)]
+    largest = max((len(_words(node.label)) for node in within), default=0)
+    wholes = [node for node in within if node.part_of is None]
+    return wholes or [node for node in within if len(_words(node.label)) == largest][:1]
+
+
+def _within(label: list[str], name: list[str]) -> bool:
+    """Whether a label's words stand together in a name."""
+    return any(name[start : start + len(label)] == label for start in range(len(name) - len(label) + 1))
 
 
 def _whole(node: Node, by_id: dict[str, Node]) -> Node:
@@ -48,5 +79,5 @@ def _whole(node: Node, by_id: dict[str, Node]) -> Node:
     return node
 
 
-def _plain(name: str) -> str:
-    return " ".join(name.lower().replace("_", " ").replace("/", " ").split())
+def _words(name: str) -> list[str]:
+    return _WORD.findall(name.lower().replace("_", " "))

@@ -24,6 +24,9 @@ _WORD = re.compile(r"[^\W\d_]+(?:'t)?")
 _SUFFIXES = ("ing", "ed", "es", "s", "ly")
 
 
+Wanted = tuple[dict[str, float], float]  # terms of a subtask with their weights, and what counts as all of them
+
+
 class Terms:
     """Terms of subtasks and of texts for one table of actions."""
 
@@ -55,7 +58,7 @@ class Terms:
         terms = self.of_text(text)
         return any(term.startswith("#") for term in terms) or not self._parts.isdisjoint(terms)
 
-    def of_subtask(self, subtask: Key, context: SubtaskContext) -> tuple[dict[str, float], float]:
+    def of_subtask(self, subtask: Key, context: SubtaskContext) -> Wanted:
         """Terms with their weights, and what counts as all of them: of the action and the things it names. What the
         scene shows and what the hand will do make further terms, by which a note can match beyond its words."""
         about = self._actions.about(subtask)
@@ -66,13 +69,13 @@ class Terms:
         words = [word for name in about.objects for word in name.split()]
         for word in (*words, *context.parts):
             more |= {f"#{self._actions.canonical(verb)}": _SEEN for verb in self._actions.parts.get(word, ())}
-        more |= {term: _SEEN for part in context.parts for term in self.of_text(part)}
+        more |= {term: _SEEN for word in (*context.parts, *context.labels) for term in self.of_text(word)}
         more |= {term: _ATTRIBUTE for seen in context.attributes for term in self.of_text(seen)}
         if self.grips(subtask.action, context):
             more[_GRIP] = _GRIPPED
         return more | named, total
 
-    def overlap(self, wanted: tuple[dict[str, float], float], text: str) -> float:
+    def overlap(self, wanted: Wanted, text: str) -> float:
         """The share of a subtask's terms that a text has, 0 to 1."""
         weights, total = wanted
         there = self.of_text(text)

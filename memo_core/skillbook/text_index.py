@@ -19,6 +19,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import spoken
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
@@ -35,7 +36,7 @@ _ONE_OF: list[sa.BindParameter[int]] = [sa.bindparam(name) for name in PLACE_NAM
 _KIND, _VALID = _E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None)
 _MEMBERS = sa.select(_E.key, _E.id).where(_KIND, _VALID, _E.key.in_(_ONE_OF)).order_by(_E.key, _E.id)
 _SHEETS = sa.select(_S.key, _S.entries, _S.sketches).where(_S.kind == sa.bindparam("kind"), _S.key.in_(_ONE_OF))
-_TEXTS = sa.select(_E.id, _E.text).where(_E.id.in_(_ONE_OF))
+_TEXTS = sa.select(_E.id, _E.kind, _E.text).where(_E.id.in_(_ONE_OF))
 
 
 @attrs.frozen(eq=False)
@@ -139,7 +140,9 @@ class Likeness:
         for key, entry in self._database.fetch(_MEMBERS, asked):
             members[key].append(entry)
         sheets = {}
-        if self._has_sheets():
+        if kind == "template":  # one a key is valid
+            least = max(map(len, members.values()))
+        elif self._has_sheets():
             sheets = {key: _sheet(ids, blob) for key, ids, blob in self._database.fetch(_SHEETS, asked)}
         small = [key for key in keys if key not in sheets and len(members[key]) <= least]
         groups = self._exact({key: members[key] for key in small})
@@ -220,7 +223,7 @@ class Likeness:
     def _texts(self, ids: list[int]) -> list[str]:
         found: dict[int, str] = {}
         for part in batched(ids, PLACES):
-            found.update((row[0], row[1]) for row in self._database.fetch(_TEXTS, places(part)))
+            found.update((row[0], spoken(row[1], row[2])) for row in self._database.fetch(_TEXTS, places(part)))
         return [found.get(entry, "") for entry in ids]  # one that was deleted just now: the generation tells retrieval
 
 

@@ -17,6 +17,7 @@ from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import spoken
 from memo_core.skillbook.retrieval_cache import KINDS, Contents
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_vectors import TextVectors
@@ -24,6 +25,7 @@ from memo_core.skillbook.text_vectors import TextVectors
 _E, _C, _M = tables.entries.c, tables.changes.c, tables.meta.c
 _BATCH = 20_000  # vectors handed to the store at once
 _FEW = 5_000  # entries that came or went; more are not brought in one by one
+_SAYS = "docstrings"  # changes with what of an entry is embedded (``spoken``)
 _KIND = _E.kind.in_(KINDS)
 _VALID = _E.superseded_by.is_(None)
 
@@ -114,7 +116,7 @@ class TextSearch:
 
     def _stamp(self, state: Contents) -> int:
         """62 bits: 20 of book and embedder, 14 of the last change that revisions do not tell, 28 of the revision."""
-        whose = hashlib.sha256(f"{state.book}|{self._vectors.name}".encode()).digest()
+        whose = hashlib.sha256(f"{state.book}|{self._vectors.name}|{_SAYS}".encode()).digest()
         untold = hashlib.sha256(str(state.uncounted).encode()).digest()
         parts = (int.from_bytes(whose[:4], "big") >> 12, int.from_bytes(untold[:2], "big") >> 2)
         return (parts[0] << 42) | (parts[1] << 28) | state.revision
@@ -158,7 +160,7 @@ class TextSearch:
         for start in range(0, len(ids), _BATCH):
             part = ids[start : start + _BATCH].tolist()
             with self._database.read() as connection:
-                texts = {one.id: one.text for one in queries.entries_by_id(connection, part).values()}
+                texts = {one.id: spoken(one.kind, one.text) for one in queries.entries_by_id(connection, part).values()}
             there = [entry for entry in part if entry in texts]
             if there:
                 self._store.add(there, self._vectors.get([texts[entry] for entry in there]))

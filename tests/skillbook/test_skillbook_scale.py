@@ -59,7 +59,7 @@ def test_sizes_that_cannot_be_made_are_refused(entries: int, keys: int) -> None:
 
 def test_retrieval_serves_what_comparing_every_vector_would(path: Path) -> None:
     embedder = WordVectors()
-    chosen = RetrievalSettings(corrections=7, general=5, general_floor=-1.0, ranking="key")
+    chosen = RetrievalSettings(corrections=7, general=5, general_floor=-1.0, ranking="key", newest=False)
     with Skillbook(str(path), embedder, FakeStore(), chosen, read_only=True) as book:
         every = book.entries()
         for key in keys_of(SIZE):
@@ -143,7 +143,7 @@ def test_sheets_serve_what_comparing_would_whatever_happened_to_the_book(
     path = tmp_path_factory.mktemp("steps") / "b.db"
     key, embedder = Key.parse("OPEN(microwave)"), WordVectors()
     meant = embedder.embed(["open microwave"])[0]
-    with Skillbook(str(path), embedder, settings=RetrievalSettings(corrections=5)) as book:
+    with Skillbook(str(path), embedder, settings=RetrievalSettings(corrections=5, newest=False)) as book:
         for turn, (step, number) in enumerate(steps):
             if step in ("teach", "many"):
                 texts = tuple(f"take part {turn} {n} microwave" for n in range(45 if step == "many" else number + 1))

@@ -28,7 +28,7 @@ def memo_vector_stores() -> Iterable[Backend]:
         Backend(
             kind="vectorstore",
             name="faiss",
-            summary="exact inner products in memory, optionally kept in a file",
+            summary="inner products in memory, exact up to a size, optionally kept in a file",
             factory=_faiss,
             config=FaissSettings,
             default=True,

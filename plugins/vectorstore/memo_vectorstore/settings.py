@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 from urllib.parse import urlsplit
 
 import attrs
@@ -10,12 +11,33 @@ import attrs
 from memo_core.errors import InvalidArgument
 
 
+def _whole(least: int, most: int) -> Any:
+    def check(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            expected = f"a whole number, {least} to {most}"
+            raise InvalidArgument(f"vectorstore.{attribute.name}", f"{value!r} is not right", expected)
+
+    return check
+
+
 @attrs.frozen
 class FaissSettings:
-    """A flat index: exact, one thread, in memory."""
+    """In memory, searched by one thread: a flat index, which is exact; above a size inverted lists, which are not."""
 
     file: str = attrs.field(
         default="", metadata={"help": "keep the index in this file between runs; default: memory only"}
+    )
+    flat_up_to: int = attrs.field(
+        default=10_000,
+        validator=_whole(100, 100_000_000),
+        metadata={
+            "help": "up to so many vectors the search is exact; more are kept in inverted lists, 8 bits a component"
+        },
+    )
+    probes: int = attrs.field(
+        default=16,
+        validator=_whole(1, 100_000),
+        metadata={"help": "lists that one search looks through: more of them finds more and takes longer"},
     )
 
 
@@ -40,11 +62,6 @@ def _name(instance: object, attribute: attrs.Attribute[str], value: str) -> None
         )
 
 
-def _candidates(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 100_000:
-        raise InvalidArgument("vectorstore.candidates", f"{value!r} is not right", "a whole number, 1 to 100000")
-
-
 @attrs.frozen
 class ChromaSettings:
     """A Chroma database: in memory, in a folder, or on a server."""
@@ -63,7 +80,7 @@ class ChromaSettings:
     )
     candidates: int = attrs.field(
         default=800,
-        validator=_candidates,
+        validator=_whole(1, 100_000),
         metadata={"help": "vectors that one search looks at (HNSW's ef): more of them finds more and takes longer"},
     )
 

@@ -1,0 +1,73 @@
+"""What people said last: of contradicting notes of one person the newer counts.
+
+Whether two notes contradict each other no likeness of texts tells ("pull it straight" is close to "pull it along an
+arc" and so is what agrees with it). So nothing is decided about that: what each person said last under the subtask's
+own key is always served, and before whatever that person said earlier under the same key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sqlalchemy as sa
+
+from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.provenance import Provenance
+from memo_core.skillbook.retrieval_result import Served
+from memo_core.skillbook.text_vectors import PLACE_NAMES, places
+
+_LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
+
+_E, _F, _S = tables.entries.c, tables.feedback.c, tables.sources.c
+_MINE = (
+    sa.select(_E.id)
+    .where(
+        _E.key.in_([sa.bindparam(name) for name in PLACE_NAMES]),
+        _E.kind == sa.bindparam("kind"),
+        _E.superseded_by.is_(None),
+    )
+    .order_by(_E.id.desc())
+    .limit(sa.literal_column(str(_LATEST)))
+    .offset(sa.literal_column("0"))
+    .subquery()
+)
+_SAID = (
+    sa.select(_MINE.c.id, _F.who, _F.time, _F.id.label("feedback"))
+    .join(tables.sources, _S.entry == _MINE.c.id)
+    .join(tables.feedback, _S.feedback == _F.id)
+)
+
+
+def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list[int]:
+    """The corrections under some keys, at most 32, that were made of what each person said last there, the latest
+    speakers' first. Of a remark that would make them more than ``most`` one correction: each person is heard."""
+    last: dict[str, tuple[float, int]] = {}
+    made: dict[tuple[float, int], list[int]] = {}
+    for entry, who, when, feedback in database.fetch(_SAID, {"kind": "correction"} | places(list(keys))):
+        moment = (when, feedback)
+        last[who] = max(last.get(who, moment), moment)
+        made.setdefault(moment, []).append(entry)
+    found: list[int] = []
+    for moment in sorted(last.values(), reverse=True):
+        mine = sorted(set(made[moment]).difference(found), reverse=True)
+        found += mine if len(found) + len(mine) <= most else mine[:1]
+    return found
+
+
+def newest_before_older(served: Sequence[Served], known: Mapping[int, Provenance]) -> tuple[Served, ...]:
+    """With what one person said last under a key before what the same person said there earlier: they exchange places.
+    Entries that several people's words were merged into stay where they are. ``known``: by entry."""
+    places_of: dict[tuple[Key, str], list[int]] = {}
+    for place, one in enumerate(served):
+        who = known[one.entry.id].who if one.entry.id in known else ()
+        if len(who) == 1:
+            places_of.setdefault((one.entry.key, who[0]), []).append(place)
+    ordered = list(served)
+    for held in places_of.values():
+        last = max(known[served[place].entry.id].when for place in held)
+        mine = sorted((served[place] for place in held), key=lambda one: known[one.entry.id].when < last)
+        for place, one in zip(held, mine, strict=True):
+            ordered[place] = one
+    return tuple(ordered)
