@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from memo_benchmarks import durability_commands
+from memo_benchmarks.reporting import print_report, with_progress
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
     from memo_core.robot.description import RobotDescription
 
 app = typer.Typer(help="Measure this machine.")
+for _command in (durability_commands.signals, durability_commands.resume, durability_commands.kills):
+    app.command()(_command)
+app.command()(durability_commands.soak)
 
 QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
 Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
@@ -33,7 +38,7 @@ def startup(
 
     from memo_benchmarks.startup import bench_startup
 
-    _report(_measured("startup", lambda progress: attrs.asdict(bench_startup(runs, progress))), json)
+    print_report(with_progress("startup", lambda progress: attrs.asdict(bench_startup(runs, progress))), json)
 
 
 @app.command()
@@ -62,11 +67,11 @@ def sim(
     experiments = [load(config, one)[1] for one in chosen]  # what is wrong is said before anything is measured
     found = []
     for one, experiment in zip(chosen, experiments, strict=True):
-        measured = _measured("sim", measuring(experiment.create("simulator"), experiment.create("robot")))
+        measured = with_progress("sim", measuring(experiment.create("simulator"), experiment.create("robot")))
         name = {"simulator": experiment.choice("simulator").backend.name}
         found.append({"bench": "sim"} | name | measured | attrs.asdict(sim_memory(config, tuple(one))))
     if not names:
-        _report(found[0], json)
+        print_report(found[0], json)
     elif json:
         print_json({"bench": "sim", "simulators": found})
     else:
@@ -110,7 +115,7 @@ def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json 
 
     _, experiment = load(config, overrides)
     robot = experiment.create("robot")
-    _report(_measured("planning", lambda progress: bench_planning(robot, progress)), json)
+    print_report(with_progress("planning", lambda progress: bench_planning(robot, progress)), json)
 
 
 @app.command()
@@ -120,7 +125,7 @@ def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 
     _, experiment = load(config, overrides)
     simulator, robot = experiment.create("simulator"), experiment.create("robot")
-    _report(_measured("force", lambda progress: bench_force(simulator, robot, progress)), json)
+    print_report(with_progress("force", lambda progress: bench_force(simulator, robot, progress)), json)
 
 
 @app.command()
@@ -145,7 +150,7 @@ def retrieval(
             settings=experiment.section("retrieval"),
         )
 
-    _report(_measured("retrieval", measure), json)
+    print_report(with_progress("retrieval", measure), json)
 
 
 @app.command()
@@ -161,7 +166,7 @@ def vectorstore(
 
     _, experiment = load(config, overrides)
     make = lambda: experiment.create("vectorstore")
-    _report(_measured("vector store", lambda progress: bench_vectorstore(make, keys, queries, progress)), json)
+    print_report(with_progress("vector store", lambda progress: bench_vectorstore(make, keys, queries, progress)), json)
 
 
 @app.command("retrieval-quality")
@@ -208,7 +213,7 @@ def retrieval_quality(
         finally:
             embedder.close()
 
-    measured = _measured("retrieval-quality", measure)
+    measured = with_progress("retrieval-quality", measure)
     if json:
         print_json(measured)
         return
@@ -240,7 +245,7 @@ def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json:
         finally:
             embedder.close()
 
-    measured = _measured("quirks-serving", measure)
+    measured = with_progress("quirks-serving", measure)
     if json:
         print_json(measured)
         return
@@ -276,13 +281,13 @@ def skillbook(
 
     load(config, overrides)  # what is wrong is said before anything is measured
     source, size = Source(config, tuple(overrides or ())), BookSize(entries, keys, general, seed=seed)
-    measured = _measured(
+    measured = with_progress(
         "skillbook", lambda progress: bench_skillbook(source, size, questions, seconds, folder, stores, progress)
     )
     if json:
         print_json(measured)
         return
-    _report({name: value for name, value in measured.items() if name != "contenders"}, False)
+    print_report({name: value for name, value in measured.items() if name != "contenders"}, False)
     columns = ("contender", "over", "entries", "open_s", "questions", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
     print_table(columns, [tuple(one[name] for name in columns) for one in measured["contenders"]])
 
@@ -315,15 +320,15 @@ def clustering(
 
     def row(name: str) -> dict[str, Any]:
         one, folder = chosen[name]
-        return _measured(name, lambda progress: attrs.asdict(bench_clustering(one, keys, seed, folder, progress)))
+        return with_progress(name, lambda progress: attrs.asdict(bench_clustering(one, keys, seed, folder, progress)))
 
     rows = {name: row(name) for name in chosen}
     if json:
-        _report(rows["clustering"] | ({"ablation": rows["ablation"]} if ablation else {}), json)
+        print_report(rows["clustering"] | ({"ablation": rows["ablation"]} if ablation else {}), json)
         return
     for measured in rows.values():
         missed, problems = measured["missed"], measured["problems"]
-        _report(measured | {"missed": len(missed), "problems": len(problems)}, json)
+        print_report(measured | {"missed": len(missed), "problems": len(problems)}, json)
         print("\n".join(["", *missed, *problems]))
 
 
@@ -352,11 +357,11 @@ def understanding(
             model.close()
         return shares(heard)
 
-    measured = _measured("understanding", measure)
+    measured = with_progress("understanding", measure)
     if json:
         print_json(measured | {"all": [one.told for one in heard]})
         return
-    _report(measured, json)
+    print_report(measured, json)
     if all_sentences:
         for one in heard:
             print(f"\n[{one.verdict}] {one.saying.subtask}: {one.saying.says}\n  meant: {one.saying.means}")
@@ -376,35 +381,14 @@ def stop(
     from memo_benchmarks.stop import PHASES, bench_stop
 
     _, experiment = load(config, overrides)
-    measured = _measured("stop", lambda progress: bench_stop(experiment, signals, phases or PHASES, progress).summary())
+    measured = with_progress(
+        "stop", lambda progress: bench_stop(experiment, signals, phases or PHASES, progress).summary()
+    )
     if json:
         print_json(measured)
         return
     rows = measured["phases"]
     print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
-
-
-@app.command()
-def signals(
-    number: Annotated[int, typer.Option("--signals", min=1, help="Runs, each of which gets one kind of signal.")] = 300,
-    seed: Annotated[int, typer.Option("--seed", help="Of the moments.")] = 0,
-    json: Json = False,
-) -> None:
-    """Signals at random moments of real runs: exit codes, aborts, orphans, what is left behind, summaries.
-
-    Exit code 1 when one of them was not as promised.
-    """
-    from memo_benchmarks.signals import bench_signals
-
-    measured = _measured("signals", lambda progress: bench_signals(number, seed, progress=progress))
-    if json:
-        print_json(measured)
-    else:
-        rows = measured["kinds"]
-        print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
-        print("\n".join([*measured["faults"], f"kept: {'yes' if measured['kept'] else 'no'}"]))
-    if not measured["kept"]:
-        raise typer.Exit(1)
 
 
 @app.command()
@@ -430,7 +414,7 @@ def demo(
             progress(len(rows) / len(wanted))
         return {"seeds": len(rows), "told": sum(row["told"] for row in rows), "stories": rows}
 
-    measured = _measured("demo", measure)
+    measured = with_progress("demo", measure)
     if json:
         print_json(measured)
         return
@@ -486,7 +470,7 @@ def lesions(
         found = {"taught": taught, "lesions": _by_lesion(trials, chosen), "trials": trials}
         return found | {"interrupted": interrupted}
 
-    measured = _measured("lesions", measure)
+    measured = with_progress("lesions", measure)
     if json:
         print_json(measured)
     else:
@@ -530,20 +514,3 @@ def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str,
         done = {"first": sum(t["first"] is True for t in mine), "success": sum(t["success"] for t in mine)}
         found.append({"lesion": name, "trials": len(mine)} | done)
     return found
-
-
-def _measured(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        task = bar.add_task(f"measuring {what}", total=None)
-        return {"bench": what} | measure(lambda share: bar.update(task, total=1.0, completed=share))
-
-
-def _report(measured: dict[str, Any], json: bool) -> None:
-    if json:
-        print_json(measured)
-        return
-    rows = [(name.replace("_", " "), value) for name, value in measured.items() if name != "bench"]
-    print_table((measured["bench"], ""), rows)

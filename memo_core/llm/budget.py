@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 
 import attrs
 
@@ -70,13 +71,16 @@ class Budget:
         study: Limit = Limit(),
         run: str = "",
         already: Spent = Spent(),
+        known: Mapping[int, Usage | None] | None = None,
     ) -> None:
-        """``already``: what earlier parts of a resumed run spent."""
+        """``already``: what earlier parts of a resumed run spent; ``known``: on which calls, by their entry in its log.
+        The ledger hears of those whose process was killed before it could say what they cost."""
         self._limit = limit
         self._ledger = ledger
         self._study = study
         self._run = run
         self._spent = already
+        self._known = known or {}
         self._open: dict[int, int | None] = {}  # calls under way: number -> line in the ledger
         self._next = 0
         self._change = threading.Condition()
@@ -88,6 +92,8 @@ class Budget:
             raise UnknownPrice(self._dollars, why)
         if self._ledger is not None:
             self._ledger.open()
+            if self._known:
+                self._ledger.recover(self._run, self._known)
             self._study.check(self._ledger.spent(), f"the study of {self._ledger.path}", "run.study_")
         self._limit.check(self._spent, "this run", "run.")
 
@@ -115,8 +121,9 @@ class Budget:
         with self._change:
             return len(self._open)
 
-    def begin(self, request: Request, model: str) -> int:
-        """A call is about to be made; returns its number for ``end``. Raises ``BudgetExceeded``, ``UnknownPrice``."""
+    def begin(self, request: Request, model: str, entry: int | None = None) -> int:
+        """A call is about to be made, which is this entry of the run's log; returns its number for ``end``. Raises
+        ``BudgetExceeded``, ``UnknownPrice``."""
         with self._change:
             if self._dollars and self._spent.unpriced:
                 raise UnknownPrice(self._dollars, f"a call of {model} came back without a cost")
@@ -124,7 +131,7 @@ class Budget:
             line = None
             if self._ledger is not None:
                 expected = sum(len(message.text) for message in request.messages) // CHARACTERS_A_TOKEN
-                line = self._ledger.begin(self._run, request.phase, model, expected, self._check_study)
+                line = self._ledger.begin(self._run, request.phase, model, expected, self._check_study, entry)
             self._next += 1
             self._open[self._next] = line
             return self._next

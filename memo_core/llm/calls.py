@@ -150,7 +150,7 @@ class ModelCalls:
         shown = self._redact.pieces(self._shower(request.phase, given_up)) if self._on_text else None
 
         def work() -> Answer:
-            begun.append(self._budget.begin(request, self._llm.name))
+            begun.append(self._budget.begin(request, self._llm.name, number))
             answer = self._llm.answer(request, shown, given_up.is_set)
             if shown is not None:
                 shown.end()

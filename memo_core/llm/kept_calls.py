@@ -89,14 +89,24 @@ def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelErro
 def spent_in(history: History, folder: Path) -> Spent:
     """What a run has spent so far, from its log and the files of its calls; each call counts once."""
     spent = Spent()
+    for over, usage in _calls_in(history, folder).values():
+        spent = spent.plus(usage) if over else attrs.evolve(spent, unfinished=spent.unfinished + 1)
+    return spent
+
+
+def usages_in(history: History, folder: Path) -> dict[int, Usage | None]:
+    """What each call of a run cost that is known to be over, by its entry in the log."""
+    return {number: usage for number, (over, usage) in _calls_in(history, folder).items() if over}
+
+
+def _calls_in(history: History, folder: Path) -> dict[int, tuple[bool, Usage | None]]:
+    found = {}
     for entry in history.effects:
         refused = (entry.raised or {}).get("type") == "BudgetExceeded"
         again = isinstance(entry.value, dict) and entry.value.get("kept")  # paid for as another entry
-        if entry.name != ASK or refused or again:
-            continue
-        over, usage = _usage_in(entry, folder)
-        spent = spent.plus(usage) if over else attrs.evolve(spent, unfinished=spent.unfinished + 1)
-    return spent
+        if entry.name == ASK and not refused and not again:
+            found[entry.number] = _usage_in(entry, folder)
+    return found
 
 
 def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:

@@ -9,7 +9,7 @@ import contextlib
 import sqlite3
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,8 @@ _WAIT_S = 30.0  # for other processes that write
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS calls (
     id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT NOT NULL,
-    model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT 0, cost REAL
+    model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT 0, cost REAL,
+    entry INTEGER
 )
 """
 _SUMS = """
@@ -62,6 +63,7 @@ class Ledger:
                 connection = sqlite3.connect(self.path, _WAIT_S, isolation_level=None, check_same_thread=False)
                 connection.execute("PRAGMA synchronous=FULL")
                 connection.execute(_SCHEMA)
+                _add_missing_column(connection)
             except (OSError, sqlite3.Error) as error:
                 raise LedgerError(self.path, str(error)) from error
             self._connection = connection
@@ -78,25 +80,40 @@ class Ledger:
         with self._writing() as connection:
             return _sums(connection)
 
-    def begin(self, run: str, phase: str, model: str, prompt_tokens: int, check: Callable[[Spent], None]) -> int:
+    def begin(
+        self,
+        run: str,
+        phase: str,
+        model: str,
+        prompt_tokens: int,
+        check: Callable[[Spent], None],
+        entry: int | None = None,
+    ) -> int:
         """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
-        more may be; the check and the insertion are one transaction."""
+        more may be; the check and the insertion are one transaction. ``entry``: the call's entry in the run's log."""
         with self._writing() as connection:
             check(_sums(connection))
             inserted = connection.execute(
-                "INSERT INTO calls (begun, run, phase, model, prompt_tokens) VALUES (?, ?, ?, ?, ?)",
-                (time.time(), run, phase, model, prompt_tokens),
+                "INSERT INTO calls (begun, run, phase, model, prompt_tokens, entry) VALUES (?, ?, ?, ?, ?, ?)",
+                (time.time(), run, phase, model, prompt_tokens, entry),
             )
             return int(inserted.lastrowid or 0)
 
     def end(self, line: int, usage: Usage | None) -> None:
         """Complete a call's line; ``usage`` None where nothing was spent."""
-        usage = usage or Usage()
         with self._writing() as connection:
-            connection.execute(
-                "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ? WHERE id = ?",
-                (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, line),
-            )
+            _end(connection, line, usage)
+
+    def recover(self, run: str, known: Mapping[int, Usage | None]) -> None:
+        """Complete the lines of calls that ended although the process that made them was killed before it could say so
+        here: entry of the run's log -> what it cost. A call that was made again has a later line: that one is meant."""
+        newest = "SELECT max(id) FROM calls WHERE run = ? GROUP BY entry"
+        unfinished = f"SELECT entry, id FROM calls WHERE run = ? AND ended IS NULL AND id IN ({newest})"
+        with self._writing() as connection:
+            lines = connection.execute(unfinished, (run, run))
+            for entry, line in lines.fetchall():
+                if entry in known:
+                    _end(connection, line, known[entry])
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -117,6 +134,22 @@ class Ledger:
             finally:
                 if not was_open:
                     self.close()
+
+
+def _add_missing_column(connection: sqlite3.Connection) -> None:
+    """Ledgers of older versions do not know the entries of calls."""
+    connection.execute("BEGIN IMMEDIATE")
+    if "entry" not in [column[1] for column in connection.execute("PRAGMA table_info(calls)")]:
+        connection.execute("ALTER TABLE calls ADD COLUMN entry INTEGER")
+    connection.execute("COMMIT")
+
+
+def _end(connection: sqlite3.Connection, line: int, usage: Usage | None) -> None:
+    usage = usage or Usage()
+    connection.execute(
+        "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ? WHERE id = ?",
+        (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, line),
+    )
 
 
 def _sums(connection: sqlite3.Connection) -> Spent:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from memo_core.config import Experiment
 from memo_core.errors import BackendUnavailable
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.environment.simulated import SimulatedEnvironment, find_task
+from memo_core.interfaces.llm import Usage
 from memo_core.interfaces.task import Task
 from memo_core.llm.budget import Budget, Limit
 from memo_core.llm.ledger import Ledger
@@ -92,8 +94,10 @@ def book_of(experiment: Experiment, url: str | None = None, read_only: bool | No
     )
 
 
-def budget_of(settings: RunSettings, run: str, already: Spent = Spent()) -> Budget:
+def budget_of(
+    settings: RunSettings, run: str, already: Spent = Spent(), known: Mapping[int, Usage | None] | None = None
+) -> Budget:
     """What may be spent on language models, as the ``run`` section of an experiment says."""
     ledger = Ledger(Path(settings.study_ledger)) if settings.study_ledger else None
     study = Limit(settings.study_max_cost, settings.study_max_tokens)
-    return Budget(Limit(settings.max_cost, settings.max_tokens), ledger, study, run, already)
+    return Budget(Limit(settings.max_cost, settings.max_tokens), ledger, study, run, already, known)

@@ -28,7 +28,7 @@ from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
-from memo_core.llm.kept_calls import ASK, spent_in
+from memo_core.llm.kept_calls import ASK, spent_in, usages_in
 from memo_core.llm.spending import Spent
 from memo_core.policy.method_interface import Method
 from memo_core.llm.prompt_files import Prompts
@@ -257,8 +257,11 @@ def _perform(
     before: CutOff | None,
     supervisor: Supervisor,
 ) -> RunReport:
-    log, run, already = _log_of(folder, task, before)
-    budget = budget_of(components.settings, run, already)
+    log, run = _log_of(folder, task, before)
+    history = before.history if before is not None else None
+    already = spent_in(history, folder.path) if history is not None else Spent()
+    known = usages_in(history, folder.path) if history is not None else {}
+    budget = budget_of(components.settings, run, already, known)
     subtasks: list[SubtaskResult] = []
     bystander = registry.listen(listener, "console") if listener else None
 
@@ -313,6 +316,7 @@ def _perform(
         budget.wait(LATE_CALLS_S)
         budget.close()
         spent = budget.spent
+        over = _over(ended)
         report = RunReport(
             run=run,
             folder=folder.path,
@@ -332,10 +336,14 @@ def _perform(
             calls_unpriced=spent.unpriced,
             ended_by_person=supervisor.ending,
             parts=log.part,
-            resumable=_leave(log, ended),
+            resumable=not over and log.begun,
         )
         tell(_run_ended(report))
         folder.write_json("summary.json", report.summary())
+        if over:  # last: a run that says it is over is not resumed, so it must have its summary
+            log.end(over)
+        elif log.begun:
+            log.cut_off()
         log.close()
         folder.close()
         if bystander:
@@ -345,12 +353,11 @@ def _perform(
     return report
 
 
-def _log_of(folder: RunFolder, task: Task, before: CutOff | None) -> tuple[RunLog, str, Spent]:
-    """The run's log, its id, and what earlier parts of it spent."""
+def _log_of(folder: RunFolder, task: Task, before: CutOff | None) -> tuple[RunLog, str]:
+    """The run's log and its id."""
     if before is None:
-        return RunLog(folder.path), f"{task.name}-{uuid.uuid4().hex[:8]}", Spent()
-    log = RunLog(folder.path, before.history, before.sent)
-    return log, str(before.history.head["run"]), spent_in(before.history, folder.path)
+        return RunLog(folder.path), f"{task.name}-{uuid.uuid4().hex[:8]}"
+    return RunLog(folder.path, before.history, before.sent), str(before.history.head["run"])
 
 
 def _put_former_summary_aside(folder: Path, part: int) -> None:
@@ -362,15 +369,10 @@ def _put_former_summary_aside(folder: Path, part: int) -> None:
         film.unlink()
 
 
-def _leave(log: RunLog, ended: _Ended) -> bool:
-    """Write down whether there is something to resume, and return it."""
+def _over(ended: _Ended) -> str:
+    """Why there is nothing to resume; empty where there is."""
     result = ended.result
-    over = (ended.problem if ended.final else "") or (result.reason if result and not result.resumable else "")
-    if over:
-        log.end(over)
-    elif log.begun:
-        log.cut_off()
-    return not over and log.begun
+    return (ended.problem if ended.final else "") or (result.reason if result and not result.resumable else "")
 
 
 @attrs.define

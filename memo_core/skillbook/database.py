@@ -408,8 +408,9 @@ class Database:
         if path is None:
             return None
         backup = path.with_name(f"{path.name}.schema-{version}.backup")
-        part = backup.with_name(f".{backup.name}.{os.getpid()}")
+        part = backup.with_name(f".{backup.name}.part")  # one process at a time gets here
         try:
+            part.unlink(missing_ok=True)  # of a process that was killed
             with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(part)) as target:
                 source.backup(target)
             os.replace(part, backup)

@@ -363,6 +363,34 @@ def test_a_secret_that_a_model_repeats_goes_no_further(monkeypatch):
     assert "planted" not in str(raised.value) + str(broken.kept) + str(broken.events)
 
 
+def test_the_ledger_hears_of_a_call_whose_process_was_killed_before_it_could_say_what_it_cost(tmp_path):
+    ledger, budget = Ledger(tmp_path / "ledger"), Budget(ledger=Ledger(tmp_path / "ledger"), run="one")
+    budget.open(ScriptedModel({}))
+    for entry in (3, 3, 8, 9):  # the first of entry 3 was cut off and its question put again
+        budget.begin(QUESTION, "m", entry)
+    Budget(ledger=ledger, run="two", known={3: Usage(50, 1, 0.1)}).open(ScriptedModel({}))
+    assert ledger.spent().unfinished == 4, "another run's calls"
+    resumed = Budget(ledger=ledger, run="one", known={3: Usage(50, 1, 0.1), 8: None, 12: Usage(7, 7, 7.0)})
+    resumed.open(ScriptedModel({}))
+    spent = ledger.spent()
+    assert (spent.calls, spent.unfinished, spent.completion_tokens, spent.cost) == (4, 2, 1, 0.1)
+    resumed.open(ScriptedModel({}))
+    assert ledger.spent() == spent, "once"
+
+
+def test_a_ledger_of_an_older_version_is_gone_on_with(tmp_path):
+    with sqlite3.connect(tmp_path / "ledger") as old:
+        old.execute(
+            "CREATE TABLE calls (id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT"
+            " NOT NULL, model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT"
+            " 0, cost REAL)"
+        )
+        old.execute("INSERT INTO calls VALUES (1, 1.0, 2.0, 'old', 'plan', 'm', 10, 5, 0.5)")
+    ledger = Ledger(tmp_path / "ledger")
+    ledger.end(ledger.begin("new", "plan", "m", 1, lambda spent: None, 4), Usage(20, 5, 0.5))
+    assert (ledger.spent().calls, ledger.spent().tokens) == (2, 40)
+
+
 def test_what_was_spent_is_read_from_a_ledger_alone_and_nothing_is_written(tmp_path, capsys):
     def memo(path) -> tuple[int, str]:
         with pytest.raises(SystemExit) as ended:

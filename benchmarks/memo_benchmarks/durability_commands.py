@@ -1,0 +1,78 @@
+"""``memo bench signals``, ``resume``, ``kills`` and ``soak``: commands, runs and books that are disturbed.
+
+Each ends with exit code 1 when something was not as promised.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from memo_benchmarks.reporting import with_progress
+from memo_core.cli.options import Json
+from memo_core.cli.output import print_json, print_table
+
+Seed = Annotated[int, typer.Option("--seed", help="Of the moments.")]
+
+
+def signals(
+    number: Annotated[int, typer.Option("--signals", min=1, help="Commands, each of which gets one signal.")] = 300,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Signals at random moments of real commands: exit codes, aborts, orphans, what is left behind, summaries."""
+    from memo_benchmarks.signals import bench_signals
+
+    _report(with_progress("signals", lambda told: bench_signals(number, seed, told)), ("kinds", "commands"), json)
+
+
+def resume(
+    number: Annotated[
+        int, typer.Option("--kills", min=1, help="How often runs are killed, one to three times each.")
+    ] = 100,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Runs killed at random moments and resumed: outcome, book and tokens against the runs that were left alone."""
+    from memo_benchmarks.resume import bench_resume
+
+    _report(with_progress("resume", lambda told: bench_resume(number, seed, told)), (), json)
+
+
+def kills(
+    number: Annotated[
+        int, typer.Option("--kills", min=1, help="Processes that are killed, a quarter of each kind.")
+    ] = 1000,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Books whose writers, clusterings, imports and migrations are killed: what was acknowledged must be there."""
+    from memo_benchmarks.kills import bench_kills
+
+    _report(with_progress("kills", lambda told: bench_kills(number, seed, told)), ("kinds",), json)
+
+
+def soak(
+    minutes: Annotated[float, typer.Option("--minutes", min=0.0, help="How long one book is used.")] = 60.0,
+    seed: Annotated[int, typer.Option("--seed", help="Of what happens, and when.")] = 0,
+    json: Json = False,
+) -> None:
+    """Runs, kills, stops, full disks, broken answers and clusterings drawn at random on one book."""
+    from memo_benchmarks.soak import bench_soak
+
+    _report(with_progress("soak", lambda told: bench_soak(minutes, seed, told)), ("measured",), json)
+
+
+def _report(measured: dict[str, Any], tables: tuple[str, ...], json: bool) -> None:
+    if json:
+        print_json(measured)
+    else:
+        for name in tables:
+            rows = measured[name]
+            print_table(tuple(rows[0]), [tuple(row.values()) for row in rows])
+        told = {name: value for name, value in measured.items() if name not in (*tables, "bench", "faults", "kept")}
+        print("\n".join(f"{name}: {value}" for name, value in told.items()))
+        print("\n".join([*measured["faults"], f"kept: {'yes' if measured['kept'] else 'no'}"]))
+    if not measured["kept"]:
+        raise typer.Exit(1)

@@ -1,0 +1,76 @@
+"""The benchmarks that disturb commands, runs and books find what is wrong, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import sys
+
+import pytest
+from memo_benchmarks import disturbed_runs, kills, soak
+from memo_benchmarks.disturbed_runs import came_to, part, unpaid_or_twice
+from memo_benchmarks.kills import bench_kills
+from memo_benchmarks.resume import bench_resume
+from memo_benchmarks.soak import bench_soak
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts processes in /proc")
+
+
+def test_killed_writers_lose_nothing_that_they_acknowledged():
+    found = bench_kills(8, seed=1)
+    assert found["faults"] == [] and found["lost"] == 0 and found["kept"]
+    assert {row["kind"]: row["kills"] for row in found["kinds"]} == dict.fromkeys(kills.KINDS, 2)
+    assert sum(row["acknowledged"] for row in found["kinds"])
+
+
+def test_a_lost_word_would_be_noticed(tmp_path):
+    book = kills._Book(tmp_path, None)
+    with kills._open(tmp_path / "book.db") as opened:
+        number = opened.record_feedback("says a", "ana", subtask="OPEN(box)")
+    book._said["writing"] += [["feedback", number, "says a"], ["feedback", number + 1, "says b"]]
+    totals = {kind: {"acknowledged": 0, "lost": 0} for kind in kills.KINDS}
+    assert list(book.checked(totals)) == [] and totals["writing"] == {"acknowledged": 2, "lost": 1}
+
+
+def test_a_run_that_is_killed_and_resumed_ends_as_the_one_that_was_left_alone(monkeypatch):
+    monkeypatch.setattr("memo_benchmarks.resume.MODELS", ("scripted",))
+    found = bench_resume(1, seed=3)
+    assert found["faults"] == [] and found["kills"] == 1 and found["kept"]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    part(folder, folder, "scripted", 0, False)
+    return folder
+
+
+def test_the_scripted_run_has_corrections_repairs_and_templates(run):
+    came = came_to(run)
+    assert [(status, attempts) for _, status, attempts, _ in came["subtasks"]] == [("approved", 2)] * 3
+    assert {kind for _, kind, *_ in came["learnt"]} == {"correction", "general", "template"}
+    assert any("repair" in file.name for file in run.glob("run/code/*/*")), "the first code does not fail"
+    assert list(unpaid_or_twice(run, 0)) == []
+
+
+def test_tokens_that_are_forgotten_or_paid_twice_would_be_noticed(run):
+    summary = run / "run" / "summary.json"
+    kept = summary.read_text()
+    summary.write_text(json.dumps(json.loads(kept) | {"prompt_tokens": 1}))
+    assert any("the summary's" in fault for fault in unpaid_or_twice(run, 0))
+    summary.write_text(kept)
+    with sqlite3.connect(run / "ledger.db") as ledger:
+        ledger.execute("UPDATE calls SET ended = NULL WHERE id = 1")
+    assert any("unfinished" in fault for fault in unpaid_or_twice(run, 0))
+    with (run / "asked").open("a") as asked:
+        asked.write("a question\n")
+    assert any("answers lost" in fault for fault in unpaid_or_twice(run, 0))
+
+
+def test_a_minute_of_soak_in_short(monkeypatch):
+    monkeypatch.setattr(soak, "ACTS", {"clustering": 1, "broken answers": 1})
+    monkeypatch.setattr(soak, "MODELS", ("scripted",))
+    found = bench_soak(0.0, seed=2)
+    assert found["faults"] == [] and found["kept"] and sum(found["acts"].values()) == 1
+    assert {row["what"] for row in found["measured"]} >= {"memory_mib", "file_handles", "processes", "files"}
+    assert disturbed_runs.MODELS == ("offline", "scripted")
