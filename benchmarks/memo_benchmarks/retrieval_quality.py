@@ -173,7 +173,7 @@ def bench_retrieval_quality(
 def _compared(book: NotesOnDisk, ours: RetrievalSettings) -> Row:
     contenders = {
         "paper": PAPER,
-        BY_KEY: attrs.evolve(ours, ranking="key"),
+        BY_KEY: attrs.evolve(ours, ranking="key", newest=False),
         "ours without tables": attrs.evolve(ours, shipped_actions=False),
         OURS: ours,
     }
