@@ -51,7 +51,7 @@ class FrankaLink(Link):
         self._lower = np.array([joint.lower for joint in robot.joints])
         self._upper = np.array([joint.upper for joint in robot.joints])
         self._targets = np.array(robot.home)
-        self._fastest = np.array([joint.velocity for joint in robot.joints])  # rad/s
+        self._fastest = np.array([joint.velocity for joint in robot.joints])  # rad/s, of what is commanded
         self._due = 0.0  # s on the robot's clock, at which the next command is due
         self._tare = np.zeros(6)
 
@@ -188,10 +188,11 @@ class FrankaLink(Link):
             raise InvalidArgument("targets", f"are {targets}", f"{len(self._targets)} finite numbers")
         state = self._read()
         ahead = (row - self._targets) / self.control_period
-        if (np.abs(ahead) > self._fastest).any():
-            joint = int(np.argmax(np.abs(ahead) / self._fastest))
+        allowed = np.array([joint.velocity for joint in self.description.joints])
+        if (np.abs(ahead) > allowed).any():
+            joint = int(np.argmax(np.abs(ahead) / allowed))
             problem = f"{self.description.joints[joint].name} would have to move at {abs(ahead[joint]):.1f} rad/s"
-            raise InvalidArgument("targets", problem, f"steps of at most {self._fastest[joint]:.2f} rad/s")
+            raise InvalidArgument("targets", problem, f"steps of at most {allowed[joint]:.2f} rad/s")
         velocity = np.clip(ahead + _GAIN * (self._targets - np.array(state.q_d)), -self._fastest, self._fastest)
         moving = np.abs(velocity).max() > _STILL or np.abs(state.dq_d).max() > _STILL
         self._targets = row

@@ -405,7 +405,9 @@ class ControlBox:
         controller, generator, *_ = MOVE.unpack(payload)
         generators = (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
         wanted = Generator(generator + 1)
-        if self.mode != RobotMode.IDLE or not self.arm.resting:
+        while self.mode == RobotMode.IDLE and not self.arm.resting:
+            self.arm.brake()  # what little is left of the motion before
+        if self.mode != RobotMode.IDLE:
             self._respond(Command.MOVE, number, bytes([MoveStatus.COMMAND_NOT_POSSIBLE]))
             return
         if wanted not in generators or controller > Controller.CARTESIAN_IMPEDANCE:

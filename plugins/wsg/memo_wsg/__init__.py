@@ -1,0 +1,1 @@
+"""Weiss WSG grippers for MEMO."""

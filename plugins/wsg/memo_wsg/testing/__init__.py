@@ -1,0 +1,1 @@
+"""A double of a WSG gripper: its binary protocol on loopback."""

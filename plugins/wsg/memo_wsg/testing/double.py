@@ -1,0 +1,148 @@
+"""A WSG gripper that is none: its binary protocol, fingers with a physics, and faults on command."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from types import TracebackType
+
+from memo_wsg.protocol import FLOAT, FLOATS, PORT, Command, Grasping, Status, packed, unpacked
+
+_STROKE = 110.0  # mm
+_THERE = 0.2  # mm
+
+
+class WsgDouble:
+    """``thing``: width (mm) of what is between the fingers, None for nothing."""
+
+    def __init__(self, address: str = "127.0.0.2", port: int = PORT, width: float = _STROKE) -> None:
+        self.address = address
+        self.port = port
+        self.width = width
+        self.thing: float | None = None
+        self.force_limit = 80.0
+        self.acknowledged = 0
+        self._fault: Status | None = None
+        self._state = Grasping.IDLE
+        self._goal, self._speed = width, 0.0
+        self._motion: Command | None = None
+        self._client: socket.socket | None = None
+        self._running = False
+
+    def start(self) -> None:
+        self._listener = socket.create_server((self.address, self.port))
+        self._listener.setblocking(False)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="wsg double", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """The cable is pulled: the connection ends. Idempotent."""
+        if self._running:
+            self._running = False
+            self._thread.join()
+
+    def __enter__(self) -> WsgDouble:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def fail(self, status: Status) -> None:
+        """The next motions are answered with this error."""
+        self._fault = status
+
+    def _run(self) -> None:
+        received, last = b"", time.monotonic()
+        while self._running:
+            with contextlib.suppress(BlockingIOError):
+                client, _ = self._listener.accept()
+                if self._client is not None:
+                    self._client.close()
+                client.setblocking(False)
+                self._client, received = client, b""
+            now = time.monotonic()
+            self._advance(now - last)
+            last = now
+            if self._client is not None:
+                with contextlib.suppress(BlockingIOError, OSError):
+                    data = self._client.recv(4096)
+                    if not data:
+                        self._client.close()
+                        self._client = None
+                    received += data
+                while (message := unpacked(received)) is not None:
+                    command, payload, received = message
+                    self._answer(command, payload)
+            time.sleep(0.002)
+        for one in (self._client, self._listener):
+            if one is not None:
+                one.close()
+        self._client = None
+
+    def _advance(self, seconds: float) -> None:
+        way = self._speed * seconds
+        width = self.width + min(max(self._goal - self.width, -way), way)
+        met = self.thing is not None and self._goal < self.thing <= self.width and width <= self.thing
+        self.width = self.thing if met and self.thing is not None else width
+        if self._motion is None:
+            return
+        there = abs(self.width - self._goal) < _THERE
+        if self._motion == Command.GRASP and (met or there):
+            self._end(Grasping.HOLDING if met else Grasping.NO_PART_FOUND)
+        elif self._motion != Command.GRASP and there:
+            self._end(Grasping.IDLE)
+
+    def _end(self, state: Grasping, status: Status = Status.SUCCESS) -> None:
+        motion, self._motion, self._state = self._motion, None, state
+        if motion is not None:
+            self._respond(motion, status)
+
+    def _answer(self, command: int, payload: bytes) -> None:
+        if command in (Command.MOVE, Command.GRASP, Command.RELEASE, Command.HOME):
+            self._begin(Command(command), payload)
+        elif command in (Command.STOP, Command.FAST_STOP):
+            self._goal = self.width
+            self._end(self._state if self._state == Grasping.HOLDING else Grasping.IDLE, Status.COMMAND_ABORTED)
+            self._respond(command, Status.SUCCESS)
+        elif command == Command.ACKNOWLEDGE:
+            self.acknowledged += 1
+            self._fault = None
+            self._respond(command, Status.SUCCESS)
+        elif command == Command.FORCE_LIMIT:
+            self.force_limit = FLOAT.unpack(payload)[0]
+            self._respond(command, Status.SUCCESS)
+        elif command == Command.GRASPING_STATE:
+            self._respond(command, Status.SUCCESS, bytes([self._state]))
+        elif command in (Command.WIDTH, Command.SPEED, Command.FORCE):
+            values = {Command.WIDTH: self.width, Command.SPEED: self._speed, Command.FORCE: 0.0}
+            self._respond(command, Status.SUCCESS, FLOAT.pack(values[Command(command)]))
+        else:
+            self._respond(command, Status.COMMAND_UNKNOWN)
+
+    def _begin(self, command: Command, payload: bytes) -> None:
+        if self._fault is not None:
+            self._respond(command, self._fault)
+            return
+        if self._motion is not None:
+            self._respond(command, Status.ALREADY_RUNNING)
+            return
+        width, speed = (
+            FLOATS.unpack(payload[1:] if command == Command.MOVE else payload) if payload else (_STROKE, 50.0)
+        )
+        if not 0 <= width <= _STROKE:
+            self._respond(command, Status.RANGE_ERROR)
+            return
+        self._motion, self._goal, self._speed = command, width, speed
+        self._state = Grasping.GRASPING if command == Command.GRASP else Grasping.POSITIONING
+        self._respond(command, Status.COMMAND_PENDING)
+
+    def _respond(self, command: int, status: Status, payload: bytes = b"") -> None:
+        with contextlib.suppress(OSError):
+            if self._client is not None:
+                self._client.sendall(packed(command, int(status).to_bytes(2, "little") + payload))
