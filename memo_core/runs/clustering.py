@@ -13,18 +13,17 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, ModelCalled, Problem
+from memo_core.interfaces.llm import LanguageModel, LanguageModelError, Usage
+from memo_core.llm.calls import ModelCalls, Retrying
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.spending import Spent
+from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
+from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of, prompts_of
 from memo_core.runs.folder import RunFolder
-from memo_core.interfaces.llm import LanguageModel, LanguageModelError, Usage
-from memo_core.llm.budget import Budget
-from memo_core.llm.calls import ModelCalls, Retrying
-from memo_core.llm.spending import Spent
-from memo_core.runlog.run_log import RunLog
-from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
-from memo_core.llm.prompt_files import Prompts
-from memo_core.stop_switch import StopSwitch
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.key_aliases import NearKeys
+from memo_core.stop_switch import StopSwitch
 
 LATE_CALLS_S = 2.0
 
@@ -155,7 +154,7 @@ def watch(
     """Condense whatever changes, until ``stop`` is pressed. ``report`` hears each ``NearKeys`` that is joined, each
     ``Outcome``, and each error after which it goes on. A cluster for which the model gave no usable answer is not asked
     about again until it changes. Raises ``Stopped``, and what makes going on pointless: ``BudgetExceeded``, a book that
-    is gone. """
+    is gone."""
     tried: set[tuple[str, str]] = set()
     seen = -1
     while True:

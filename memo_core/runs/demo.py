@@ -2,30 +2,29 @@
 
 Four runs on one seed, each judged by its task's success check: the taught task without any memory; the same with a
 simulated teacher who sees it fail and says what was wrong; then another task, which nobody ever corrected and where
-nobody watches, once with an empty book and once with this book, read-only. """
+nobody watches, once with an empty book and once with this book, read-only."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event
-from memo_core.runs.factories import book_of, library_of, prompts_of, sandbox_of, task_of, environment_of
-from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.folder import RunFolder, json_text, new_run_folder
-from memo_core.teachers.simulated_teacher import SimulatedTeacherSettings, SimulatedTeacher
-from memo_core.runs.demo_result import CHAPTERS, Chapter, DemoReport
-from memo_core.runs.report import write_demo_report
-from memo_core.runs.run import components_of, RunReport, perform
 from memo_core.interfaces.task import Task
 from memo_core.plugins import Registry
+from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.demo_result import CHAPTERS, Chapter, DemoReport
+from memo_core.runs.factories import book_of, environment_of, task_of
+from memo_core.runs.folder import RunFolder, json_text, new_run_folder
+from memo_core.runs.report import write_demo_report
+from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.skillbook.book import Skillbook
+from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 
 EMPTY = "sqlite://"  # a book in memory that nobody writes to
 
@@ -58,7 +57,8 @@ def run_demo(
             experiment,
             lambda task=task: environment_of(experiment, task, experiment.seed),  # type: ignore[misc]
             book,
-            teacher, llm=llm,
+            teacher,
+            llm=llm,
         )
         config = experiment.public() | {"task": name, "demo.chapter": part.name}
         runs[part.name] = perform(

@@ -15,7 +15,7 @@ FILE = "events.jsonl"
 
 
 class EventLog:
-    """Appends to the event log of a run folder, which one process at a time may do. Safe to use from several threads."""
+    """Appends to the event log of a run folder, one process at a time. Safe to use from several threads."""
 
     def __init__(self, folder: Path, option: str) -> None:
         """Raises ``InvalidArgument`` naming ``option`` where another process writes to it."""

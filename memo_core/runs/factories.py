@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from memo_core.config import Experiment
-from memo_core.errors import BackendUnavailable
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.environment.simulated import SimulatedEnvironment, find_task
+from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.llm import Usage
 from memo_core.interfaces.task import Task
 from memo_core.llm.budget import Budget, Limit
 from memo_core.llm.ledger import Ledger
-from memo_core.llm.spending import Spent
 from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.spending import Spent
 from memo_core.policy.settings import RunSettings
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook

@@ -34,8 +34,8 @@ class RunFolder:
     """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
 
     def __init__(self, path: Path, again: bool = False, option: str = "") -> None:
-        """Makes the folder, or with ``again`` continues in it. Raises ``InvalidArgument``, which names ``option``, if it
-        holds a run already; with ``again``, if it holds none or one that is still going on."""
+        """Makes the folder, or with ``again`` continues in it. Raises ``InvalidArgument`` naming ``option`` if it holds
+        a run already; with ``again``, if it holds none or one that is still going on."""
         option = option or ("--resume" if again else "--out")
         if (path / event_log.FILE).exists() != again:
             problem = "holds no run" if again else "already holds a run"

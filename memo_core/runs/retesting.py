@@ -1,9 +1,8 @@
-"""Running templates again in a simulator: from the start of the subtask that they were approved for, and in fresh scenes
+"""Running templates again in a simulator: from the start of the subtask that they were approved for, and in new scenes
 of the same task, where the code of the run's earlier subtasks leads to that start.
 
-What a template is judged by is the task's check of its subtask (``Task.check_subtask``). What cannot be run or judged is
-no trial: the reason is told.
-"""
+What a template is judged by is the task's check of its subtask (``Task.check_subtask``). What cannot be run or judged
+is not a trial; the reason is reported."""
 
 from __future__ import annotations
 
@@ -172,7 +171,9 @@ class Retesting:
             earlier.append((one.subtask, one.code))
         if earlier and earlier[-1][0] == approval.subtask:
             earlier.pop()
-        return Source(experiment, task, int(history.head["seed"]), start, tuple(earlier), approval.subtask, approval.run)
+        return Source(
+            experiment, task, int(history.head["seed"]), start, tuple(earlier), approval.subtask, approval.run
+        )
 
     def _approval(self, template: Entry) -> Feedback:
         """What made the template, or, of one that somebody edited, the version before."""

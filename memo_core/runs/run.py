@@ -11,34 +11,34 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
+from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.runs.factories import budget_of, book_of, library_of, prompts_of, sandbox_of, task_of, world_of
-from memo_core.runs.clustering import AfterRun, after_run
-from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
-from memo_core.runs.filming import Filmed
-from memo_core.runs.signal_handling import Supervisor
-from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.interfaces.llm import LanguageModel
-from memo_core.runlog.log_file import FILE
-from memo_core.runlog.run_log import RunLog
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
-from memo_core.plugins import Registry
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.kept_calls import ASK, spent_in, usages_in
-from memo_core.llm.spending import Spent
-from memo_core.policy.method_interface import Method
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Unreadable
+from memo_core.llm.spending import Spent
+from memo_core.plugins import Registry
+from memo_core.policy.method_interface import Method
 from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings, TeachingSettings
-from memo_core.stop_switch import StopSwitch
+from memo_core.runlog.log_file import FILE
+from memo_core.runlog.run_log import RunLog
+from memo_core.runs.clustering import AfterRun, after_run
+from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
+from memo_core.runs.filming import Filmed
+from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
+from memo_core.runs.signal_handling import Supervisor
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
+from memo_core.stop_switch import StopSwitch
 
 LATE_CALLS_S = 1.0  # a call that was given up has so long to say what it cost before the run is summed up
 
@@ -239,9 +239,7 @@ def perform(
     what a run that was cut off did. Raises ``MemoError`` only for what keeps the run from beginning."""
     supervisor = Supervisor(StopSwitch(), components.teacher)
     with supervisor.signals():  # before the folder is made and until it has its summary, which no signal may cut short
-        return _perform(
-            components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor
-        )
+        return _perform(components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor)
 
 
 def _perform(
@@ -388,7 +386,7 @@ class _Ended:
 
 @attrs.frozen(eq=False)
 class _Parts:
-    """What the worker needs of a run beside its components. ``emit`` is for the method's events, ``tell`` for all others."""
+    """What the worker needs besides the components. ``emit`` is for the method's events, ``tell`` for all others."""
 
     log: RunLog
     run: str

@@ -1,6 +1,6 @@
 """Recording what a simulator's camera sees as an mp4 (H.264, yuv420p), frames at equal steps of simulated time.
 
-A recording never makes a run fail: if nothing can render or encode, one ``Problem`` is reported. """
+A recording never makes a run fail: if nothing can render or encode, one ``Problem`` is reported."""
 
 from __future__ import annotations
 

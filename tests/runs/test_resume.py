@@ -18,12 +18,12 @@ import pytest
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Problem
-from memo_core.teachers.simulated_teacher import SimulatedTeacherSettings, SimulatedTeacher
+from memo_core.plugins import Registry
 from memo_core.runs.run import RunReport, resume_experiment, run_experiment
 from memo_core.runs.sections import SECTIONS
 from memo_core.runs.story import read_story
-from memo_core.plugins import Registry
 from memo_core.skillbook.book import Skillbook
+from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 
 # A plugin of a test's own, in a distribution of its own: a model that takes its time, counts what it is asked, and
 # processes that are killed at a chosen moment (environment variable DIE: what:which:seconds later).
