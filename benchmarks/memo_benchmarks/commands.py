@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from memo_benchmarks import durability_commands
+from memo_benchmarks.fuzz.command import fuzz
 from memo_benchmarks.reporting import print_report, with_progress
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
@@ -26,6 +27,7 @@ for _command in (durability_commands.signals, durability_commands.resume, durabi
 app.command()(durability_commands.soak)
 
 QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
+app.command()(fuzz)
 Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
 
 

@@ -18,6 +18,7 @@ from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception
+from memo_core.parsing import parse_json
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Array, Pose
@@ -258,7 +259,7 @@ class ArmControl(Control):
     def restore(self, state: bytes) -> None:
         """Raises ``InvalidArgument`` for bytes that ``state`` did not give."""
         try:
-            memory = json.loads(state)
+            memory = parse_json(state)
             self._attachment = cattrs.structure(memory["attachment"], Attachment)
             self._tare = np.array([float(v) for v in memory["tare"]])
             scene = memory["scene"]

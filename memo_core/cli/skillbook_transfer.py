@@ -4,7 +4,6 @@ damage."""
 from __future__ import annotations
 
 import datetime
-import json as json_text
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,7 @@ import typer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
+from memo_core.parsing import parse_json
 
 if TYPE_CHECKING:
     from memo_core.skillbook.authors_books import Lorebook
@@ -136,8 +136,8 @@ def _lines(file: Path, data: bytes) -> Iterator[dict[str, Any]]:
 
     for number, line in enumerate(data.splitlines(), start=1):
         try:
-            yield json_text.loads(line)
-        except (ValueError, RecursionError) as error:
+            yield parse_json(line)
+        except ValueError as error:
             hint = "; a lorebook's pickle is read with --from lorebook" if number == 1 else ""
             raise BadImport(number, f"{file} is no JSON there ({str(error)[:80]}){hint}") from None
 

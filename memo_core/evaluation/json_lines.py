@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from memo_core.parsing import parse_json
+
 
 def read_lines(file: Path) -> Iterator[tuple[int, Any]]:
     """(line number, value) of each line; None for one that is no JSON. An incomplete line of a killed process is left
@@ -18,7 +20,7 @@ def read_lines(file: Path) -> Iterator[tuple[int, Any]]:
             continue
         text = line.decode(errors="replace")
         try:
-            yield number, json.loads(text)
+            yield number, parse_json(text)
         except ValueError:
             if not text.startswith("{") or text.endswith("}"):
                 yield number, None

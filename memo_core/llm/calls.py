@@ -6,6 +6,7 @@ calls whose answer was lost."""
 from __future__ import annotations
 
 import random
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -18,12 +19,14 @@ from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
+from memo_core.parsing import read_as
 from memo_core.redaction import Redactor
 from memo_core.runlog.run_log import Effect, RunLog
 from memo_core.stop_switch import StopSwitch, abandonable
 
 LONGEST_WAIT_S = 120.0  # a server that wants to be left alone for longer is not asked again
 _LONGEST_BACK_OFF_S = 30.0
+_HALVES = re.compile("[\ud800-\udfff]")  # of surrogate pairs: no file, database or prompt takes them
 KEPT = "kept from before the run was cut off: not asked, not paid again"
 _BACK_OFF: Effect[float | None] = Effect("draw a back-off")
 _PAUSE: Effect[None] = Effect("wait to ask again")
@@ -154,7 +157,7 @@ class ModelCalls:
             answer = self._llm.answer(request, shown, given_up.is_set)
             if shown is not None:
                 shown.end()
-            return attrs.evolve(answer, text=self._redact(answer.text))
+            return attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text)))
 
         def over(result: Answer | BaseException, abandoned: bool) -> str:
             """The call has ended: its file is written, then the budget is told."""
@@ -196,7 +199,7 @@ class ModelCalls:
         assert self._log.folder is not None
         answer = answer_in(self._log.folder, value["file"])
         if value.get("kept"):
-            answer = attrs.evolve(answer, usage=Usage(**value["usage"]), note=KEPT)
+            answer = attrs.evolve(answer, usage=read_as(Usage, value["usage"]), note=KEPT)
         return _Answered(answer, value["file"])
 
     def _shower(self, phase: str, given_up: threading.Event) -> Callable[[str], None]:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-import cattrs
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModelError, Request, Usage
 from memo_core.llm.spending import Spent
+from memo_core.parsing import parse_json, read_as
+from memo_core.runlog.log_file import FILE
 from memo_core.runlog.log_history import Entry, History
 
 ASK = "ask a model"
@@ -48,7 +49,7 @@ def read_call(folder: Path, name: str) -> dict[str, Any]:
     """A call's file. Raises ``InvalidArgument`` for one that is missing or damaged."""
     file = folder / name
     try:
-        kept = json.loads(file.read_text(encoding="utf-8", errors="surrogatepass"))
+        kept = parse_json(file.read_text(encoding="utf-8", errors="surrogatepass"))
         if not {"answer", "usage", "digest", "problem"} <= set(kept):
             raise ValueError("it lacks its answer")
         if kept["answer"] is not None and not isinstance(kept["answer"]["text"], str):
@@ -56,7 +57,7 @@ def read_call(folder: Path, name: str) -> dict[str, Any]:
         return dict(kept)
     except OSError as error:
         problem = f"{file}: {error.strerror}; what was asked or answered may have been withdrawn (forget)"
-    except (KeyError, ValueError, TypeError, RecursionError) as error:
+    except (KeyError, ValueError, TypeError) as error:
         problem = f"{file} is damaged ({error})"
     raise InvalidArgument("--resume", problem, "the file as the run wrote it")
 
@@ -64,8 +65,8 @@ def read_call(folder: Path, name: str) -> dict[str, Any]:
 def answer_in(folder: Path, name: str) -> Answer:
     """The answer that a call's file holds. Raises ``InvalidArgument``."""
     try:
-        return cattrs.structure(read_call(folder, name)["answer"], Answer)
-    except (cattrs.BaseValidationError, TypeError, ValueError) as error:
+        return read_as(Answer, read_call(folder, name)["answer"])
+    except ValueError as error:
         problem = f"{folder / name} is damaged (its answer: {' '.join(str(error).split())})"
         raise InvalidArgument("--resume", problem, "the file as the run wrote it") from None
 
@@ -82,7 +83,7 @@ def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelErro
     kept = read_call(folder, name)
     if kept["answer"] is not None:
         return answer_in(folder, name)
-    usage = None if kept["usage"] is None else Usage(**kept["usage"])
+    usage = None if kept["usage"] is None else _usage(kept["usage"], folder / name)
     return LanguageModelError(model, str(kept["problem"]), usage=usage)
 
 
@@ -113,6 +114,15 @@ def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:
     """Whether the call is over as far as is known, and what it cost."""
     for found in (entry.late, entry.value, entry.raised):
         if isinstance(found, dict) and "usage" in found:
-            return True, None if found["usage"] is None else Usage(**found["usage"])
+            return True, None if found["usage"] is None else _usage(found["usage"], folder / FILE)
     result = result_in(folder, call_name(entry.number, entry.about.split()[0]), "")
     return (True, usage_of(result)) if result is not None else (entry.raised is not None and not entry.stopped, None)
+
+
+def _usage(record: Any, file: Path) -> Usage:
+    """Raises ``InvalidArgument`` naming the file that it stands in."""
+    try:
+        return read_as(Usage, record)
+    except ValueError as error:
+        problem = f"{file} is damaged (what a call cost: {error})"
+        raise InvalidArgument("--resume", problem, "the file as the run wrote it") from None

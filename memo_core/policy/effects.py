@@ -17,6 +17,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
+from memo_core.parsing import read_as
 from memo_core.policy.session import Session
 from memo_core.runlog.run_log import Effect, LogMismatch
 from memo_core.runlog.words_file import WordsFile
@@ -383,7 +384,7 @@ class Effects:
 
     def _read_executed(self, record: dict[str, Any]) -> Executed:
         self._read_moved(record)
-        return Executed(Execution(**record["execution"]), record["took_s"], record.get("wall_s", 0.0))
+        return Executed(read_as(Execution, record["execution"]), record["took_s"], record.get("wall_s", 0.0))
 
     def _now(self) -> float:
         self._time = float(self._environment.time())

@@ -12,7 +12,9 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import parse_json
 from memo_core.redaction import Redactor
+from memo_core.runlog.whole_files import writing
 
 VERSION = 1
 FILE = "log.jsonl"
@@ -57,11 +59,9 @@ def read_lines(folder: Path) -> Lines:
 
 def _record(file: Path, number: int, line: bytes) -> dict[str, Any]:
     try:
-        record = json.loads(line)
+        record = parse_json(line)
     except ValueError as error:
         raise damaged(file, number, str(error)) from None
-    except RecursionError:
-        raise damaged(file, number, "it is nested too deeply") from None
     if not isinstance(record, dict):
         raise damaged(file, number, "it is not a JSON object")
     return record
@@ -79,9 +79,10 @@ class LogFile:
         """Begins the file, or goes on in it; an unfinished last line is cut off (``cut``: its bytes)."""
         self._lock = threading.Lock()
         self._redact = Redactor.of_environment()
-        path = folder / FILE
-        self.cut = _cut_torn_line(path) if path.exists() else 0
-        self._file = path.open("ab")
+        self._path = path = folder / FILE
+        with writing(path):
+            self.cut = _cut_torn_line(path) if path.exists() else 0
+            self._file = path.open("ab")
 
     def append(self, record: dict[str, Any], sync: bool) -> None:
         """Add one line with the time. With the operating system when this returns; ``sync``: on the disk, with all
@@ -90,10 +91,11 @@ class LogFile:
         with self._lock:
             if self._file.closed:
                 return
-            self._file.write(line.encode("utf-8", "surrogatepass"))
-            self._file.flush()
-            if sync:
-                os.fsync(self._file.fileno())
+            with writing(self._path):
+                self._file.write(line.encode("utf-8", "surrogatepass"))
+                self._file.flush()
+                if sync:
+                    os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Idempotent."""

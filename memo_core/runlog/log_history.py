@@ -70,7 +70,7 @@ def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
             last = float(record["t"])
             if record.get("book") is not None:
                 book = (int(record["book"]), last)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise damaged(folder / FILE, line, f"{type(error).__name__}: {error}") from None
     cut = _first_not_replayed([entry for entry in effects.values() if not entry.cut])
     if cut is not None:

@@ -8,6 +8,7 @@ happen. So the code of a run needs no special case for resuming (durable executi
 from __future__ import annotations
 
 import threading
+import zlib
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,6 +24,7 @@ from memo_core.runlog.log_history import Entry, History, unanswered_stop
 from memo_core.runlog.whole_files import write_whole
 
 T = TypeVar("T")
+_UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, OverflowError, zlib.error, cattrs.BaseValidationError)
 
 
 def _same(value: Any) -> Any:
@@ -92,6 +94,7 @@ class RunLog:
         self.world_known = history is None  # whether the world is as the log says it is; else a person must look
         self._redact = Redactor.of_environment()
         self._file: LogFile | None = None
+        self.live = history is None  # whether anything happened that was not answered from the log
         self._replay = deque(history.replayed if history is not None else ())
         self._kept = _kept_answers(history)
         self._done: list[Entry] = []
@@ -187,7 +190,7 @@ class RunLog:
             if entry.raised is not None:
                 raise _error_of(kind, entry)
             return kind.read(entry.value)
-        except (KeyError, TypeError, ValueError, AttributeError, cattrs.BaseValidationError) as error:
+        except _UNREADABLE as error:
             problem = f"{self.folder}, entry {entry.number} ({entry.name}) is damaged: {error!r}"
             raise InvalidArgument("--resume", problem, "the log as the run wrote it") from None
 
@@ -200,6 +203,7 @@ class RunLog:
         begun: Entry | None,
     ) -> T:
         self.go_live()
+        self.live = True
         entry = begun
         if entry is None:
             entry, self._next = Entry(self._next, kind.name, about), self._next + 1

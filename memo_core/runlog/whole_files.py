@@ -2,19 +2,51 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
+from collections.abc import Iterator
 from pathlib import Path
+
+import attrs
+
+from memo_core.errors import MemoError
+
+
+@attrs.define(auto_exc=True, eq=False)
+class CannotWrite(MemoError):
+    """A file that a run needs cannot be written: the disk is full, something else is in its place."""
+
+    file: Path
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.file} cannot be written: {self.problem}"
+
+
+@contextlib.contextmanager
+def writing(file: Path) -> Iterator[None]:
+    """Raises ``CannotWrite`` for what the system says within the block."""
+    try:
+        yield
+    except OSError as error:
+        raise CannotWrite(file, error.strerror or str(error)) from error
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:
-    """Write a file atomically; it is on disk when this returns."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a file atomically; it is on disk when this returns. Raises ``CannotWrite``."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
     data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with temporary.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
     return path

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import parse_json
 from memo_core.runlog.whole_files import write_whole
 
 FOLDER = "words"
@@ -55,7 +56,7 @@ class WordsFile:
             if self._path is not None and self._path.exists():
                 try:
                     text = self._path.read_text(encoding="utf-8", errors="surrogatepass")
-                    self._lines = [json.loads(line) for line in text.splitlines()]
+                    self._lines = [parse_json(line) for line in text.splitlines()]
                     _ = [(line["number"], line["entry"], line["words"], line["state"]) for line in self._lines]
                 except (OSError, ValueError, KeyError, TypeError) as error:
                     self._lines = None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import threading
 from pathlib import Path
 from typing import Any
 
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import parse_json
+from memo_core.runlog.whole_files import writing
 
 FILE = "events.jsonl"
 
@@ -18,8 +19,9 @@ class EventLog:
     """Appends to the event log of a run folder, one process at a time. Safe to use from several threads."""
 
     def __init__(self, folder: Path, option: str) -> None:
-        """Raises ``InvalidArgument`` naming ``option`` where another process writes to it."""
-        self._file = (folder / FILE).open("a", encoding="utf-8")
+        """Raises ``InvalidArgument`` naming ``option`` where another process writes to it, ``CannotWrite``."""
+        with writing(folder / FILE):
+            self._file = (folder / FILE).open("a", encoding="utf-8", errors="surrogatepass")
         self._lock = threading.Lock()
         self._reserve(folder, option)
 
@@ -47,8 +49,9 @@ class EventLog:
         """Add one event as JSON. It survives the end of this process; ignored once the log is closed."""
         with self._lock:
             if not self._file.closed:
-                self._file.write(line + "\n")
-                self._file.flush()
+                with writing(Path(self._file.name)):
+                    self._file.write(line + "\n")
+                    self._file.flush()
 
     def cut_incomplete_line(self) -> int:
         """Remove what follows the last complete line; its number of bytes."""
@@ -69,8 +72,8 @@ def read_events(folder: Path) -> list[dict[str, Any]]:
     found = []
     for line in text.splitlines():
         try:
-            event = json.loads(line)
-        except (ValueError, RecursionError):
+            event = parse_json(line)
+        except ValueError:
             continue
         if isinstance(event, dict) and isinstance(event.get("event"), str):
             found.append(event)

@@ -9,6 +9,7 @@ from typing import Any
 import attrs
 import yaml
 
+from memo_core.parsing import parse_json
 from memo_core.errors import InvalidArgument
 from memo_core.runlog.log_file import Lines, read_lines
 from memo_core.runlog.log_history import History, read_history
@@ -41,7 +42,8 @@ def read_cut_off(folder: Path) -> CutOff:
         if isinstance(event.get("at"), str):
             sent.add(event["at"])
         if event.get("event") == "SubtaskStarted":
-            subtask, attempt = str(event.get("subtask", "")), int(event.get("attempt", 1))
+            number = event.get("attempt")
+            subtask, attempt = str(event.get("subtask", "")), number if isinstance(number, int) else 1
         elif event.get("event") == "SubtaskEnded":
             subtask, attempt = "", 1
     return CutOff(history, frozenset(sent), subtask, attempt)

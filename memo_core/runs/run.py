@@ -309,6 +309,9 @@ def _perform(
         ended.problem = str(error)
     except BaseException as error:
         ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+        if isinstance(error, Exception) and not log.live:
+            ended.problem = f"{folder.path / FILE} cannot be followed ({ended.problem})"
+            raise InvalidArgument("--resume", ended.problem, "the files as the run wrote them") from error
         raise
     finally:
         budget.wait(LATE_CALLS_S)
@@ -405,11 +408,13 @@ def _work(
     """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
     log, supervisor, teacher = parts.log, parts.supervisor, components.teacher
     stop = supervisor.stop
-    components.llm.open()
-    try:
+    with ExitStack() as opened:
+        components.llm.open()
+        opened.callback(components.llm.close)
         parts.budget.open(components.llm)
         if components.book is not None:
-            _open_book(components.book, parts)
+            _note_book(opened.enter_context(components.book), parts)
+        opened.callback(components.sandbox.close)
         components.sandbox.open()
         with components.make_environment() as world, stop.waking(world.link.stop):
             if view:
@@ -462,11 +467,6 @@ def _work(
             retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
             calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
             components.clustering.condense(components.book, calls, parts.tell, parts.seed)
-    finally:
-        components.sandbox.close()
-        if components.book is not None:
-            components.book.close()
-        components.llm.close()
 
 
 def _judges_plans(teacher: Teacher | None) -> bool:
@@ -474,8 +474,7 @@ def _judges_plans(teacher: Teacher | None) -> bool:
     return teacher is not None and type(teacher).judge_plan is not Teacher.judge_plan
 
 
-def _open_book(book: Skillbook, parts: _Parts) -> None:
-    book.open()
+def _note_book(book: Skillbook, parts: _Parts) -> None:
     if not book.read_only:
         book.note_place("run", parts.folder)  # for `memo skillbook forget`
     if parts.log.history is not None and (changes := book_changes(parts.log.history, book, parts.run)):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import attrs
 
+from memo_core.parsing import parse_json
 from memo_core.errors import InvalidArgument
 from memo_core.runs.event_log import read_events
 from memo_core.runs.folder import attempt_name, file_name
@@ -64,7 +64,7 @@ def read_story(folder: Path) -> Story:
     story = Story(folder)
     if (folder / "summary.json").exists():
         try:
-            story.summary = json.loads((folder / "summary.json").read_text(encoding="utf-8", errors="replace"))
+            story.summary = parse_json((folder / "summary.json").read_text(encoding="utf-8", errors="replace"))
         except ValueError as error:
             story.problems.append(f"summary.json is damaged ({error})")
     for event in read_events(folder):

@@ -10,6 +10,7 @@ from typing import Any
 
 import cattrs
 
+from memo_core.parsing import parse_json
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
 
@@ -52,4 +53,4 @@ def pack_scenes(scenes: Iterable[SceneGraph]) -> str:
 
 def unpack_scenes(packed: str) -> tuple[SceneGraph, ...]:
     """What ``pack_scenes`` made. Raises as ``scene_of``, and ``zlib.error``."""
-    return tuple(scene_of(record) for record in json.loads(zlib.decompress(base64.b85decode(packed))))
+    return tuple(scene_of(record) for record in parse_json(zlib.decompress(base64.b85decode(packed))))

@@ -9,7 +9,6 @@ what is new.
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections import Counter
 from typing import Any
@@ -18,6 +17,7 @@ import attrs
 import numpy as np
 
 from memo_core.errors import MemoError
+from memo_core.parsing import parse_json
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.export import FORMAT
 from memo_core.skillbook.keys import Key, NotAKey
@@ -68,8 +68,8 @@ def looks_like_lorebook(data: bytes) -> bool:
 
 def _from_json(data: bytes) -> Any:
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
+        return parse_json(data)
+    except ValueError as error:
         raise NotALorebook("", f"is no JSON ({str(error)[:80]})") from None
 
 

@@ -113,8 +113,11 @@ class Skillbook:
         try:
             if self._vectors is not None:
                 self._vectors.check_embedder()
-        except BaseException:
-            self._database.close()
+        except BaseException as error:
+            try:
+                self._database.blame(error)
+            finally:
+                self._database.close()
             raise
         return self
 
@@ -134,7 +137,11 @@ class Skillbook:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        """Raises ``DamagedBook`` in the place of an unexpected error where the book is not whole."""
+        try:
+            self._database.blame(error)
+        finally:
+            self.close()
 
     # -- effects of runs -----------------------------------------------------------------------------------------------
     def effect_of(self, run: str, entry: int, note: str = "") -> AbstractContextManager[None]:

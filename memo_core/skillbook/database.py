@@ -22,6 +22,7 @@ from sqlalchemy.pool import StaticPool
 
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.skillbook import tables
+from memo_core.skillbook.integrity import broken_tables, broken_values
 
 _NETWORK = """
 nfs nfs4 cifs smb smb2 smb3 smbfs afs ncpfs 9p lustre gpfs ceph glusterfs beegfs orangefs pvfs2 davfs vboxsf prl_fs
@@ -52,7 +53,9 @@ class DamagedBook(SkillbookError):
     """A book whose file is not whole."""
 
 
-_DAMAGE = ("malformed", "file is not a database", "disk I/O error", "database corruption")  # as SQLite says it
+# as SQLite says it
+_BROKEN = ("malformed", "not a database", "database corruption", "no such table", "no such column", "Could not decode")
+_DAMAGE = (*_BROKEN, "disk I/O error")  # which a full disk ends in as well
 _BUSY_TIMEOUT_MS = 60_000  # a writer waits for another
 _ERASE_TIMEOUT_S = 10.0
 _MAKING_TABLES = 0x4D454D4F  # a number of our own among the server's advisory locks
@@ -133,12 +136,23 @@ class Database:
             self._say_damaged(error.orig)
             raise
 
-    def _say_damaged(self, error: BaseException | None) -> None:
+    def _say_damaged(self, error: BaseException | None, signs: tuple[str, ...] = _DAMAGE) -> None:
         """Raises ``DamagedBook`` for what SQLite says of a file that is not whole."""
         said = " ".join(str(error).split())
-        if isinstance(error, sqlite3.DatabaseError) and any(sign in said for sign in _DAMAGE):
-            remedy = f"memo skillbook check --book {self.name} says where; --rescue FILE gets out what can be read"
-            raise DamagedBook(self.name, f"its file is damaged ({said})", remedy) from error
+        if isinstance(error, sqlite3.DatabaseError) and any(sign in said for sign in signs):
+            raise self._damaged(said) from error
+
+    def _damaged(self, what: str) -> DamagedBook:
+        remedy = f"memo skillbook check --book {self.name} says where; --rescue FILE gets out what can be read"
+        return DamagedBook(self.name, f"its file is damaged ({what[:500]})", remedy)
+
+    def blame(self, error: BaseException | None) -> None:
+        """Raises ``DamagedBook`` where an unexpected error came of a book that is not whole: found by looking at all of
+        it. Otherwise the error is a bug, and left to the caller."""
+        if not isinstance(error, Exception) or isinstance(error, MemoError) or self._engine is None:
+            return
+        if problems := self.problems():
+            raise self._damaged("; ".join(problems[:3])) from error
 
     def fetch(self, statement: sa.Select[Any], parameters: dict[str, Any]) -> Sequence[Sequence[Any]]:
         """Rows of one reading statement, a transaction of its own. For statements that are asked again and again: on
@@ -179,6 +193,7 @@ class Database:
                 if (mark := getattr(self._marks, "now", None)) is not None:
                     self._note(connection, *mark)
         except sa.exc.OperationalError as error:
+            self._say_damaged(error.orig, _BROKEN)
             problem = f"could not be written ({' '.join(str(error.orig).split())}); what was stored before is safe"
             raise SkillbookError(self.name, problem, "make room on its disk, or see who holds it") from error
         except sa.exc.DatabaseError as error:
@@ -232,7 +247,8 @@ class Database:
         return generation
 
     def problems(self) -> list[str]:
-        """SQLite's own check of its pages, and rows that refer to something that is not there; none on a server."""
+        """SQLite's own check of its pages, rows that refer to something that is not there, tables and values that
+        cannot be MEMO's; none on a server."""
         if not self.is_sqlite:
             return []
         pages: list[str] = []
@@ -242,6 +258,8 @@ class Database:
                     pages.append(str(page))
                 for table, row, missing, *_ in connection.exec_driver_sql("PRAGMA foreign_key_check"):
                     pages.append(f"{table} {row}: refers to a row of {missing} that is not there")
+                broken = broken_tables(connection)
+                pages += broken or broken_values(connection)
         except (sa.exc.DatabaseError, DamagedBook) as error:  # too damaged to be looked through
             pages.append(str(getattr(error, "orig", error)))
         return [page for page in pages if page != "ok"]

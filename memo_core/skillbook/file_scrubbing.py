@@ -15,6 +15,8 @@ from typing import Any
 
 import attrs
 
+from memo_core.parsing import parse_json
+
 WITHDRAWN = "[withdrawn]"
 _LEAST = 8  # letters and digits; shorter words ("no!") are taken out only where they are a whole line or text
 _ESCAPED = re.compile(r"\\+u([0-9a-fA-F]{4})")
@@ -105,8 +107,8 @@ class Scrubber:
     def _content(self, file: Path, text: str) -> str:
         if file.suffix == ".json":
             try:
-                value = json.loads(text)
-            except (ValueError, RecursionError):
+                value = parse_json(text)
+            except ValueError:
                 return self._lines(text)
             scrubbed = self.value(value)
             return text if scrubbed == value else json.dumps(scrubbed, indent=1, ensure_ascii=False) + "\n"
@@ -117,8 +119,8 @@ class Scrubber:
         lines = []
         for line in text.split("\n"):
             try:
-                value = json.loads(line) if line[:1] in "{[" and line else None
-            except (ValueError, RecursionError):
+                value = parse_json(line) if line[:1] in "{[" and line else None
+            except ValueError:
                 value = None
             if value is None:
                 lines.append(self.text(line))

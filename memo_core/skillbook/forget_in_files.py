@@ -14,6 +14,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import MemoError, UnknownName
+from memo_core.parsing import parse_json
 from memo_core.skillbook.adding_entries import CLUSTER, EDIT
 from memo_core.skillbook.file_scrubbing import Scrubber
 from memo_core.skillbook.known_copies import Place
@@ -79,8 +80,8 @@ def _rewrite(file: Path, change: Callable[[list[dict[str, Any]]], list[dict[str,
     """Change a file of JSON objects, one a line; whether anything is different. What is none is left to scrubbing."""
     text = file.read_text(encoding="utf-8", errors="replace")
     try:
-        before = [json.loads(line) for line in text.splitlines() if line.strip()]
-    except (ValueError, RecursionError):
+        before = [parse_json(line) for line in text.splitlines() if line.strip()]
+    except ValueError:
         return False
     if not all(isinstance(line, dict) for line in before):
         return False

@@ -244,7 +244,7 @@ def _check_untouched(
 
 def _undone(connection: sa.Connection, revision: int) -> bool:
     """Whether a revision was rolled back, and that not rolled back itself."""
-    query = sa.select(_R.id).where(_R.reason == f"rollback of {revision}")
+    query = sa.select(_R.id).where(_R.reason == f"rollback of {revision}", _R.id > revision)
     return any(not _undone(connection, later) for later in queries.ids_of(connection.execute(query)))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import attrs
 import sqlalchemy as sa
 
+from memo_core.parsing import parse_json
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback
@@ -50,7 +51,7 @@ class ValidRow:
 @lru_cache(maxsize=20_000)
 def key_of(action: str, objects: str) -> Key:
     """The key of a row of ``keys``."""
-    return Key(action, tuple(json.loads(objects))) if action else GLOBAL_KEY
+    return Key(action, tuple(parse_json(objects))) if action else GLOBAL_KEY
 
 
 def objects_text(key: Key) -> str:

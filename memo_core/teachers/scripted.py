@@ -9,6 +9,7 @@ import json
 import attrs
 
 from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.parsing import parse_json
 
 
 @attrs.frozen
@@ -78,7 +79,7 @@ class ScriptedTeacher(Teacher):
         )
 
     def restore(self, state: str) -> None:
-        kept = json.loads(state)
+        kept = parse_json(state)
         self._tasks_judged = kept["tasks"]
         self._plan_lines_said, self._note_lines_said = set(kept["plan"]), set(kept["notes"])
 

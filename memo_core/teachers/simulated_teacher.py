@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from memo_core.interfaces.teacher import Episode, Proposal, TaskEpisode, Teacher, Verdict
+from memo_core.parsing import parse_json
 from memo_core.teachers.episode_assessment import goal_impression, impression, plan_impression
 from memo_core.teachers.impression import Impression
 from memo_core.teachers.visible import Seen
@@ -72,7 +73,7 @@ class SimulatedTeacher(Teacher):
         )
 
     def restore(self, state: str) -> None:
-        kept = json.loads(state)
+        kept = parse_json(state)
         self._rng.bit_generator.state = kept["rng"]
         self._tasks_corrected, self._objected = kept["tasks_corrected"], set(kept["objected"])
 

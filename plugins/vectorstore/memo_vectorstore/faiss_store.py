@@ -21,6 +21,7 @@ import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.parsing import parse_json
 from memo_vectorstore.settings import FaissSettings
 
 log = logging.getLogger(__name__)
@@ -194,7 +195,7 @@ class FaissStore(VectorStore):
     def _read(self, file: Path) -> None:
         try:
             with file.open("rb") as stream:
-                header = json.loads(stream.readline())
+                header = parse_json(stream.readline())
                 start, digest = stream.tell(), hashlib.sha256()
                 for part in _parts(stream):
                     digest.update(part)

@@ -19,14 +19,17 @@ import threading
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import attrs
 
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request, Usage
+from memo_core.parsing import parse_json, read_as
 
 VERSION = 1
+_ALWAYS_FITS = 64 << 20  # bytes
+_MOST_COMPRESSED = 300  # times; recordings come to a tenth of that
 _HEADER = {"memo_recording": VERSION}
 
 
@@ -63,11 +66,11 @@ def read_recording(path: Path) -> list[Call]:
     images: dict[str, Image] = {}
     for number, line in enumerate(lines, start=1):
         try:
-            record = json.loads(line)
+            record = parse_json(line)
             if number == 1:
                 _check_header(path, record)
             elif "image" in record:
-                images[record["image"]] = Image(base64.b64decode(record["data"]), record["media_type"])
+                images[str(record["image"])] = Image(base64.b64decode(record["data"]), str(record["media_type"]))
             else:
                 calls.append(_call(record, images))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -80,12 +83,23 @@ def read_recording(path: Path) -> list[Call]:
 
 def _lines(path: Path) -> list[bytes]:
     try:
-        data = path.read_bytes()
-        if path.suffix == ".gz":
-            data = gzip.decompress(data)
+        data = _decompressed(path) if path.suffix == ".gz" else path.read_bytes()
     except (OSError, EOFError, zlib.error) as error:
         raise BadRecording(str(path), 0, getattr(error, "strerror", None) or str(error)) from None
     return data.splitlines(keepends=True)
+
+
+def _decompressed(path: Path) -> bytes:
+    """Raises ``BadRecording`` for a file that is small and would fill the memory."""
+    pieces, size = [], 0
+    most = max(_ALWAYS_FITS, _MOST_COMPRESSED * path.stat().st_size)
+    with gzip.open(path) as file:
+        while piece := file.read(1 << 20):
+            pieces.append(piece)
+            size += len(piece)
+            if size > most:
+                raise BadRecording(str(path), 0, f"it holds more than {_MOST_COMPRESSED} times its size")
+    return b"".join(pieces)
 
 
 def _check_header(path: Path, record: Any) -> None:
@@ -96,26 +110,39 @@ def _check_header(path: Path, record: Any) -> None:
         raise BadRecording(str(path), 1, f"it is of version {version}; this MEMO reads version {VERSION}")
 
 
+@attrs.frozen
+class _Message:
+    role: Literal["system", "user", "assistant"]
+    text: str
+    images: tuple[str, ...] = ()
+
+
+@attrs.frozen
+class _Asked:
+    phase: str
+    messages: tuple[_Message, ...]
+    schema: dict[str, Any] | None
+    seed: int | None
+
+
+@attrs.frozen
+class _Failed:
+    problem: str
+    retryable: bool
+    usage: Usage | None
+
+
 def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
-    asked, answered, failed = record["call"], record["answer"], record["error"]
-    shown = {digest for m in asked["messages"] for digest in m.get("images", ())}
-    if missing := sorted(shown - images.keys()):
+    asked = read_as(_Asked, record["call"])
+    if missing := sorted({digest for m in asked.messages for digest in m.images} - images.keys()):
         raise ValueError(f"its picture {missing[0]} is not in the file")
-    messages = tuple(
-        Message(m["role"], m["text"], tuple(images[digest] for digest in m.get("images", ())))
-        for m in asked["messages"]
-    )
-    request = Request(asked["phase"], messages, asked["schema"], asked["seed"])
-    answer = error = None
-    if answered is not None:
-        usage = Usage(**answered["usage"])
-        known = {name: answered[name] for name in ("text", "finish", "model")}
-        answer = Answer(usage=usage, not_understood=tuple(answered["not_understood"]), **known)
-    else:
-        spent = failed.get("usage")
-        usage_lost = None if spent is None else Usage(**spent)
-        error = LanguageModelError("replay", failed["problem"], failed["retryable"], usage=usage_lost)
-    return Call(request, answer, error, record["abandoned"])
+    messages = tuple(Message(m.role, m.text, tuple(images[digest] for digest in m.images)) for m in asked.messages)
+    request = Request(asked.phase, messages, asked.schema, asked.seed)
+    if record["answer"] is not None:
+        return Call(request, read_as(Answer, record["answer"]), None, record["abandoned"] is True)
+    failed = read_as(_Failed, record["error"])
+    error = LanguageModelError("replay", failed.problem, failed.retryable, usage=failed.usage)
+    return Call(request, None, error, record["abandoned"] is True)
 
 
 class RecordingFile:

@@ -1,0 +1,74 @@
+"""What takes long and reads nothing of the input, replaced within one process: physics, the sentence model, looking for
+plugins, starting the sandbox. A share of the inputs is run without any of this (``bench``)."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import entry_points
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_environment import FakeEnvironment
+
+
+class QuickEnvironment(FakeEnvironment):
+    """The kinematic environment in the place of a simulated one."""
+
+    def __init__(self, task: Task) -> None:
+        super().__init__(task.instruction)
+        self.task = task
+        self.description = SimpleNamespace(table_height=0.0, cameras=())
+        self.simulator = SimpleNamespace(control_period=1.0, tick=lambda: None)
+
+    def __enter__(self) -> QuickEnvironment:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def check(self) -> Outcome:
+        return Outcome(False, "nothing is checked here")
+
+
+@contextmanager
+def stood_in() -> Iterator[None]:
+    """While the block runs. For one process, from its main thread."""
+    from memo_core.cli import app, options
+    from memo_core.config.experiment import Choice
+    from memo_core.plugins import Registry
+    from memo_core.runs import factories, run
+
+    sandboxes: dict[Any, Sandbox] = {}
+    make, create = factories.sandbox_of, Choice.create
+
+    def sandbox_of(experiment: Any) -> Sandbox:
+        limits = experiment.section("sandbox")
+        if limits not in sandboxes:
+            sandboxes[limits] = make(experiment)
+            sandboxes[limits].close = lambda: None  # type: ignore[method-assign]
+        return sandboxes[limits]
+
+    def created(choice: Choice) -> Any:
+        return FakeEmbedder() if choice.backend.kind == "embedder" else create(choice)
+
+    def environment_of(experiment: Any, task: Task, seed: int) -> QuickEnvironment:
+        return QuickEnvironment(task)
+
+    with ExitStack() as patches:
+        for module in (factories, run):
+            patches.enter_context(patch.object(module, "environment_of", environment_of))
+            patches.enter_context(patch.object(module, "sandbox_of", sandbox_of))
+        patches.enter_context(patch.object(Choice, "create", created))
+        patches.enter_context(patch.object(app, "entry_points", functools.cache(entry_points)))
+        registry = Registry()
+        patches.enter_context(patch.object(options, "load_registry", lambda: registry))
+        try:
+            yield
+        finally:
+            for sandbox in sandboxes.values():
+                Sandbox.close(sandbox)

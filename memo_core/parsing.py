@@ -1,0 +1,57 @@
+"""Reading JSON that others wrote: whatever it holds, ``ValueError`` is the worst that comes of it."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    import cattrs
+
+T = TypeVar("T")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value. Raises ``ValueError`` for everything that cannot be read, also what is nested too deeply for Python,
+    bytes that are no text, and numbers too long for it."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def read_as(cls: type[T], record: Any) -> T:
+    """An attrs class from the value of its JSON, nothing converted but whole numbers to floats. Raises ``ValueError``
+    naming what is wrong."""
+    import cattrs
+
+    try:
+        return _strict().structure(record, cls)
+    except (cattrs.BaseValidationError, TypeError, ValueError, KeyError, AttributeError) as error:
+        said = "; ".join(cattrs.transform_error(error)) if isinstance(error, cattrs.BaseValidationError) else str(error)
+        raise ValueError(" ".join(said.split())[:300]) from None
+
+
+@functools.cache
+def _strict() -> cattrs.Converter:
+    import cattrs
+
+    converter = cattrs.Converter()
+    for kind in (str, int, bool):
+        converter.register_structure_hook(kind, _exactly)
+    converter.register_structure_hook(float, _finite)
+    return converter
+
+
+def _exactly(value: Any, kind: type) -> Any:
+    if type(value) is not kind or (isinstance(value, int) and abs(value) >= 2**63):
+        raise ValueError(f"a {type(value).__name__}, expected {kind.__name__}")
+    return value
+
+
+def _finite(value: Any, _: type) -> float:
+    if type(value) not in (int, float) or not math.isfinite(value) or abs(value) > 1e300:
+        raise ValueError(f"a {type(value).__name__}, expected a finite number")
+    return float(value)
