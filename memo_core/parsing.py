@@ -1,16 +1,27 @@
-"""Reading JSON that others wrote: whatever it holds, ``ValueError`` is the worst that comes of it."""
+"""Reading files and JSON that others wrote: bounded, and ``ValueError`` is the worst that comes of what they hold."""
 
 from __future__ import annotations
 
 import functools
 import json
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     import cattrs
 
 T = TypeVar("T")
+
+
+def read_at_most(file: Path, most: int) -> bytes:
+    """A whole file, also one without an end such as ``/dev/zero``. Raises ``ValueError`` for more than ``most`` bytes,
+    ``OSError``."""
+    with file.open("rb") as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise ValueError(f"is larger than {most >> 20} MiB")
+    return data
 
 
 def parse_json(text: str | bytes) -> Any:

@@ -15,6 +15,9 @@ from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
 from memo_core.errors import InvalidArgument, MemoError
+from memo_core.parsing import read_at_most
+
+_MOST_BYTES = 50 << 20
 
 if TYPE_CHECKING:
     from memo_core.interfaces.link import Link
@@ -83,9 +86,13 @@ def command(
 
 def _read(file: Path) -> str:
     try:
-        return sys.stdin.read() if str(file) == "-" else file.read_text(encoding="utf-8")
+        if str(file) == "-":
+            return sys.stdin.read(_MOST_BYTES)  # the sandbox takes less
+        return read_at_most(file, _MOST_BYTES).decode("utf-8")
     except UnicodeDecodeError:
         raise InvalidArgument("FILE", f"{file} is not UTF-8 text", "a file of robot code") from None
+    except ValueError as error:
+        raise InvalidArgument("FILE", f"{file} {error}", "a file of robot code") from None
     except OSError as error:
         raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file of robot code") from None
 

@@ -55,14 +55,14 @@ def list_entries(
     with _reading(book, config, overrides) as opened:
         entries = opened.entries(kind, key, who, superseded)
         waiting = [said for said in opened.pending_feedback(parked=True) if said.words and who in (None, said.who)]
-    if json:
-        waiting_shown = [{name: getattr(said, name) for name in WAITING} for said in waiting]
-        print_json({"entries": [_as_json(entry) for entry in entries], "waiting": waiting_shown})
-        return
-    print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
-    for said in waiting:
-        state = f"set aside ({said.reason})" if said.status == "parked" else "pending: the next run begins with it"
-        note(f"feedback {said.id}, {said.who} about {said.subtask}: {said.words!r}: {state}")
+        if json:
+            waiting_shown = [{name: getattr(said, name) for name in WAITING} for said in waiting]
+            print_json({"entries": [_as_json(entry) for entry in entries], "waiting": waiting_shown})
+            return
+        print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
+        for said in waiting:
+            state = f"set aside ({said.reason})" if said.status == "parked" else "pending: the next run begins with it"
+            note(f"feedback {said.id}, {said.who} about {said.subtask}: {said.words!r}: {state}")
 
 
 @app.command()
@@ -77,17 +77,18 @@ def show(
     with _reading(book, config, overrides) as opened:
         found = opened.entry(entry)
         origins = [opened.feedback(source) for source in opened.sources([entry])]
-    if json:
-        all_of_them = [attrs.asdict(origin) for origin in origins]
-        first = next((one for one in all_of_them if one["id"] == found.feedback), None)
-        print_json(_as_json(found) | {"from": first, "sources": all_of_them})
-        return
-    state = f"superseded by revision {found.superseded_by}" if found.superseded_by else "valid"
-    print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
-    print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
-    for origin in origins:
-        when = datetime.datetime.fromtimestamp(origin.time).strftime("%Y-%m-%d %H:%M")
-        print(f"\nfrom {origin.who}, {when}, about {origin.subtask} ({origin.task}):\n  {origin.words or '(approved)'}")
+        if json:
+            all_of_them = [attrs.asdict(origin) for origin in origins]
+            first = next((one for one in all_of_them if one["id"] == found.feedback), None)
+            print_json(_as_json(found) | {"from": first, "sources": all_of_them})
+            return
+        state = f"superseded by revision {found.superseded_by}" if found.superseded_by else "valid"
+        print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
+        print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
+        for origin in origins:
+            when = datetime.datetime.fromtimestamp(origin.time).strftime("%Y-%m-%d %H:%M")
+            about = f"{origin.subtask} ({origin.task})"
+            print(f"\nfrom {origin.who}, {when}, about {about}:\n  {origin.words or '(approved)'}")
 
 
 @app.command()
@@ -122,12 +123,12 @@ def search(
             similar = opened.search(words, count)
             results = [_as_json(entry) | {"score": score} for entry, score in similar]
             cut = []
-    if json:
-        print_json({"query": words, "results": results, "cut": cut})
-        return
-    print_table(("score", "id", "kind", "key", "text"), [_found_row(result) for result in results])
-    for near in cut[:count]:
-        note(f"not served: {near['key']} ({near['score']:.2f}): {near['rule']}")
+        if json:
+            print_json({"query": words, "results": results, "cut": cut})
+            return
+        print_table(("score", "id", "kind", "key", "text"), [_found_row(result) for result in results])
+        for near in cut[:count]:
+            note(f"not served: {near['key']} ({near['score']:.2f}): {near['rule']}")
 
 
 @app.command()
@@ -135,10 +136,10 @@ def stats(book: Book = None, config: ConfigFile = None, overrides: Overrides = N
     """Count what is in the book."""
     with _reading(book, config, overrides) as opened:
         url, counts = opened.url, attrs.asdict(opened.stats())
-    if json:
-        print_json({"url": url} | counts)
-    else:
-        print_table(("", url), list(counts.items()))
+        if json:
+            print_json({"url": url} | counts)
+        else:
+            print_table(("", url), list(counts.items()))
 
 
 @app.command()
@@ -151,7 +152,7 @@ def export(
     """Write everything in the book but its vectors: one JSON object a line, first the book, then what is in it."""
     with _reading(book, config, overrides) as opened:
         records = opened.export()
-    text = "".join(json_text.dumps(record, ensure_ascii=False) + "\n" for record in records)
+        text = "".join(json_text.dumps(record, ensure_ascii=False) + "\n" for record in records)
     if out is None:
         print(text, end="")
         return

@@ -11,6 +11,7 @@ import typer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import read_at_most
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
@@ -77,9 +78,9 @@ def _text(text: str | None, file: Path | None) -> str:
         raise InvalidArgument("TEXT", "the new text is needed once", "TEXT, - for stdin, or --file FILE")
     if file is not None:
         try:
-            return file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            problem = f"{file}: {getattr(error, 'strerror', None) or 'it is no UTF-8 text'}"
+            return read_at_most(file, 1 << 20).decode("utf-8")
+        except (OSError, ValueError) as error:
+            problem = f"{file}: {getattr(error, 'strerror', None) or error}"
             raise InvalidArgument("--file", problem, "a text file that can be read") from None
     assert text is not None
     return sys.stdin.read() if text == "-" else text

@@ -42,28 +42,30 @@ def history(
     with _opened(book, config, overrides, read_only=True) as opened:
         revisions = opened.history(key, last)
         versions = opened.versions(key) if key is not None else []
-    if json:
-        print_json({"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]})
-        return
-    rows = [
-        (one.id, _when(one.time), _key(one), one.reason, *(one.count(c) or "" for c in ("added", "superseded")))
-        + (one.count("restored") or "",)
-        for one in revisions
-    ]
-    print_table(("revision", "when", "key", "reason", "added", "gone", "back"), rows)
-    if key is None:
-        return
-    print()
-    for one in revisions:
-        for change in one.changes:
-            sign = {"added": "+", "superseded": "-", "restored": "+", "joined": "="}[change.change]
-            said = f" [{change.why}]" if change.why and change.change != "joined" else ""
-            said = f" [was under {change.why}]" if change.change == "joined" else said
-            print(f"{one.id:>5} {sign} {change.entry.id}: {_line(change.entry)}{said}")
-    if versions:
+        if json:
+            print_json(
+                {"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]}
+            )
+            return
+        rows = [
+            (one.id, _when(one.time), _key(one), one.reason, *(one.count(c) or "" for c in ("added", "superseded")))
+            + (one.count("restored") or "",)
+            for one in revisions
+        ]
+        print_table(("revision", "when", "key", "reason", "added", "gone", "back"), rows)
+        if key is None:
+            return
         print()
-        record = [(v.entry.id, v.state, f"{v.confirmed_uses}/{v.uses}", _line(v.entry)) for v in versions]
-        print_table(("template", "", "approved/served here", ""), record)
+        for one in revisions:
+            for change in one.changes:
+                sign = {"added": "+", "superseded": "-", "restored": "+", "joined": "="}[change.change]
+                said = f" [{change.why}]" if change.why and change.change != "joined" else ""
+                said = f" [was under {change.why}]" if change.change == "joined" else said
+                print(f"{one.id:>5} {sign} {change.entry.id}: {_line(change.entry)}{said}")
+        if versions:
+            print()
+            record = [(v.entry.id, v.state, f"{v.confirmed_uses}/{v.uses}", _line(v.entry)) for v in versions]
+            print_table(("template", "", "approved/served here", ""), record)
 
 
 def diff(
@@ -79,14 +81,16 @@ def diff(
     """Show which entries a revision took out and brought in, or the difference between two states of the book."""
     with _opened(book, config, overrides, read_only=True) as opened:
         found = opened.difference(revision, other)
-    if json:
-        print_json({"removed": [_entry(one) for one in found.removed], "added": [_entry(one) for one in found.added]})
-        return
-    for sign, entries in (("-", found.removed), ("+", found.added)):
-        for one in entries:
-            print(f"{sign} {one.id} [{_label(one)}] {one.text.rstrip()}")
-    if not found.removed and not found.added:
-        note("no difference")
+        if json:
+            print_json(
+                {"removed": [_entry(one) for one in found.removed], "added": [_entry(one) for one in found.added]}
+            )
+            return
+        for sign, entries in (("-", found.removed), ("+", found.added)):
+            for one in entries:
+                print(f"{sign} {one.id} [{_label(one)}] {one.text.rstrip()}")
+        if not found.removed and not found.added:
+            note("no difference")
 
 
 def rollback(
@@ -125,32 +129,34 @@ def why(
             key: [e for e in opened.entries(key=key, superseded=True) if e.superseded_by is not None]
             for key in dict.fromkeys(s.entry.key for s in found.served if s.entry.key.objects)
         }
-    first, second = settings.weights
-    if json:
-        weights = {"lambda_action": first, "lambda_objects": second, "threshold": settings.cut}
-        print_json({"subtask": str(found.query), **weights, **_retrieval(found), "superseded": _count(retired)})
-        return
-    print(f"{found.query}: r = ({first:g} action + {second:g} objects) / {first + second:g}, cut at {settings.cut:g}")
-    print("of equal r: likeness of the text to the subtask, then approved uses, then the newest")
-    columns = ("rank", "r", "action", "objects", "text", "approved", "when", "id", "key", "entry")
-    for name, served in (("corrections", found.corrections), ("templates", found.templates)):
-        print(f"\n{name}: {len(served)}")
-        if served:
-            print_table(columns, [_served_row(s) for s in served])
-    print(f"\ngeneral statements, by likeness of the text: {len(found.general)}")
-    if found.general:
-        rows = [_served_row(s) for s in found.general]
-        print_table(tuple(c for i, c in enumerate(columns) if i not in (2, 3, 4)), [r[:2] + r[5:] for r in rows])
-    print(f"\nnot served: {len(found.cut)} keys that are near")
-    if found.cut:
-        near = [
-            (f"{c.score:.3f}", f"{c.action_cosine:.3f}", f"{c.objects_cosine:.3f}", c.key, c.entries, c.rule)
-            for c in found.cut
-        ]
-        print_table(("r", "action", "objects", "key", "entries", "rule"), near)
-    for key, entries in retired.items():
-        if entries:
-            print(f"{key}: {len(entries)} entries are superseded (memo skillbook history '{key}')")
+        first, second = settings.weights
+        if json:
+            weights = {"lambda_action": first, "lambda_objects": second, "threshold": settings.cut}
+            print_json({"subtask": str(found.query), **weights, **_retrieval(found), "superseded": _count(retired)})
+            return
+        print(
+            f"{found.query}: r = ({first:g} action + {second:g} objects) / {first + second:g}, cut at {settings.cut:g}"
+        )
+        print("of equal r: likeness of the text to the subtask, then approved uses, then the newest")
+        columns = ("rank", "r", "action", "objects", "text", "approved", "when", "id", "key", "entry")
+        for name, served in (("corrections", found.corrections), ("templates", found.templates)):
+            print(f"\n{name}: {len(served)}")
+            if served:
+                print_table(columns, [_served_row(s) for s in served])
+        print(f"\ngeneral statements, by likeness of the text: {len(found.general)}")
+        if found.general:
+            rows = [_served_row(s) for s in found.general]
+            print_table(tuple(c for i, c in enumerate(columns) if i not in (2, 3, 4)), [r[:2] + r[5:] for r in rows])
+        print(f"\nnot served: {len(found.cut)} keys that are near")
+        if found.cut:
+            near = [
+                (f"{c.score:.3f}", f"{c.action_cosine:.3f}", f"{c.objects_cosine:.3f}", c.key, c.entries, c.rule)
+                for c in found.cut
+            ]
+            print_table(("r", "action", "objects", "key", "entries", "rule"), near)
+        for key, entries in retired.items():
+            if entries:
+                print(f"{key}: {len(entries)} entries are superseded (memo skillbook history '{key}')")
 
 
 def retry(

@@ -4,6 +4,7 @@ damage."""
 from __future__ import annotations
 
 import datetime
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +15,7 @@ import typer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
-from memo_core.parsing import parse_json
+from memo_core.parsing import parse_json, read_at_most
 
 if TYPE_CHECKING:
     from memo_core.skillbook.authors_books import Lorebook
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from memo_core.skillbook.importing import Imported
     from memo_core.skillbook.recovery import Rescued
 
+_START_BYTES = 1 << 16  # by which a format is recognised
+_LONGEST_LINE = 64 << 20  # bytes of one record
+_MOST_BYTES = 1 << 28  # of a lorebook, which is read as a whole
 FORMATS = ("memo", "lorebook")
 
 
@@ -50,16 +54,20 @@ def import_book(
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
     from memo_core.skillbook.authors_books import looks_like_lorebook, read_lorebook
+    from memo_core.skillbook.import_records import ImportRecords
 
     name = whose or file.stem
+    lorebook = None
     try:
-        data = file.read_bytes()
-        changed = file.stat().st_mtime
+        with file.open("rb") as stream:
+            start = stream.read(_START_BYTES)
+        if source == "lorebook" or (source is None and looks_like_lorebook(start)):
+            lorebook = read_lorebook(read_at_most(file, _MOST_BYTES), name, file.stat().st_mtime)
     except OSError as error:
         raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file that can be read") from None
-    is_lorebook = source == "lorebook" if source is not None else looks_like_lorebook(data)
-    lorebook = read_lorebook(data, name, changed) if is_lorebook else None
-    records = list(lorebook.records) if lorebook is not None else list(_lines(file, data))
+    except ValueError as error:
+        raise InvalidArgument("FILE", f"{file} {error}", "a lorebook") from None
+    records = ImportRecords(lorebook.records if lorebook is not None else _lines(file))
     with _opened(book, config, overrides) as opened:
         imported = opened.merge(records, name, dry_run)
         url = opened.url
@@ -76,10 +84,10 @@ def books(book: Book = None, config: ConfigFile = None, overrides: Overrides = N
     """Say whose books were merged into this one, and when."""
     with _opened(book, config, overrides, read_only=True) as opened:
         merged = opened.imported_books()
-    if json:
-        print_json({"books": [attrs.asdict(one) for one in merged]})
-        return
-    print_table(("whose", "book", "first", "last"), [(o.name, o.book, _day(o.first), _day(o.last)) for o in merged])
+        if json:
+            print_json({"books": [attrs.asdict(one) for one in merged]})
+            return
+        print_table(("whose", "book", "first", "last"), [(o.name, o.book, _day(o.first), _day(o.last)) for o in merged])
 
 
 def check(
@@ -131,15 +139,22 @@ def _opened(book: str | None, config: Path | None, overrides: list[str] | None, 
     return Skillbook(book or load(config, overrides)[1].section("skillbook").url, read_only=read_only)
 
 
-def _lines(file: Path, data: bytes) -> Iterator[dict[str, Any]]:
+def _lines(file: Path) -> Iterator[dict[str, Any]]:
+    """The records of a file, a line at a time."""
     from memo_core.skillbook.import_records import BadImport
 
-    for number, line in enumerate(data.splitlines(), start=1):
-        try:
-            yield parse_json(line)
-        except ValueError as error:
-            hint = "; a lorebook's pickle is read with --from lorebook" if number == 1 else ""
-            raise BadImport(number, f"{file} is no JSON there ({str(error)[:80]}){hint}") from None
+    with file.open("rb") as stream:
+        for number in itertools.count(1):
+            line = stream.readline(_LONGEST_LINE + 1)
+            if not line:
+                return
+            if len(line) > _LONGEST_LINE:
+                raise BadImport(number, f"{file} has a line of more than {_LONGEST_LINE >> 20} MiB")
+            try:
+                yield parse_json(line)
+            except ValueError as error:
+                hint = "; a lorebook's pickle is read with --from lorebook" if number == 1 else ""
+                raise BadImport(number, f"{file} is no JSON there ({str(error)[:80]}){hint}") from None
 
 
 def _say_what_was_read(read: Lorebook) -> None:

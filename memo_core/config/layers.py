@@ -104,12 +104,12 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
     chain = (*above, file.resolve())
     for index, base in enumerate(bases):
         here = source.origins.pop(("extends", index), at)
-        path = file.parent / Path(base).expanduser()
-        if path.resolve() in chain:
+        path = file.parent / os.path.expanduser(base)
+        if not os.path.isfile(path):  # also of names that the system cannot have, where pathlib raises
+            source.issues.append(Issue(here, "extends", f"there is no file {str(path)!r}"))
+        elif path.resolve() in chain:
             names = " -> ".join(p.name for p in (*chain, path.resolve()))
             source.issues.append(Issue(here, "extends", f"files extend each other in a circle: {names}"))
-        elif not os.path.isfile(path):  # also of names that the system cannot have, where pathlib raises
-            source.issues.append(Issue(here, "extends", f"there is no file {str(path)!r}"))
         else:
             layers += _with_bases(path, str(path), chain)
     return [*layers, source]

@@ -14,11 +14,13 @@ import attrs
 import yaml
 
 from memo_core.config.errors import Issue, Origin, dotted
+from memo_core.parsing import read_at_most
 
 Path_ = tuple[str | int, ...]
 
 
 DEEPEST = 40  # levels of lists and mappings; an experiment has five
+_MOST_BYTES = 4 << 20  # of one file
 MOST_VALUES = 100_000  # in one file, those behind its aliases counted each time
 
 
@@ -75,11 +77,13 @@ def read_file(file: Path, shown: str) -> Source:
     """Read one file; ``shown`` is how messages call it. Does not raise: mistakes are in ``issues``."""
     whole = Origin(shown)
     try:
-        text = file.read_text(encoding="utf-8")
+        text = read_at_most(file, _MOST_BYTES).decode("utf-8")
     except FileNotFoundError:
         return Source(issues=[Issue(whole, "", "there is no such file")])
     except UnicodeDecodeError:
         return Source(issues=[Issue(whole, "", "is not UTF-8 text")])
+    except ValueError as error:
+        return Source(issues=[Issue(whole, "", str(error))])
     except OSError as error:
         return Source(issues=[Issue(whole, "", f"cannot be read: {error.strerror or error}")])
     return read_text(text, shown)

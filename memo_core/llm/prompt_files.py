@@ -20,6 +20,7 @@ from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.interfaces.llm import Message
 from memo_core.llm.prompt_language import prompt_environment
 from memo_core.llm.prompt_values import prepared
+from memo_core.parsing import read_at_most
 from memo_core.robot.description import GripperDescription, RobotDescription
 
 SUFFIX = ".md.j2"
@@ -254,13 +255,16 @@ class PromptText:
         return "placeholders: " + ", ".join(PLACEHOLDERS[self.name])
 
 
+_MOST_BYTES = 4 << 20  # of one file
+
+
 def read_prompt(name: str, file: Path) -> PromptText:
     """A prompt from a file. Raises ``BadPrompt`` where it cannot be read."""
     try:
-        return _split(name, file.read_text(encoding="utf-8"), str(file))
+        return _split(name, read_at_most(file, _MOST_BYTES).decode("utf-8"), str(file))
     except FileNotFoundError:
         raise BadPrompt(str(file), 0, "there is no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise BadPrompt(str(file), 0, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 

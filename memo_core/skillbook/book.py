@@ -53,6 +53,7 @@ from memo_core.skillbook.history import (
     roll_back,
     versions,
 )
+from memo_core.skillbook.import_records import ImportRecords
 from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
 from memo_core.skillbook.key_aliases import NearKeys, join, near_keys
 from memo_core.skillbook.key_embedding import KeyVectors
@@ -507,7 +508,7 @@ class Skillbook:
         with self._database.read() as connection:
             return list(records(self._database, connection))
 
-    def merge(self, records: Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
+    def merge(self, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
         """Take in the records of another book (``export``), all or none: what is new of it, with where it comes from.
         A second time changes nothing. ``name`` says whose book it is. Raises ``BadImport``, ``ReadOnlyBook``."""
         imported, gone = merge(self._database, records, name, dry_run)

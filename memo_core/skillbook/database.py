@@ -89,7 +89,7 @@ class Database:
         """The database's file; None in memory and on a server."""
         if not self.is_sqlite or self.in_memory:
             return None
-        return Path(str(self._url.database)).expanduser().absolute()
+        return Path(os.path.expanduser(str(self._url.database))).absolute()
 
     @property
     def is_sqlite(self) -> bool:
@@ -149,7 +149,7 @@ class Database:
     def blame(self, error: BaseException | None) -> None:
         """Raises ``DamagedBook`` where an unexpected error came of a book that is not whole: found by looking at all of
         it. Otherwise the error is a bug, and left to the caller."""
-        if not isinstance(error, Exception) or isinstance(error, MemoError) or self._engine is None:
+        if not isinstance(error, Exception) or isinstance(error, (MemoError, OSError)) or self._engine is None:
             return
         if problems := self.problems():
             raise self._damaged("; ".join(problems[:3])) from error
@@ -313,7 +313,7 @@ class Database:
         if self.in_memory:
             engine = sa.create_engine("sqlite://", poolclass=StaticPool, connect_args={"check_same_thread": False})
         else:
-            path = Path(str(self._url.database)).expanduser().absolute()
+            path = Path(os.path.expanduser(str(self._url.database))).absolute()
             self._check_path(path)
             quoted = str(path).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
             mode = "rwc"
@@ -459,11 +459,13 @@ class Database:
 
 
 def _parse(url: str) -> sa.URL:
+    if "\0" in url:
+        raise InvalidArgument("skillbook", f"{url!r} holds a null character", _URL_FORMS)
     if "://" not in url:
         return sa.URL.create("sqlite", database=url)
     try:
         parsed = sa.engine.make_url(url)
-    except sa.exc.ArgumentError:
+    except (sa.exc.ArgumentError, ValueError):
         raise InvalidArgument("skillbook", f"{url!r} is no database URL", _URL_FORMS) from None
     if parsed.password is not None or any("password" in name.lower() for name in parsed.query):
         raise InvalidArgument(

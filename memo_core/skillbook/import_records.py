@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Iterable
+import tempfile
+from array import array
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import attrs
@@ -34,10 +37,13 @@ class BadImport(MemoError):
 
 
 class ImportRecords:
-    """The records of a file by kind. Raises ``BadImport``."""
+    """The records of a file by kind, checked and kept in a temporary file: of each, memory holds a place and an id.
+    Raises ``BadImport``."""
 
     def __init__(self, records: Iterable[dict[str, Any]]) -> None:
-        self.by_kind: dict[str, list[dict[str, Any]]] = {}
+        self._spool = tempfile.TemporaryFile("w+b", prefix="memo-import-")  # noqa: SIM115 - it lives as long as this
+        self._places: dict[str, array[int]] = {}  # kind -> where its records begin in the spool
+        self._revisions: dict[int, int] = {}  # id -> where its record begins
         for number, record in enumerate(records, start=1):
             kind = record.get("record") if isinstance(record, dict) else None
             if number == 1 and kind != "book":
@@ -48,33 +54,50 @@ class ImportRecords:
             if kind == "book" and number > 1:
                 raise BadImport(number, "a second book; a file holds one")
             _check(number, record)
-            self.by_kind.setdefault(kind, []).append(record)
-        if not self.by_kind:
+            place = self._spool.tell()
+            kept = {name: record[name] for name in ("record", *_FIELDS[kind], *_OPTIONAL) if name in record}
+            self._spool.write(json.dumps(kept).encode() + b"\n")
+            self._places.setdefault(kind, array("Q")).append(place)
+            if kind == "revision":
+                self._revisions[record["id"]] = place
+        if not self._places:
             raise BadImport(0, "there is nothing in it")
-        [book] = self.by_kind["book"]
+        [book] = self.of("book")
         if not 1 <= book["format"] <= FORMAT:
             raise BadImport(1, f"it has format {book['format']}, this MEMO reads 1 to {FORMAT}; update memo-core")
         self.book: str = book["book"]
-        self.revisions = {record["id"]: record for record in self.of("revision")}
         self._check_references()
 
-    def of(self, kind: str) -> list[dict[str, Any]]:
-        return self.by_kind.get(kind, [])
+    def of(self, kind: str) -> Iterator[dict[str, Any]]:
+        """The records of a kind in their order, read one at a time."""
+        for place in self._places.get(kind, ()):
+            yield self._at(place)
+
+    def has(self, kind: str) -> bool:
+        return kind in self._places
+
+    def revision(self, number: int) -> dict[str, Any]:
+        return self._at(self._revisions[number])
+
+    def _at(self, place: int) -> dict[str, Any]:
+        self._spool.seek(place)
+        record: dict[str, Any] = json.loads(self._spool.readline())
+        return record
 
     def origin(self, record: dict[str, Any]) -> Origin:
         book, number = record.get("origin") or (self.book, record["id"])
         return str(book), str(number)
 
     def when(self, revision: int) -> When:
-        record = self.revisions[revision]
+        record = self.revision(revision)
         return (record["time"], *self.origin(record))
 
     def _check_references(self) -> None:
         entries = {record["id"] for record in self.of("entry")}
         for kind, name, there in (
-            ("entry", "revision", self.revisions),
-            ("entry", "superseded_by", self.revisions),
-            ("change", "revision", self.revisions),
+            ("entry", "revision", self._revisions),
+            ("entry", "superseded_by", self._revisions),
+            ("change", "revision", self._revisions),
             ("change", "entry", entries),
             ("uses", "entry", entries),
         ):

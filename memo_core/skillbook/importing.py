@@ -64,13 +64,14 @@ class _NotForReal(Exception):
 
 
 def merge(
-    database: Database, records: Iterable[dict[str, Any]], name: str, dry_run: bool = False
+    database: Database, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False
 ) -> tuple[Imported, list[str]]:
     """Merge in one write transaction. Returns what it brought and the texts that are gone with withdrawn feedback."""
+    checked = records if isinstance(records, ImportRecords) else ImportRecords(records)
     merging: _Merging | None = None
     try:
         with database.write() as connection:
-            merging = _Merging(database, connection, ImportRecords(records), name)
+            merging = _Merging(database, connection, checked, name)
             merging.run()
             if dry_run:
                 raise _NotForReal
@@ -244,7 +245,7 @@ class _Merging:
 
     def _revision(self, number: int, key: int | None) -> int:
         """A revision of the file, here; written when the first entry or change needs it."""
-        record = self._records.revisions[number]
+        record = self._records.revision(number)
         origin = self._records.origin(record)
         here = self._revisions.find(origin)
         if here is None:
@@ -257,7 +258,7 @@ class _Merging:
     def _change(self) -> None:
         """Bring entries to the state that the latest revision gave them."""
         wanted = [record for record in self._records.of("change") if record["change"] != "joined"]
-        if not self._records.of("change"):  # format 1
+        if not self._records.has("change"):  # format 1
             wanted = [
                 {
                     "revision": one["superseded_by"],

@@ -133,16 +133,17 @@ class _Failed:
 
 
 def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
-    asked = read_as(_Asked, record["call"])
+    call, answered, failure, abandoned = (record[name] for name in ("call", "answer", "error", "abandoned"))
+    asked = read_as(_Asked, call)
     if missing := sorted({digest for m in asked.messages for digest in m.images} - images.keys()):
         raise ValueError(f"its picture {missing[0]} is not in the file")
     messages = tuple(Message(m.role, m.text, tuple(images[digest] for digest in m.images)) for m in asked.messages)
     request = Request(asked.phase, messages, asked.schema, asked.seed)
-    if record["answer"] is not None:
-        return Call(request, read_as(Answer, record["answer"]), None, record["abandoned"] is True)
-    failed = read_as(_Failed, record["error"])
+    if answered is not None:
+        return Call(request, read_as(Answer, answered), None, abandoned is True)
+    failed = read_as(_Failed, failure)
     error = LanguageModelError("replay", failed.problem, failed.retryable, usage=failed.usage)
-    return Call(request, None, error, record["abandoned"] is True)
+    return Call(request, None, error, abandoned is True)
 
 
 class RecordingFile:

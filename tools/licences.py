@@ -1,0 +1,47 @@
+"""Write docs/licences.md: the licence of every pinned distribution, as its own metadata states it."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+HEAD = """# Licences of the dependencies
+
+MEMO itself is under Apache-2.0. `python tools/licences.py` writes this page from what the pinned distributions
+(`constraints.txt`) say of themselves. MEMO imports them and ships none of them.
+
+**Copyleft:** `psycopg` and `psycopg-binary` are under the LGPL (version 3). They are only installed with the extra
+`postgres`, for books on a PostgreSQL server, and are used as they are: whoever redistributes an environment with them
+must allow them to be replaced. Other licences with such conditions (MPL, LGPL, GPL) can be found in the table.
+
+| distribution | licence |
+|---|---|
+"""
+
+
+def pinned() -> list[str]:
+    """Names in constraints.txt."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    return [line.partition("==")[0] for line in lines if "==" in line]
+
+
+def licence(name: str) -> str:
+    """The licence in one line; "not stated" where the metadata has none."""
+    try:
+        about = metadata(name)
+    except PackageNotFoundError:
+        return "not installed here"
+    classifiers = [c.rpartition(" :: ")[2] for c in about.get_all("Classifier", []) if c.startswith("License ::")]
+    said = about.get("License-Expression") or ", ".join(dict.fromkeys(classifiers)) or about.get("License") or ""
+    first = next((line.strip() for line in said.splitlines() if line.strip()), "not stated")
+    return re.sub(r"[|<>]", " ", first)[:100]
+
+
+def page() -> str:
+    return HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in pinned())
+
+
+if __name__ == "__main__":
+    (ROOT / "docs" / "licences.md").write_text(page(), encoding="utf-8")
