@@ -163,7 +163,7 @@ def environment() -> dict[str, str]:
 
 
 def bench_fuzz(
-    kind: str, count: int, seed: int, out: Path, progress: Callable[[float], None] = lambda share: None
+    kind: str, count: int, seed: int, out: Path, progress: Callable[[int], None] = lambda done: None
 ) -> dict[str, Any]:
     """Read ``count`` inputs of a kind. What is done already according to ``out`` is not done again; inputs that found
     something are kept there, a folder each."""
@@ -191,7 +191,7 @@ def bench_fuzz(
             state |= {"done": number + 1, "codes": dict(codes)}
             if faults or state["done"] % 100 == 0 or state["done"] == count:
                 write_whole(state_file, json.dumps(state, indent=1))
-            progress(state["done"] / count)
+            progress(state["done"])
     return {"kind": kind, "seed": seed, "inputs": state["done"], **state}
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from memo_core.cli.options import Json
-from memo_core.cli.output import print_json, print_table
+from memo_core.cli.output import print_json, print_table, progress_bar
 from memo_core.errors import UnknownName
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
 
 
 def fuzz(
@@ -27,7 +30,6 @@ def fuzz(
 
     Exit code 1 when something was found.
     """
-    from memo_benchmarks.commands import _measured
     from memo_benchmarks.fuzz.bench import bench_fuzz
     from memo_benchmarks.fuzz.child import kinds
 
@@ -37,11 +39,10 @@ def fuzz(
     found = []
     out.mkdir(parents=True, exist_ok=True)
     for name in dict.fromkeys(kind or kinds()):
-
-        def measure(progress: Callable[[float], None], name: str = name) -> dict[str, Any]:
-            return bench_fuzz(name, count, seed, out, progress)
-
-        found.append(_measured(f"fuzz {name}", measure))
+        with progress_bar() as bar:
+            task = bar.add_task(name, total=count)
+            done = partial(_show, bar, task)
+            found.append(bench_fuzz(name, count, seed, out, done))
     if json:
         print_json({"bench": "fuzz", "kinds": found})
     else:
@@ -53,3 +54,7 @@ def fuzz(
                 print(f"{one['kind']} {find['input']}: {'; '.join(find['faults'])}")
     if any(one["finds"] for one in found):
         raise typer.Exit(1)
+
+
+def _show(bar: Progress, task: TaskID, done: int) -> None:
+    bar.update(task, completed=done)
