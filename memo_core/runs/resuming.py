@@ -9,7 +9,6 @@ from typing import Any
 import attrs
 import yaml
 
-from memo_core.parsing import parse_json
 from memo_core.errors import InvalidArgument
 from memo_core.runlog.log_file import Lines, read_lines
 from memo_core.runlog.log_history import History, read_history

@@ -7,8 +7,8 @@ from typing import Any
 
 import attrs
 
-from memo_core.parsing import parse_json
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import parse_json
 from memo_core.runs.event_log import read_events
 from memo_core.runs.folder import attempt_name, file_name
 
