@@ -92,7 +92,8 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
 @attrs.frozen
 class Shown:
-    """An entry as a prompt shows it. ``origin``: who said it, when compared with the others, how alike that was."""
+    """An entry as a prompt shows it. ``origin``: who said it, when compared with the others, how alike that was, and
+    whether it is only a hint."""
 
     key: str
     text: str
@@ -127,7 +128,8 @@ def _origin(one: retrieval.Served, people: Sequence[str], moments: Sequence[floa
     """Without names and dates: the model does not need them, and recordings are replayed on other days."""
     who = ", ".join(f"person {people.index(name) + 1}" for name in one.provenance.who)
     when = f"remark {moments.index(one.provenance.when) + 1} of {len(moments)}"
-    return ", ".join(part for part in (who, when if one.provenance.when else "", one.alike) if part)
+    hint = "" if one.passes else "only a hint"
+    return ", ".join(part for part in (who, when if one.provenance.when else "", one.alike, hint) if part)
 
 
 # -- in the run's log: entries by their ids ----------------------------------------------------------------------------

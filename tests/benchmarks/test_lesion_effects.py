@@ -80,10 +80,11 @@ def test_the_lesson_holds_for_other_geometry(lesson, scene):
 
 
 def test_a_whole_task_is_done_with_the_lesson_and_not_without(tmp_path):
-    # The offline backend follows every note that it is served, so it is served only what passes the cut.
-    whole = lesson_with((*QUICK, "retrieval.fill=0"), tmp_path)
+    whole = lesson_with(QUICK, tmp_path)
     report = whole.teach()
     assert report.success, report.why
+    attempts = {one.subtask: one.attempts for one in report.result.subtasks}
+    assert attempts == {"OPEN(microwave)": 2, "PICK_UP(food)": 1, "PLACE(food, microwave)": 1}, "a hint spoilt one"
     done = whole.under("intact")
     assert done.success, done.why
     assert not whole.under("nonsense").success, "a benefit that survives is a bug in the set-up"

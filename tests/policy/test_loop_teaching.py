@@ -11,7 +11,11 @@ from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 from memo_core.events import CodeEnded
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.policy.plan_feedback import for_plans
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
+from memo_core.testing.fake_store import FakeStore
 
 PICK = "PICK_UP(red cube)"
 ARC = "no, in an arc!"
@@ -92,6 +96,18 @@ def test_the_prompt_says_who_said_what_in_which_order_and_how_alike_it_is_withou
     plain.run()
     told = section(plain.llm.prompts("code")[0], "Corrections from people")
     assert "in turn" not in told and "remark 3 of 3" not in told
+
+
+def test_the_prompt_says_which_notes_are_only_hints(sandbox):
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings(cut=0.99)) as book:
+        for key, text in ((PICK, "Slowly."), ("WASH(window)", "Pick up the red cube from above.")):
+            book.add_lessons(book.record_feedback("no", "ana", subtask=key), key, [text])
+        bench = Bench(sandbox, book, {"plan": [PICK, "DONE"], "code": [GRASP]}, None)
+        bench.run()
+    told = section(bench.llm.prompts("code")[0], "Corrections from people").splitlines()
+    of_hint = told[told.index("- [WASH(window)] Pick up the red cube from above.") + 1]
+    assert of_hint.endswith("something else, only a hint)")
+    assert "hint" not in told[told.index(f"- [{PICK}] Slowly.") + 1]
 
 
 # -- plans are taught --------------------------------------------------------------------------------------------------

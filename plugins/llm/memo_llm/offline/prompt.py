@@ -32,10 +32,12 @@ def unreadable(problem: str) -> LanguageModelError:
 
 @attrs.frozen
 class Entry:
-    """One line of a person's guidance, or one template, with the key it was stored under ("" for general)."""
+    """One line of a person's guidance, or one template, with the key it was stored under ("" for general). ``hint``:
+    the prompt says that it is only one, it may be about something else."""
 
     text: str
     key: str = ""
+    hint: bool = False
 
 
 @attrs.frozen
@@ -115,8 +117,14 @@ class Prompt:
         return "\n".join(re.sub(r"^> ?", "", line) for line in self.section(*words).splitlines()).strip()
 
     def entries(self, *words: str) -> list[Entry]:
-        """Bulleted entries with their keys, best first."""
-        return [_entry(line) for line in self.bullets(*words)]
+        """Bulleted entries with their keys, best first; what is said of one stands in brackets in the line below it."""
+        found: list[Entry] = []
+        for line in self.section(*words).splitlines():
+            if line.startswith("- ") and line[2:].strip().lower() not in ("none", "nothing"):
+                found.append(_entry(line[2:].strip()))
+            elif found and re.fullmatch(r" +\(.*\bonly a hint\)", line):
+                found[-1] = attrs.evolve(found[-1], hint=True)
+        return found
 
     def templates(self) -> list[Entry]:
         """Code blocks with the key written above each."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import attrs
 
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
 from memo_llm.offline.feedback import hear
-from memo_llm.offline.prompt import Corrected, Entry, Prompt, unreadable
+from memo_llm.offline.prompt import Corrected, Entry, Prompt, read_subtask, unreadable
 from memo_llm.offline.reading import Edit, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, attempted, based, measured_from, not_outdated, taken_apart
@@ -36,8 +38,8 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
         recipe = habits.recipe("push", objects)
         if recipe is None:
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
-    recipe = _adopted(recipe, prompt, scene, missed)
-    corrections = prompt.entries("corrections")
+    recipe = _adopted(recipe, prompt, scene, habits, missed)
+    corrections = [one for one in prompt.entries("corrections") if not one.hint or _applies(one, prompt, habits)]
     known = [node.label for node in scene.nodes] + [*objects, action, *(entry.key for entry in corrections)]
     told: list[tuple[str, Edit]] = []
     # Lists come best first: the best is applied last, and corrections after general statements.
@@ -115,9 +117,27 @@ def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabula
     return any(noun == word.removesuffix("s") for label in labels for word in label.lower().split())
 
 
-def _adopted(recipe: Recipe, prompt: Prompt, scene: SceneGraph, missed: list[str]) -> Recipe:
-    """The structure of what worked before; of several templates the best ranked one has the last word."""
-    for template in reversed(prompt.templates()):
+def _applies(hint: Entry, prompt: Prompt, habits: Habits) -> bool:
+    """Whether a note that is only a hint is about something like this subtask, or names what this is about."""
+    action, objects = prompt.subtask
+    names = {word for name in (action, *objects) for word in name.lower().split() if len(word) > 2}
+    return _like(hint, prompt, habits) or bool(names & set(re.findall(r"\w+", hint.text.lower())))
+
+
+def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
+    """Whether an entry was made at something that is done in the same steps, or done to the same things; yes, where
+    that cannot be told."""
+    if "(" not in entry.key:
+        return True
+    (action, objects), (other, others) = prompt.subtask, read_subtask(entry.key)
+    mine, its = habits.recipe(action, objects), habits.recipe(other, others)
+    return mine is None or its is None or mine.steps == its.steps or set(objects) == set(others)
+
+
+def _adopted(recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str]) -> Recipe:
+    """The structure of what worked before at something like this; of several templates the best ranked one has the
+    last word."""
+    for template in reversed([one for one in prompt.templates() if _like(one, prompt, habits)]):
         shaped = adopt(recipe, template, scene, prompt.subtask[1])
         if shaped is None:
             missed.append(f"the template of {template.key}" if template.key else "a template")
