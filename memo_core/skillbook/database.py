@@ -106,8 +106,11 @@ class Database:
         except sa.exc.DatabaseError as error:
             self.close()
             raise SkillbookError(self.name, f"cannot be opened: {error.orig}") from error
-        except BaseException:
-            self.close()
+        except BaseException as error:
+            try:
+                self.blame(error)
+            finally:
+                self.close()
             raise
 
     def close(self) -> None:

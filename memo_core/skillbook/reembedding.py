@@ -31,5 +31,8 @@ def reembed(url: str, embedder: Embedder) -> int:
         if texts:
             TextVectors(database, embedder).get(texts)
         return len(texts)
+    except Exception as error:
+        database.blame(error)
+        raise
     finally:
         database.close()
