@@ -65,16 +65,15 @@ class Candidates:
     def served(self, settings: RetrievalSettings, room: int) -> np.ndarray:
         """Which of them may be served, bool: those whose key passes the cut; and beside them, while fewer than
         ``room`` pass, those whose score is near the best one's and whose text shares a term with the subtask or is
-        like it. Of either, none that is far below the best one."""
+        like it."""
         passing = self.passing(settings)
         if settings.ranking == "key" or not len(self.ids):
             return passing | self.must
         scores = self.scores(settings)
-        best = scores.max()
         likeness = (self.similar + self.key_similar) / 2
         speaking = (self.overlap > 0) | (likeness >= settings.text_floor)
-        beside = np.flatnonzero(~passing & speaking & (scores >= best - settings.reach))
-        chosen = (passing & (scores >= best - settings.spread)) | self.must
+        beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
+        chosen = passing | self.must
         left = max(0, room - int(passing.sum()))
         chosen[beside[np.argsort(-scores[beside], kind="stable")[:left]]] = True
         return chosen

@@ -70,11 +70,6 @@ class RetrievalSettings:
     overlap_weight: float = attrs.field(
         default=0.105, validator=_share, metadata={"help": "w_o, weight of the terms that subtask and text share"}
     )
-    spread: float = attrs.field(
-        default=0.23,
-        validator=_share,
-        metadata={"help": "entries whose s is further below the best are not served, whatever their key"},
-    )
     reach: float = attrs.field(
         default=0.17,
         validator=_share,

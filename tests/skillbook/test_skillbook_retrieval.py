@@ -28,7 +28,7 @@ from memo_core.testing.fake_store import FakeStore
 EVERYTHING = RetrievalSettings(
     cut=-1.0, corrections=1000, general=1000, templates=1000, general_floor=-1.0, ranking="key"
 )
-ASKING = attrs.evolve(EVERYTHING, ranking="key-and-text", spread=1.0)  # the store
+ASKING = attrs.evolve(EVERYTHING, ranking="key-and-text")  # the store
 BY_KEY = RetrievalSettings(ranking="key")
 KEYS = (
     "OPEN(microwave)",
@@ -113,7 +113,7 @@ _VERB = st.sampled_from(sorted(default_actions().groups))
 @settings(max_examples=30, deadline=None)
 @given(st.lists(_VERB, min_size=1, max_size=8, unique=True), _VERB, st.integers(1, 5))
 def test_opposites_are_never_served(verbs: list[str], asked: str, limit: int) -> None:
-    chosen = RetrievalSettings(cut=-1.0, spread=1.0, corrections=limit, templates=limit, newest=False)
+    chosen = RetrievalSettings(cut=-1.0, corrections=limit, templates=limit, newest=False)
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), chosen) as book:
         for verb in verbs:
             teach(book, f"{verb}(box)", f"to {verb}")
