@@ -509,6 +509,45 @@ def transfer(
     transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
 
 
+@app.command()
+def drawer(
+    file: Annotated[Path, typer.Argument(help="What a person says of the drawer, one sentence a line.")],
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0",
+    out: Out = Path("runs"),
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """What a lesson about a door does to a drawer, before and after one remark: see docs/offline-backend.md."""
+    import attrs
+
+    from memo_benchmarks.drawer import SETTINGS, bench_drawer, sayings_in, summary
+    from memo_core.cli.tasks import read_seeds
+
+    sayings, wanted = sayings_in(file), read_seeds(seeds)
+    registry, experiment = load(config, [*SETTINGS, *(overrides or ())])
+    heard: list[Any] = []
+
+    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        heard.extend(bench_drawer(experiment, registry, out, sayings, wanted, progress))
+        return summary(heard)
+
+    measured = with_progress("drawer", measure)
+    if json:
+        print_json({"bench": "drawer"} | measured | {"all": [attrs.asdict(one) for one in heard]})
+        return
+    rows = [
+        (one.seed, one.says, len(one.notes), *(_tried(each) for each in (one.before, one.retry, one.later, one.door)))
+        for one in heard
+    ]
+    print_table(("seed", "said", "notes", "before", "retry", "later run", "fridge"), rows)
+    print_report(measured, json)
+
+
+def _tried(attempt: Any) -> str:
+    return f"{attempt.shape}, {'opened' if attempt.opened else 'shut'}"
+
+
 def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:
     found = []
     for name in names:

@@ -1,0 +1,50 @@
+"""What ``memo bench drawer`` makes of a run's events; the runs themselves take minutes."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from memo_benchmarks.drawer import Attempt, Heard, _Watch, sayings_in, summary
+
+from memo_core.errors import InvalidArgument
+from memo_core.events import SkillCalled
+
+GRIP = [0.6, 0.0, 0.2]
+DOWN = [0.0, 1.0, 0.0, 0.0]
+LINE = [[[0.6 - 0.02 * n, 0.0, 0.2], DOWN] for n in range(1, 8)]
+ARC = [[[0.6 - 0.3 * math.sin(a / 10), 0.3 * (1 - math.cos(a / 10)), 0.2], DOWN] for a in range(1, 15)]
+
+
+def shape(path: list, error: str = "") -> str:
+    watch = _Watch()
+    approach = SkillCalled("move_straight", {"position": GRIP})
+    led = SkillCalled("follow_path", {"path": path, "then": None}, error=error)
+    for event in (approach, SkillCalled("close_gripper", {}), led, SkillCalled("open_gripper", {}), approach):
+        watch.heard(event)
+    return watch.shape
+
+
+def test_the_way_with_the_handle_is_a_line_or_an_arc():
+    assert (shape(LINE), shape(ARC)) == ("straight", "arc")
+    assert (shape(LINE, "MotionError"), shape(ARC, "MotionError")) == ("straight failed", "arc failed")
+
+
+def test_the_summary_counts_what_was_served_and_what_opened():
+    lesson = ("correction OPEN(microwave): Lead it along an arc.",)
+    arc, straight, door = Attempt(lesson, "arc", False), Attempt((), "straight", True), Attempt(lesson, "arc", True)
+    counted = summary([Heard(0, "it slides", ("a note",), arc, straight, straight, door, door)])
+    assert (counted["before_opened"], counted["retry_opened"], counted["later_straight"], counted["door_opened"]) == (
+        0,
+        1,
+        1,
+        1,
+    )
+    assert counted["before_served_the_lesson"] == 1 and counted["later_served_the_lesson"] == 0
+
+
+def test_a_file_without_sentences_is_refused(tmp_path):
+    (tmp_path / "none.txt").write_text("\n\n")
+    for name in ("none.txt", "missing.txt"):
+        with pytest.raises(InvalidArgument, match=name):
+            sayings_in(tmp_path / name)
