@@ -230,11 +230,8 @@ class _Wrong(LanguageModel):
 
 @pytest.mark.parametrize(
     ("spoil", "rule"),
-    [
-        (rule, rule)
-        for rule in ("name", "varies", "text", "on_text", "usage", "errors", "deterministic", "messages alone")
-    ]
-    + [("Answer", "returns an Answer"), ("no error", "without messages")],
+    [(rule, rule) for rule in ("name", "varies", "text", "on_text", "usage", "deterministic", "messages alone")]
+    + [("errors", "nothing_asked_is_an_error"), ("Answer", "returns an Answer"), ("no error", "without messages")],
 )
 def test_the_suite_rejects_a_backend_that_breaks(spoil, rule):
     with pytest.raises(AssertionError, match=rule):
