@@ -22,6 +22,7 @@ from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.method_interface import LanguageMethod
 from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.runlog.whole_files import CannotWrite
 from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.run import RunComponents, RunReport, perform
@@ -271,7 +272,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError("no space left")
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(CannotWrite, match="summary.json cannot be written: no space"):
         folder.write("summary.json", "new and long")
     assert (folder.path / "summary.json").read_text() == "old"
     folder.close()

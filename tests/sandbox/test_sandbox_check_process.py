@@ -36,7 +36,7 @@ def checkers() -> set[int]:
     found = set()
     for children in Path(f"/proc/{os.getpid()}/task").glob("*/children"):
         for pid in map(int, children.read_text().split()):
-            if b"sandbox.checking" in Path(f"/proc/{pid}/cmdline").read_bytes():
+            if b"sandbox.check_worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
                 found.add(pid)
     return found
 
