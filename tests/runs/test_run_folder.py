@@ -272,7 +272,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError("no space left")
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(CannotWrite, match="summary.json cannot be written: no space"):
+    with pytest.raises(CannotWrite, match=r"summary\.json cannot be written: no space"):
         folder.write("summary.json", "new and long")
     assert (folder.path / "summary.json").read_text() == "old"
     folder.close()
