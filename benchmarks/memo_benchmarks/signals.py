@@ -23,7 +23,7 @@ from typing import Any
 
 import attrs
 
-from memo_benchmarks.processes import adopt_orphans, orphans
+from memo_benchmarks.processes import adopt_orphans, children, orphans
 from memo_core.skillbook.book import Skillbook
 
 KINDS = ("SIGINT once", "SIGINT twice", "SIGTERM", "SIGHUP", "closed pipe")
@@ -97,6 +97,7 @@ def _trial(command: str, kind: str, rng: random.Random) -> Trial:
         place = Path(folder)
         scratch, said = place / "tmp", place / "stderr"
         scratch.mkdir()
+        ours = set(children())
         pipe = subprocess.PIPE if kind == "closed pipe" else subprocess.DEVNULL
         with said.open("w") as stderr:
             process = subprocess.Popen(
@@ -113,7 +114,7 @@ def _trial(command: str, kind: str, rng: random.Random) -> Trial:
                 code = process.wait(_LONGEST_S)
             except subprocess.TimeoutExpired:
                 code = _given_up(process, kind == "closed pipe")
-        left = orphans({process.pid})
+        left = orphans(ours | {process.pid})
         faults = _faults(code, said.read_text(errors="replace"), scratch, place / "runs", left, taken_over)
         return Trial(command, kind, code, taken_over, tuple(faults))
 
