@@ -89,9 +89,9 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
     print("the robot can be commanded")
 
 
-def _hardware(config: object, overrides: list[str] | None) -> Experiment:
+def _hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
     """Raises ``BackendUnavailable`` where the experiment's robot is simulated."""
-    _, experiment = load(config, overrides)  # type: ignore[arg-type]
+    _, experiment = load(config, overrides)
     if experiment.create("robot_driver").simulated:
         remedy = "robot.driver=… in the experiment, or --set"
         raise BackendUnavailable("robot_driver", "simulated", "it moves no real robot", remedy)

@@ -204,8 +204,7 @@ class Rebuilding:
         if note is None:
             self.result.unmatched += 1
             return
-        outcome = "struck" if one.outcome == "struck" else "reworded" if one.outcome == "reworded" else "accepted"
-        self._target.read_back(here, [ReadBack(note.id, outcome, one.text)], one.who)  # type: ignore[arg-type]
+        self._target.read_back(here, [ReadBack(note.id, one.outcome, one.text)], one.who)
         self.result.read_backs += 1
 
     @contextmanager

@@ -95,7 +95,7 @@ def _frames(video: Path) -> list[np.ndarray]:
         reader = imageio_ffmpeg.read_frames(str(video), output_params=["-vf", f"scale={STRIP_WIDTH}:-2"])
         width, height = next(reader)["size"]
         return [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
-    except Exception:  # a video that ends early, no ffmpeg: the page has fewer pictures, and the problems say so
+    except Exception:  # a video that ends early, no ffmpeg: the page has fewer pictures
         return []
 
 

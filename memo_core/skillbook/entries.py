@@ -79,7 +79,7 @@ class KeptReadBack:
     entry: int | None
     who: str
     time: float  # s since the epoch
-    outcome: str  # Outcome
+    outcome: Outcome
     note: str  # as it was read back
     text: str  # as it was reworded; "" otherwise
 
