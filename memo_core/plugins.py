@@ -7,63 +7,23 @@ descriptor is *broken*. It is listed with its distribution and its error, offers
 
 from __future__ import annotations
 
-import importlib.metadata
 import importlib.util
-import inspect
 import os
 import time
-import typing
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import attrs
-import pluggy
 
 from memo_core import hooks
 from memo_core.checkout import Uninstalled, uninstalled
-from memo_core.errors import MemoError, UnknownName, close_match
+from memo_core.entry_points import installed
+from memo_core.errors import MemoError, UnknownName
 from memo_core.events import Event, Problem
 from memo_core.interfaces.backend import KINDS, Backend, Needs
+from memo_core.plugin_loading import GROUP, EntryPoint, Plugin, load_plugin, one_line, plugin_manager
 
-GROUP = "memo"
-
-HOOK_OF_KIND = {
-    "llm": "memo_language_models",
-    "embedder": "memo_embedders",
-    "vectorstore": "memo_vector_stores",
-    "simulator": "memo_simulators",
-    "robot": "memo_robots",
-    "robot_driver": "memo_robot_drivers",
-    "gripper_driver": "memo_gripper_drivers",
-    "perception": "memo_perceptions",
-    "suite": "memo_task_suites",
-    "teacher": "memo_teachers",
-    "skills": "memo_skills",
-    "method": "memo_methods",
-}
-
-
-class EntryPoint(Protocol):
-    """The part of ``importlib.metadata.EntryPoint`` that discovery uses."""
-
-    name: str
-    value: str
-    dist: Any
-
-    def load(self) -> Any: ...
-
-
-@attrs.frozen
-class Plugin:
-    """One entry point and what became of it. ``error`` is empty for a plugin that works."""
-
-    name: str
-    distribution: str
-    version: str
-    module: str
-    backends: tuple[Backend, ...] = ()
-    listens: bool = False
-    error: str = ""
+SLOW_LISTENER_S = 1.0  # a listener that takes longer than this over one event is reported
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -133,13 +93,17 @@ class Registry:
 
     def __init__(self, entry_points: Iterable[EntryPoint] | None = None) -> None:
         """Loads the given entry points, or those installed. Never raises because of a plugin."""
-        found: Iterable[Any] = importlib.metadata.entry_points(group=GROUP) if entry_points is None else entry_points
+        damaged: list[tuple[str, str]] = []
+        found: list[Any] = list(entry_points or ())
+        if entry_points is None:
+            found, damaged = installed(GROUP)
         self._listeners: dict[str, Callable[..., Any]] = {}
         self._declared: dict[tuple[str, str], list[tuple[Plugin, Backend]]] = {}
         self._reported: list[Problem] = []
-        plugins = []
+        self._slow_listeners: set[str] = set()
+        plugins = [Plugin("", distribution, "", "", error=reason) for distribution, reason in damaged]
         for point in sorted(found, key=lambda p: (p.name, p.value)):
-            plugin, loaded = _load(point)
+            plugin, loaded = load_plugin(point)
             plugins.append(plugin)
             if plugin.listens:
                 self._attach(loaded, f"{plugin.distribution}/{plugin.name}")
@@ -222,6 +186,7 @@ class Registry:
     def problems(self) -> tuple[str, ...]:
         """One line for each broken plugin, each name declared twice, and each listener that was detached."""
         lines = [f"plugin {p.name!r} of {p.distribution} is broken: {p.error}" for p in self.broken]
+        lines += [f"plugin {p.name!r} of {p.distribution} {remark}" for p in self.plugins for remark in p.remarks]
         lines += [str(AmbiguousBackend(*key, _distributions(self._declared[key]))) for key in self.ambiguous]
         return tuple(lines) + tuple(f"{problem.where}: {problem.message}" for problem in self._reported)
 
@@ -239,21 +204,25 @@ class Registry:
             event = attrs.evolve(event, time=time.time())
         problems = []
         for name, call in tuple(self._listeners.items()):
+            shown, began = name.split("#")[0], time.monotonic()
             try:
                 call(event=event)
-            except Exception as error:
+            except (Exception, SystemExit, GeneratorExit) as error:
                 self._detach(name)
-                shown = name.split("#")[0]
-                problems.append(
-                    Problem(f"listener {shown}", f"detached after {type(error).__name__}: {error}", time=time.time())
-                )
+                problems.append(Problem(f"listener {shown}", f"detached after {one_line(error)}", time=time.time()))
+                continue
+            took = time.monotonic() - began
+            if took > SLOW_LISTENER_S and name not in self._slow_listeners:
+                self._slow_listeners.add(name)
+                said = f"took {took:.1f} s over one event, and the robot waited; hand slow work to a thread"
+                problems.append(Problem(f"listener {shown}", said, time=time.time()))
         self._reported.extend(problems)
         for problem in problems:
             self.emit(problem)
 
     def _attach(self, plugin: Any, name: str) -> None:
         # A manager of its own for each listener: in a shared one, the first that raises silences those after it.
-        manager = _plugin_manager()
+        manager = plugin_manager()
         manager.register(plugin, name)
         self._listeners[name] = manager.hook.memo_event
 
@@ -303,100 +272,3 @@ def _importable(module: str) -> bool:
 
 def _distributions(owners: Iterable[tuple[Plugin, Backend]]) -> tuple[str, ...]:
     return tuple(sorted(f"{plugin.distribution} ({plugin.module})" for plugin, _ in owners))
-
-
-def _plugin_manager() -> pluggy.PluginManager:
-    manager = pluggy.PluginManager(GROUP)
-    manager.add_hookspecs(hooks)
-    return manager
-
-
-HOOKS = tuple(sorted(name for name in vars(hooks) if name.startswith("memo_")))
-
-
-def _load(point: EntryPoint) -> tuple[Plugin, Any]:
-    """Load one entry point, check its hooks and collect its descriptors; whatever goes wrong becomes ``error``."""
-    distribution = getattr(point.dist, "name", None) or "unknown distribution"
-    version = getattr(point.dist, "version", None) or ""
-    plugin = Plugin(point.name, distribution, version, point.value)
-    try:
-        loaded = point.load()
-        _check_hooks(loaded)
-        backends, listens = _ask(loaded)
-    except (Exception, SystemExit) as error:
-        # SystemExit too: a module that exits at import must not take `memo` with it.
-        return attrs.evolve(plugin, error=_one_line(error)), None
-    return attrs.evolve(plugin, backends=backends, listens=listens), loaded
-
-
-def _check_hooks(loaded: Any) -> None:
-    """Raise ``TypeError`` for a hook that does not exist, or that looks like one and lacks the marker."""
-    manager = _plugin_manager()
-    for name in dir(loaded):
-        function = inspect.getattr_static(loaded, name)
-        if isinstance(function, (staticmethod, classmethod)):
-            function = function.__func__
-        marked = getattr(function, f"{GROUP}_impl", None)
-        if marked:
-            hook = marked.get("specname") or name
-            if hook not in HOOKS:
-                raise TypeError(f"no hook is named {hook!r}{close_match(hook, HOOKS)}")
-        elif name in HOOKS and inspect.isfunction(function):
-            raise TypeError(f"{name} lacks the @hookimpl marker")
-    try:
-        manager.register(loaded)
-        manager.check_pending()
-    except pluggy.PluginValidationError as error:
-        raise TypeError(str(error)) from error
-
-
-def _ask(loaded: Any) -> tuple[tuple[Backend, ...], bool]:
-    manager = _plugin_manager()
-    manager.register(loaded)
-    backends: list[Backend] = []
-    for kind, hook in HOOK_OF_KIND.items():
-        for returned in getattr(manager.hook, hook)():
-            if isinstance(returned, Backend) or not isinstance(returned, Iterable):
-                raise TypeError(f"{hook} must return a sequence of Backend, not {type(returned).__name__}")
-            for backend in returned:
-                _check_descriptor(backend, kind, hook)
-                backends.append(backend)
-    seen: set[tuple[str, str]] = set()
-    for backend in backends:
-        if (backend.kind, backend.name) in seen:
-            raise TypeError(f"{backend.kind} {backend.name!r} is declared twice")
-        seen.add((backend.kind, backend.name))
-    return tuple(backends), bool(manager.hook.memo_event.get_hookimpls())
-
-
-def _check_descriptor(backend: Any, kind: str, hook: str) -> None:
-    if not isinstance(backend, Backend):
-        raise TypeError(f"{hook} returned {type(backend).__name__}, expected memo_core.interfaces.backend.Backend")
-    said = f"{hook}: backend {backend.name!r}"
-    if backend.kind != kind:
-        raise TypeError(f"{said} is of kind {backend.kind!r}, this hook is for {kind!r}")
-    if not isinstance(backend.name, str) or not backend.name or backend.name != backend.name.strip():
-        raise TypeError(f"{said}: the name must be a word")
-    if not isinstance(backend.aliases, tuple) or not all(isinstance(alias, str) and alias for alias in backend.aliases):
-        raise TypeError(f"{said}: aliases must be a tuple of names")
-    if not isinstance(backend.summary, str) or not backend.summary or "\n" in backend.summary:
-        raise TypeError(f"{said}: the summary must be one line")
-    if not callable(backend.factory):
-        raise TypeError(f"{said}: the factory must be callable")
-    if not isinstance(backend.config, type) or not attrs.has(backend.config):
-        raise TypeError(f"{said}: config must be an attrs class")
-    _check_annotations(backend.config, said)
-    if "backend" in (field.alias for field in attrs.fields(backend.config)):
-        raise TypeError(f"{said}: a config field may not be called 'backend', which selects the backend")
-
-
-def _check_annotations(config: type, said: str) -> None:
-    try:
-        typing.get_type_hints(config)
-    except Exception as error:
-        raise TypeError(f"{said}: the annotations of {config.__name__} cannot be read: {error}") from error
-
-
-def _one_line(error: BaseException) -> str:
-    said = " ".join(str(error).split())
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__

@@ -23,7 +23,7 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events", "parsing", "redaction", "temporary_folders"),
+    ("errors", "events", "parsing", "redaction", "temporary_folders", "entry_points"),
     ("stop_switch",),
     ("terminal",),
     ("scene",),
@@ -31,7 +31,7 @@ LEVELS = (
     ("skills",),
     ("interfaces",),
     ("hooks",),
-    ("checkout",),
+    ("checkout", "plugin_loading"),
     ("plugins",),
     ("config",),
     ("skillbook", "sandbox", "arm", "runlog"),

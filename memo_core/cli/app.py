@@ -6,12 +6,13 @@ A plugin adds a command with an entry point in the group ``memo.commands``.
 from __future__ import annotations
 
 import importlib
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Annotated
 
 import typer
 
 from memo_core.cli.signal_handling import INTERRUPTED
+from memo_core.entry_points import installed, summary_of
 
 # name -> the line in the help. Its module has an ``app`` (a group of commands) or one ``command``.
 COMMANDS = {
@@ -79,24 +80,28 @@ def _tree(typed: str) -> typer.Typer:
 def _plugin_commands() -> list[EntryPoint]:
     """Commands of plugins: the entry points of the group ``memo.commands``, by name. Only metadata is read, so that
     ``memo --help`` stays quick; of two with one name the first distribution's counts."""
-    found = sorted(entry_points(group="memo.commands"), key=lambda point: (point.name, point.value))
+    found = sorted(installed("memo.commands")[0], key=lambda point: (point.name, point.value))
     return list({point.name: point for point in reversed(found)}.values())[::-1]
 
 
 def _summary(point: EntryPoint) -> str:
-    about = point.dist.metadata["Summary"] if point.dist is not None else ""
+    about = summary_of(point)
     return str(about or f"of {point.value}").partition(": ")[2] or str(about)
 
 
 def _load(point: EntryPoint) -> typer.Typer:
+    from memo_core.plugin_loading import one_line
     from memo_core.plugins import BrokenCommand
 
     try:
         app = point.load()
-    except (Exception, SystemExit) as error:
-        raise BrokenCommand(point.name, point.value, f"{type(error).__name__}: {error}") from error
-    if not isinstance(app, typer.Typer):
-        raise BrokenCommand(point.name, point.value, f"it is a {type(app).__name__}, expected a typer.Typer")
+        if not isinstance(app, typer.Typer):
+            raise TypeError(f"it is a {type(app).__name__}, expected a typer.Typer")
+        typer.main.get_command(app)  # what Typer cannot make a command of is found here, where the plugin is known
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a module that exits, too
+        raise BrokenCommand(point.name, point.value, one_line(error)) from error
     return app
 
 

@@ -19,6 +19,7 @@ from memo_core.config.layers import Merged, merge
 from memo_core.config.source import Path_
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_match
 from memo_core.interfaces.backend import KINDS, Backend
+from memo_core.plugin_loading import one_line
 from memo_core.plugins import Registry, missing_needs
 
 # Keys of the robot's section that choose backends of kinds of their own: kind -> key.
@@ -45,7 +46,13 @@ class Choice:
             what = ", ".join(one.what for one in missing)
             remedy = "; ".join(one.remedy for one in missing)
             raise BackendUnavailable(self.backend.kind, self.backend.name, f"missing {what}", remedy)
-        return self.backend.factory(self.settings)
+        try:
+            return self.backend.factory(self.settings)
+        except MemoError:
+            raise
+        except Exception as error:  # whose plugin it is must be said, whatever a factory raises
+            problem = f"its factory raised {one_line(error)}"
+            raise BackendUnavailable(self.backend.kind, self.backend.name, problem, "a bug in its plugin") from error
 
 
 @attrs.frozen

@@ -13,7 +13,8 @@ from memo_core.errors import UnknownName
 from memo_core.events import Problem
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import KINDS, Backend
-from memo_core.plugins import HOOK_OF_KIND, HOOKS, Registry
+from memo_core.plugin_loading import HOOK_OF_KIND, HOOKS
+from memo_core.plugins import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from memo_core.testing.plugins import check_backend, find_backends
 
