@@ -13,6 +13,9 @@ import attrs
 from memo_core.errors import MemoError
 
 
+_UNFINISHED = ".unfinished"
+
+
 @attrs.define(auto_exc=True, eq=False)
 class CannotWrite(MemoError):
     """A file that a run needs cannot be written: the disk is full, something else is in its place."""
@@ -35,7 +38,7 @@ def writing(file: Path) -> Iterator[None]:
 
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file atomically; it is on disk when this returns. Raises ``CannotWrite``."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}{_UNFINISHED}")
     data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,3 +53,10 @@ def write_whole(path: Path, content: str | bytes) -> Path:
                 temporary.unlink(missing_ok=True)
             raise
     return path
+
+
+def clear_unfinished(folder: Path) -> None:
+    """Remove what processes that were killed in ``write_whole`` left in ``folder`` and the folders in it; nobody may
+    be writing there."""
+    for file in folder.rglob(f".*{_UNFINISHED}"):
+        file.unlink(missing_ok=True)

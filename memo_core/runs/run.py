@@ -30,6 +30,7 @@ from memo_core.policy.session import RunResult, Session, SubtaskResult
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
+from memo_core.runlog.whole_files import clear_unfinished
 from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
@@ -282,7 +283,7 @@ def _perform(
         folder.config(config)
         tell(RunStarted(run, task.name, task.instruction, seed, config))
     else:
-        _put_former_summary_aside(folder.path, log.part - 1)
+        _put_in_order(folder.path, log.part - 1)
         answers = sum(entry.name == ASK and entry.ended for entry in before.history.replayed)
         tell(RunResumed(run, log.part, before.subtask, before.attempt, answers))
     head = {
@@ -362,13 +363,14 @@ def _log_of(folder: RunFolder, task: Task, before: CutOff | None) -> tuple[RunLo
     return RunLog(folder.path, before.history, before.sent), str(before.history.head["run"])
 
 
-def _put_former_summary_aside(folder: Path, part: int) -> None:
-    """What the part before had to say at its end is kept; a video that was cut off is not: no player opens it."""
+def _put_in_order(folder: Path, part: int) -> None:
+    """What ``part`` had to say at its end is kept; files that were cut off are not: nothing reads them."""
     summary = folder / "summary.json"
     if summary.exists():
         summary.rename(summary.with_name(f"summary-part-{part}.json"))
     for film in (folder / "video").glob("*.part.mp4"):
         film.unlink()
+    clear_unfinished(folder)
 
 
 def _over(ended: _Ended) -> str:

@@ -319,6 +319,16 @@ def test_half_a_line_of_events_and_a_book_that_others_changed_are_said_and_the_r
     assert all(json.loads(line) for line in (run / "events.jsonl").read_text().splitlines())
 
 
+def test_a_file_whose_writing_was_cut_off_is_cleared_away(registry, cut):
+    run, chosen = cut
+    killed = "import os, sys, pathlib; from memo_core.runlog import whole_files as files; "
+    killed += "files.os.replace = lambda *_: os._exit(9); files.write_whole(pathlib.Path(sys.argv[1]), 'an answer')"
+    subprocess.run([sys.executable, "-c", killed, str(run / "calls" / "0999-code.json")])
+    assert [file for file in (run / "calls").iterdir() if file.suffix != ".json"], "the process was killed too late"
+    assert not resume(registry, run, chosen).problem
+    assert all(file.suffix == ".json" for file in (run / "calls").iterdir())
+
+
 def test_a_damaged_line_of_events_costs_that_line_and_is_said(registry, cut):
     run, chosen = cut
     file = run / "events.jsonl"
