@@ -24,6 +24,11 @@ class Origin:
 
 
 DEFAULT = Origin("default")
+_LONGEST = 1_000  # characters of a path or a problem: keys and tags of a file may be as long as they like
+
+
+def _bounded(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
 
 
 @attrs.frozen
@@ -31,8 +36,8 @@ class Issue:
     """One mistake. ``path`` is dotted from the top of the file, empty where the whole file is meant."""
 
     origin: Origin
-    path: str
-    problem: str
+    path: str = attrs.field(converter=_bounded)
+    problem: str = attrs.field(converter=_bounded)
 
     def __str__(self) -> str:
         return f"{self.origin}: {self.path}: {self.problem}" if self.path else f"{self.origin}: {self.problem}"

@@ -129,7 +129,11 @@ class Checker:
     # -- one shape each --------------------------------------------------------------------------------------------
     def _scalar(self, value: Any, wanted: Any, path: Path_) -> Any:
         if wanted is float and type(value) in (int, float):
-            return float(value)
+            try:
+                return float(value)
+            except OverflowError:
+                self.wrong(path, f"a whole number of {value.bit_length()} bits is too large")
+                raise _Wrong from None
         if wanted is pathlib.Path and isinstance(value, str):
             return pathlib.Path(value)
         if wanted in (int, bool, str, type(None)) and type(value) is wanted:
