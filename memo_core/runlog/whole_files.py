@@ -12,7 +12,6 @@ import attrs
 
 from memo_core.errors import MemoError
 
-
 _UNFINISHED = ".unfinished"
 
 
