@@ -148,13 +148,7 @@ class RobotShape:
         self.description = description
         self.kinematics = kinematics
         model = kinematics.model
-        folders = [description.mesh_folder] if description.mesh_folder else []
-        if folders:
-            geometry = pin.buildGeomFromUrdfString(
-                model, kinematics.urdf, pin.GeometryType.COLLISION, package_dirs=folders
-            )
-        else:
-            geometry = pin.buildGeomFromUrdfString(model, kinematics.urdf, pin.GeometryType.COLLISION)
+        geometry = pin.buildGeomFromUrdfString(model, kinematics.urdf, pin.GeometryType.COLLISION)
         self.geometry = geometry
         self.data = model.createData()
         self.links = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]

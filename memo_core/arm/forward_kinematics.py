@@ -13,6 +13,8 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.urdf import find_mesh
+from memo_core.robot.urdf_checks import check_limits
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 
@@ -21,6 +23,7 @@ class ForwardKinematics:
     not fit its URDF."""
 
     def __init__(self, description: RobotDescription) -> None:
+        check_limits(description)
         self.description = description
         self.lower = np.array([joint.lower for joint in description.joints])
         self.upper = np.array([joint.upper for joint in description.joints])
@@ -48,7 +51,7 @@ class ForwardKinematics:
         """Fill the chain: constant transforms between joints whose axes are turned onto z."""
         import pinocchio as pin
 
-        self.urdf = _with_angles(description.urdf)
+        self.urdf = _with_angles(description)
         model = pin.buildModelFromXML(self.urdf)
         self.model = model
         ids = []
@@ -160,10 +163,11 @@ class ForwardKinematics:
         return np.ascontiguousarray(result.transpose(2, 0, 1))
 
 
-def _with_angles(urdf: str) -> str:
-    """The URDF with continuous joints as revolute ones. Pinocchio stores a continuous joint as cosine and sine, which
-    would make configurations longer than the arm has joints; the limits that count are the description's."""
-    robot = ElementTree.fromstring(urdf)
+def _with_angles(description: RobotDescription) -> str:
+    """The URDF as Pinocchio is to read it. Continuous joints become revolute ones: Pinocchio stores a continuous joint
+    as cosine and sine, which would make configurations longer than the arm has joints; the limits that count are the
+    description's. Meshes are named by where they lie, so that Pinocchio finds those that the simulators find."""
+    robot = ElementTree.fromstring(description.urdf)
     for joint in robot.iter("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
@@ -172,6 +176,11 @@ def _with_angles(urdf: str) -> str:
                 limit = ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
             limit.set("lower", str(-2 * np.pi))
             limit.set("upper", str(2 * np.pi))
+    for link in robot.iter("link"):
+        for mesh in link.iterfind("collision/geometry/mesh"):
+            where = f"URDF link {link.get('name')!r}"
+            found = find_mesh(where, mesh.get("filename", ""), description.mesh_folder)
+            mesh.set("filename", f"file://{found.resolve()}")
     return ElementTree.tostring(robot, encoding="unicode")
 
 

@@ -188,11 +188,13 @@ def _shape(
         return UrdfShape("capsule" if round_ends else "cylinder", size, pose, colour)
     if solid.tag == "mesh":
         scale = _vector(where, solid, "scale") if solid.get("scale") else (1.0, 1.0, 1.0)
-        return UrdfShape("mesh", scale, pose, colour, str(_mesh_path(where, solid.get("filename", ""), folder)))
+        return UrdfShape("mesh", scale, pose, colour, str(find_mesh(where, solid.get("filename", ""), folder)))
     raise InvalidArgument(where, f"unknown shape <{solid.tag}>", "box, cylinder, sphere, capsule or mesh")
 
 
-def _mesh_path(where: str, filename: str, folder: str | None) -> Path:
+def find_mesh(where: str, filename: str, folder: str | None) -> Path:
+    """The file that a mesh's ``filename`` means. Raises ``InvalidArgument``, ``where`` naming the link, if there is
+    none."""
     relative = filename.removeprefix("file://")
     package = relative.removeprefix("package://")
     candidates = [Path(relative)]

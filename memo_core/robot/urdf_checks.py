@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.urdf import Urdf
@@ -12,6 +14,7 @@ def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
     a gripper that ``simulator`` does not have yet."""
     for name in (*robot.joint_names, *robot.gripper.finger_joints):
         urdf.joint(name)
+    check_limits(robot)
     for name in (*robot.gripper.pads, robot.tool_link):
         if name not in urdf.links:
             raise InvalidArgument(f"robot {robot.name!r}", f"its URDF has no link {name!r}", ", ".join(urdf.links))
@@ -26,6 +29,19 @@ def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
         raise BackendUnavailable("simulator", simulator, "it has no vacuum grippers yet", "use a parallel gripper")
     if len(robot.home) != len(robot.joints):
         raise InvalidArgument(f"robot {robot.name!r}", f"home has {len(robot.home)} values", f"{len(robot.joints)}")
+
+
+def check_limits(robot: RobotDescription) -> None:
+    """Raise ``InvalidArgument`` for a joint whose limits are not two finite numbers in ascending order: an arm is
+    planned between them, also where its URDF calls the joint continuous."""
+    for joint in robot.joints:
+        if not (math.isfinite(joint.lower) and math.isfinite(joint.upper) and joint.lower < joint.upper):
+            raise InvalidArgument(
+                f"robot {robot.name!r}: joint {joint.name!r}",
+                f"its limits are {joint.lower:g} to {joint.upper:g}",
+                "lower < upper, both finite; of a continuous joint what it is to be planned within, such as "
+                "-6.2832 to 6.2832",
+            )
 
 
 def may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:

@@ -105,6 +105,9 @@ def limits_are_possible(make: Make) -> None:
     robot = make()
     urdf = _read(robot)
     for joint in robot.joints:
+        if math.isinf(joint.lower) or math.isinf(joint.upper):
+            wanted = "state what it is to be planned within, such as -6.2832 to 6.2832"
+            raise AssertionError(f"{joint.name} is continuous, its limits are {joint.lower} to {joint.upper}: {wanted}")
         assert joint.lower < joint.upper, f"{joint.name} goes from {joint.lower} to {joint.upper}"
         stated = urdf.joint(joint.name)
         inside = stated.lower - 1e-9 <= joint.lower and joint.upper <= stated.upper + 1e-9

@@ -12,12 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import attrs
-
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.urdf_text import (
+    Inertia,
+    Solid,
+    Vector,
+    between,
+    box_inertia,
+    joint_text,
+    link_text,
+    materials_text,
+)
 from memo_core.scene.pose import Pose
 
-Vector = tuple[float, float, float]
 _Limits = tuple[float, float, float, float, float, float, float]
 
 WHITE = "0.93 0.94 0.95 1"
@@ -69,95 +76,64 @@ _TIP = 0.010  # m the fingertips extend beyond the tool centre
 _HAND = (0.064, 0.204)  # m, across and along the closing axis
 
 
-@attrs.frozen
-class _Inertia:
-    """kg, m, kg m2 about the centre of mass (xx, yy, zz, xy, xz, yz)."""
-
-    mass: float
-    centre: Vector
-    tensor: tuple[float, float, float, float, float, float]
-
-
-@attrs.frozen
-class _Shape:
-    kind: str
-    size: tuple[float, ...]
-    position: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
-    colour: str = "white"
-
-
 _PANDA_INERTIAS = (
-    _Inertia(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-07, 0.00015, 8.2299e-06)),
-    _Inertia(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
-    _Inertia(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
-    _Inertia(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
-    _Inertia(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
-    _Inertia(
-        1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)
-    ),
-    _Inertia(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
-    _Inertia(
-        0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)
-    ),
+    Inertia(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-07, 0.00015, 8.2299e-06)),
+    Inertia(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+    Inertia(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+    Inertia(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
+    Inertia(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+    Inertia(1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+    Inertia(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
+    Inertia(0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
 )
 _FR3_INERTIAS = (
-    _Inertia(2.3966, (-0.0172, 0.0004, 0.0745), (0.009, 0.0115, 0.0085, 0.0, 0.002, 0.0)),
-    _Inertia(
+    Inertia(2.3966, (-0.0172, 0.0004, 0.0745), (0.009, 0.0115, 0.0085, 0.0, 0.002, 0.0)),
+    Inertia(
         2.92747,
         (4.128e-07, -0.0181251, -0.0386036),
         (0.0239273, 0.0224822, 0.0063501, 1.33179e-05, -0.000114048, -0.00199503),
     ),
-    _Inertia(
+    Inertia(
         2.93554,
         (0.00318289, -0.0743222, 0.00881461),
         (0.0419389, 0.0251451, 0.0617021, 0.000202573, 0.00407778, -0.00422522),
     ),
-    _Inertia(
+    Inertia(
         2.2449,
         (0.0407016, -0.00482006, -0.0289731),
         (0.0241014, 0.0197405, 0.0190445, 0.00240469, -0.00285627, -0.00210421),
     ),
-    _Inertia(
+    Inertia(
         2.6156,
         (-0.0459101, 0.0630493, -0.00851879),
         (0.03453, 0.0288816, 0.0412547, 0.0132255, 0.0101514, -0.000976283),
     ),
-    _Inertia(
+    Inertia(
         2.32712,
         (-0.00160396, 0.0292536, -0.0972966),
         (0.0516103, 0.0478773, 0.0164236, -0.00571517, -0.00356732, 0.010674),
     ),
-    _Inertia(
+    Inertia(
         1.81704,
         (0.0597131, -0.0410295, -0.0101693),
         (0.00541233, 0.0140583, 0.0160808, 0.00619346, 0.00142193, -0.00131408),
     ),
-    _Inertia(
+    Inertia(
         0.627143,
         (0.00452258, 0.00862619, -0.0161633),
         (0.000210924, 0.000177186, 5.99319e-05, -2.4333e-05, 4.56448e-05, 8.74407e-05),
     ),
 )
-_HAND_INERTIA = _Inertia(0.73, (0.0, 0.0, 0.033), (0.0025, 0.0010, 0.0027, 0.0, 0.0, 0.0))
+_HAND_INERTIA = Inertia(0.73, (0.0, 0.0, 0.033), (0.0025, 0.0010, 0.0027, 0.0, 0.0, 0.0))
 _FINGER_MASS = 0.10  # kg, with its carriage
 
 
-def _between(kind: str, radius: float, start: Vector, end: Vector, colour: str = "white") -> _Shape:
-    """A cylinder or capsule from ``start`` to ``end`` (m; the caps of a capsule lie outside)."""
-    dx, dy, dz = (b - a for a, b in zip(start, end, strict=True))
-    length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
-    rpy = (0.0, math.acos(max(-1.0, min(1.0, dz / length))), math.atan2(dy, dx))
-    return _Shape(kind, (radius, length), middle, rpy, colour)  # type: ignore[arg-type]
+def _capsule(radius: float, start: Vector, end: Vector) -> Solid:
+    return between("capsule", radius, start, end)
 
 
-def _capsule(radius: float, start: Vector, end: Vector) -> _Shape:
-    return _between("capsule", radius, start, end)
-
-
-_COLLISIONS: tuple[tuple[_Shape, ...], ...] = (
-    (_Shape("box", (0.22, 0.19, 0.13), (-0.035, 0.0, 0.07)),),
+_COLLISIONS: tuple[tuple[Solid, ...], ...] = (
+    (Solid("box", (0.22, 0.19, 0.13), (-0.035, 0.0, 0.07)),),
     (_capsule(0.065, (0, 0, -0.18), (0, 0, -0.01)),),
     (_capsule(0.065, (0, 0, -0.06), (0, 0, 0.06)), _capsule(0.062, (0, 0, 0), (0, -0.15, 0))),
     (_capsule(0.062, (0, 0, -0.12), (0, 0, -0.06)), _capsule(0.055, (0.0825, -0.055, 0), (0.0825, 0.055, 0))),
@@ -168,76 +144,76 @@ _COLLISIONS: tuple[tuple[_Shape, ...], ...] = (
 )
 
 
-def _caps(radius: float, half: float, thickness: float = 0.012) -> tuple[_Shape, ...]:
+def _caps(radius: float, half: float, thickness: float = 0.012) -> tuple[Solid, ...]:
     """The dark discs on both ends of a joint's axis (the link's z)."""
     return tuple(
-        _Shape("cylinder", (radius, thickness), (0.0, 0.0, sign * half), colour="black") for sign in (-1.0, 1.0)
+        Solid("cylinder", (radius, thickness), (0.0, 0.0, sign * half), colour="black") for sign in (-1.0, 1.0)
     )
 
 
-_VISUALS: tuple[tuple[_Shape, ...], ...] = (
+_VISUALS: tuple[tuple[Solid, ...], ...] = (
     (
-        _Shape("cylinder", (0.082, 0.020), (0, 0, 0.010), colour="grey"),
-        _between("cylinder", 0.072, (0, 0, 0.015), (0, 0, 0.137)),
-        _Shape("box", (0.10, 0.14, 0.10), (-0.085, 0, 0.055)),
-        _Shape("box", (0.012, 0.10, 0.06), (-0.137, 0, 0.055), colour="black"),
-        _Shape("cylinder", (0.066, 0.010), (0, 0, 0.141), colour="blue"),
+        Solid("cylinder", (0.082, 0.020), (0, 0, 0.010), colour="grey"),
+        between("cylinder", 0.072, (0, 0, 0.015), (0, 0, 0.137)),
+        Solid("box", (0.10, 0.14, 0.10), (-0.085, 0, 0.055)),
+        Solid("box", (0.012, 0.10, 0.06), (-0.137, 0, 0.055), colour="black"),
+        Solid("cylinder", (0.066, 0.010), (0, 0, 0.141), colour="blue"),
     ),
     (
-        _between("cylinder", 0.060, (0, 0, -0.188), (0, 0, -0.02)),
-        _between("cylinder", 0.062, (0, -0.055, 0), (0, 0.055, 0)),
+        between("cylinder", 0.060, (0, 0, -0.188), (0, 0, -0.02)),
+        between("cylinder", 0.062, (0, -0.055, 0), (0, 0.055, 0)),
     ),
     (
         *_caps(0.052, 0.061),
-        _between("capsule", 0.057, (0, 0, 0), (0, -0.150, 0)),
-        _between("cylinder", 0.0585, (0, -0.183, 0), (0, -0.193, 0), "black"),
+        between("capsule", 0.057, (0, 0, 0), (0, -0.150, 0)),
+        between("cylinder", 0.0585, (0, -0.183, 0), (0, -0.193, 0), "black"),
     ),
     (
-        _between("capsule", 0.055, (0, 0, -0.118), (0, 0, -0.075)),
-        _between("capsule", 0.047, (0, 0, -0.075), (0.0825, 0, 0)),
-        _between("cylinder", 0.054, (0.0825, -0.05, 0), (0.0825, 0.05, 0)),
+        between("capsule", 0.055, (0, 0, -0.118), (0, 0, -0.075)),
+        between("capsule", 0.047, (0, 0, -0.075), (0.0825, 0, 0)),
+        between("cylinder", 0.054, (0.0825, -0.05, 0), (0.0825, 0.05, 0)),
     ),
     (
         *_caps(0.046, 0.056),
-        _between("capsule", 0.047, (0, 0, 0), (-0.0825, 0.075, 0)),
-        _between("capsule", 0.054, (-0.0825, 0.075, 0), (-0.0825, 0.105, 0)),
-        _between("cylinder", 0.0555, (-0.0825, 0.122, 0), (-0.0825, 0.132, 0), "black"),
+        between("capsule", 0.047, (0, 0, 0), (-0.0825, 0.075, 0)),
+        between("capsule", 0.054, (-0.0825, 0.075, 0), (-0.0825, 0.105, 0)),
+        between("cylinder", 0.0555, (-0.0825, 0.122, 0), (-0.0825, 0.132, 0), "black"),
     ),
     (
-        _between("capsule", 0.054, (0, 0, -0.250), (0, 0, -0.205)),
-        _between("capsule", 0.038, (0, 0.025, -0.205), (0, 0.062, -0.03)),
-        _between("cylinder", 0.046, (0, 0.090, 0), (0, 0.035, 0)),
+        between("capsule", 0.054, (0, 0, -0.250), (0, 0, -0.205)),
+        between("capsule", 0.038, (0, 0.025, -0.205), (0, 0.062, -0.03)),
+        between("cylinder", 0.046, (0, 0.090, 0), (0, 0.035, 0)),
     ),
     (
-        _between("cylinder", 0.048, (0, 0, -0.033), (0, 0, 0.035)),
-        _Shape("cylinder", (0.040, 0.010), (0, 0, 0.039), colour="black"),
-        _between("capsule", 0.044, (0.02, 0, 0.0), (0.088, 0, 0.0)),
-        _Shape("cylinder", (0.046, 0.008), (0.088, 0.046, 0), (math.pi / 2, 0, 0), "black"),
+        between("cylinder", 0.048, (0, 0, -0.033), (0, 0, 0.035)),
+        Solid("cylinder", (0.040, 0.010), (0, 0, 0.039), colour="black"),
+        between("capsule", 0.044, (0.02, 0, 0.0), (0.088, 0, 0.0)),
+        Solid("cylinder", (0.046, 0.008), (0.088, 0.046, 0), (math.pi / 2, 0, 0), "black"),
     ),
     (
-        _between("cylinder", 0.043, (0, 0, 0.048), (0, 0, 0.092)),
-        _between("capsule", 0.022, (0, 0, 0.075), (0.042, 0.042, 0.075)),
-        _Shape("cylinder", (0.036, 0.015), (0, 0, 0.0995), colour="grey"),
+        between("cylinder", 0.043, (0, 0, 0.048), (0, 0, 0.092)),
+        between("capsule", 0.022, (0, 0, 0.075), (0.042, 0.042, 0.075)),
+        Solid("cylinder", (0.036, 0.015), (0, 0, 0.0995), colour="grey"),
     ),
 )
 
-_HAND_COLLISIONS = (_Shape("box", (*_HAND, _TOOL - _PALM), (0, 0, (_TOOL - _PALM) / 2)),)
+_HAND_COLLISIONS = (Solid("box", (*_HAND, _TOOL - _PALM), (0, 0, (_TOOL - _PALM) / 2)),)
 _HAND_VISUALS = (
-    _Shape("box", (0.058, 0.150, 0.046), (0, 0, 0.025), colour="white"),
-    _between("cylinder", 0.029, (0, -0.073, 0.0235), (0, -0.0731, 0.0235)),
-    _Shape("box", (0.064, 0.204, 0.018), (0, 0, 0.0574), colour="black"),
-    _Shape("box", (0.0582, 0.152, 0.006), (0, 0, 0.012), colour="blue"),
+    Solid("box", (0.058, 0.150, 0.046), (0, 0, 0.025), colour="white"),
+    between("cylinder", 0.029, (0, -0.073, 0.0235), (0, -0.0731, 0.0235)),
+    Solid("box", (0.064, 0.204, 0.018), (0, 0, 0.0574), colour="black"),
+    Solid("box", (0.0582, 0.152, 0.006), (0, 0, 0.012), colour="blue"),
 )
 # The finger's frame sits on its pad, at the tool centre; +y is out of the opening for the left finger. Only the pad
 # touches what is held: its carriage stands back by 2 mm, which halves the contacts of a grasp.
 _FINGER_COLLISIONS = (
-    _Shape("box", (0.022, 0.010, _PALM + _TIP), (0, 0.005, (_TIP - _PALM) / 2)),
-    _Shape("box", (0.022, 0.018, 0.025), (0, 0.011, -_PALM + 0.0125)),
+    Solid("box", (0.022, 0.010, _PALM + _TIP), (0, 0.005, (_TIP - _PALM) / 2)),
+    Solid("box", (0.022, 0.018, 0.025), (0, 0.011, -_PALM + 0.0125)),
 )
 _FINGER_VISUALS = (
-    _Shape("box", (0.022, 0.006, 0.030 + _TIP), (0, 0.003, (_TIP - 0.030) / 2), colour="rubber"),
-    _Shape("box", (0.020, 0.004, 0.030 + _TIP), (0, 0.008, (_TIP - 0.030) / 2), colour="grey"),
-    _Shape("box", (0.022, 0.020, 0.025), (0, 0.010, -_PALM + 0.0125), colour="grey"),
+    Solid("box", (0.022, 0.006, 0.030 + _TIP), (0, 0.003, (_TIP - 0.030) / 2), colour="rubber"),
+    Solid("box", (0.020, 0.004, 0.030 + _TIP), (0, 0.008, (_TIP - 0.030) / 2), colour="grey"),
+    Solid("box", (0.022, 0.020, 0.025), (0, 0.010, -_PALM + 0.0125), colour="grey"),
 )
 
 
@@ -251,7 +227,7 @@ def fr3() -> RobotDescription:
     return _described("fr3", _FR3_JOINTS, _FR3_INERTIAS)
 
 
-def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[_Inertia]) -> RobotDescription:
+def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[Inertia]) -> RobotDescription:
     joints = tuple(
         JointDescription(f"{name}_joint{number}", lower, upper, velocity, acceleration, jerk, effort, kp=kp, kv=kp / 10)
         for number, (lower, upper, velocity, acceleration, jerk, effort, kp) in enumerate(limits, start=1)
@@ -275,103 +251,36 @@ def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[_Inertia
     )
 
 
-def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[_Inertia]) -> str:
+def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[Inertia]) -> str:
     """The URDF's text."""
     parts = ['<?xml version="1.0"?>', f'<robot name="{name}">']
-    parts += [f'  <material name="{colour}"><color rgba="{rgba}"/></material>' for colour, rgba in COLOURS.items()]
+    parts.append(materials_text(COLOURS))
     for number, inertia in enumerate(inertias):
-        parts.append(_link(f"{name}_link{number}", inertia, _VISUALS[number], _COLLISIONS[number]))
+        parts.append(link_text(f"{name}_link{number}", inertia, _VISUALS[number], _COLLISIONS[number]))
     for number, ((xyz, rpy), joint) in enumerate(zip(_ORIGINS, joints, strict=True), start=1):
         ends = f'lower="{joint.lower}" upper="{joint.upper}"'
         limit = f'<limit {ends} velocity="{joint.velocity}" effort="{joint.effort}"/>'
         parts.append(
-            _joint(joint.name, "revolute", f"{name}_link{number - 1}", f"{name}_link{number}", xyz, rpy, "0 0 1", limit)
+            joint_text(
+                joint.name, "revolute", f"{name}_link{number - 1}", f"{name}_link{number}", xyz, rpy, "0 0 1", limit
+            )
         )
-    parts.append(_link(f"{name}_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
+    parts.append(link_text(f"{name}_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
     parts.append(
-        _joint(f"{name}_hand_joint", "fixed", f"{name}_link7", f"{name}_hand", (0, 0, FLANGE), (0, 0, -math.pi / 4))
+        joint_text(f"{name}_hand_joint", "fixed", f"{name}_link7", f"{name}_hand", (0, 0, FLANGE), (0, 0, -math.pi / 4))
     )
     parts.append(f'  <link name="{name}_tool"/>')
-    parts.append(_joint(f"{name}_tool_joint", "fixed", f"{name}_hand", f"{name}_tool", (0, 0, _TOOL), (0, 0, 0)))
+    parts.append(joint_text(f"{name}_tool_joint", "fixed", f"{name}_hand", f"{name}_tool", (0, 0, _TOOL), (0, 0, 0)))
     for number, (link, sign) in enumerate(((f"{name}_leftfinger", 1.0), (f"{name}_rightfinger", -1.0)), start=1):
         turned = (0.0, 0.0, 0.0) if sign > 0 else (0.0, 0.0, math.pi)
-        parts.append(_link(link, _finger_inertia(), _FINGER_VISUALS, _FINGER_COLLISIONS))
+        parts.append(link_text(link, _finger_inertia(), _FINGER_VISUALS, _FINGER_COLLISIONS))
         limit = f'<limit lower="0" upper="{STROKE / 2}" velocity="0.2" effort="80"/>'
         finger = f"{name}_finger_joint{number}"
-        parts.append(_joint(finger, "prismatic", f"{name}_hand", link, (0, 0, _TOOL), turned, "0 1 0", limit))
+        parts.append(joint_text(finger, "prismatic", f"{name}_hand", link, (0, 0, _TOOL), turned, "0 1 0", limit))
     parts.append("</robot>")
     return "\n".join(parts) + "\n"
 
 
-def _finger_inertia() -> _Inertia:
+def _finger_inertia() -> Inertia:
     """A solid box of the finger's extents."""
-    x, y, z = 0.022, 0.020, _PALM + _TIP
-    m = _FINGER_MASS / 12
-    tensor = (m * (y * y + z * z), m * (x * x + z * z), m * (x * x + y * y), 0.0, 0.0, 0.0)
-    return _Inertia(_FINGER_MASS, (0.0, 0.010, (_TIP - _PALM) / 2), tensor)
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)
-
-
-def _link(name: str, inertia: _Inertia, visuals: tuple[_Shape, ...], collisions: tuple[_Shape, ...]) -> str:
-    keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    tensor = " ".join(f'{key}="{value!r}"' for key, value in zip(keys, inertia.tensor, strict=True))
-    lines = [
-        f'  <link name="{name}">',
-        f'    <inertial><origin xyz="{_numbers(inertia.centre)}" rpy="0 0 0"/><mass value="{inertia.mass}"/>'
-        f"<inertia {tensor}/></inertial>",
-    ]
-    # URDF has no capsules; a visual one is a cylinder and two spheres, a collision one is marked for Pinocchio below.
-    for shape in visuals:
-        lines += [f'    <visual>{_solid(piece)}<material name="{piece.colour}"/></visual>' for piece in _pieces(shape)]
-    marks = []
-    for number, shape in enumerate(collisions):
-        label = f"{name}_{number}"
-        lines.append(f'    <collision name="{label}">{_solid(shape)}</collision>')
-        if shape.kind == "capsule":
-            marks.append(f'<capsule name="{label}"/>')
-    if marks:
-        lines.append(f"    <collision_checking>{''.join(marks)}</collision_checking>")
-    lines.append("  </link>")
-    return "\n".join(lines)
-
-
-def _pieces(shape: _Shape) -> tuple[_Shape, ...]:
-    if shape.kind != "capsule":
-        return (shape,)
-    radius, length = shape.size
-    _, pitch, yaw = shape.rpy
-    half = (
-        math.cos(yaw) * math.sin(pitch) * length / 2,
-        math.sin(yaw) * math.sin(pitch) * length / 2,
-        math.cos(pitch) * length / 2,
-    )
-    x, y, z = shape.position
-    ends = tuple(
-        _Shape("sphere", (radius,), (x + sign * half[0], y + sign * half[1], z + sign * half[2]), colour=shape.colour)
-        for sign in (-1, 1)
-    )
-    return (attrs.evolve(shape, kind="cylinder"), *ends)
-
-
-def _solid(shape: _Shape) -> str:
-    origin = f'<origin xyz="{_numbers(shape.position)}" rpy="{_numbers(shape.rpy)}"/>'
-    if shape.kind == "box":
-        solid = f'<box size="{_numbers(shape.size)}"/>'
-    elif shape.kind == "sphere":
-        solid = f'<sphere radius="{shape.size[0]!r}"/>'
-    else:
-        solid = f'<cylinder radius="{shape.size[0]!r}" length="{shape.size[1]!r}"/>'
-    return f"{origin}<geometry>{solid}</geometry>"
-
-
-def _joint(
-    name: str, kind: str, parent: str, child: str, xyz: Vector, rpy: Vector, axis: str = "", limit: str = ""
-) -> str:
-    turning = f'<axis xyz="{axis}"/>{limit}' if axis else ""
-    return (
-        f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{_numbers(xyz)}" rpy="{_numbers(rpy)}"/>{turning}</joint>'
-    )
+    return box_inertia(_FINGER_MASS, (0.022, 0.020, _PALM + _TIP), (0.0, 0.010, (_TIP - _PALM) / 2))

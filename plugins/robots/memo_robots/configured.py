@@ -1,0 +1,51 @@
+"""The arms as configured: our own descriptions with some values changed, and mounted where the settings say."""
+
+from __future__ import annotations
+
+import attrs
+from attrs.validators import ge, gt, le
+
+from memo_core.errors import InvalidArgument
+from memo_core.robot.description import RobotDescription
+from memo_core.robot.mounting import Mounting
+from memo_robots.gen3 import gen3
+from memo_robots.ur5e import ur5e
+
+
+@attrs.frozen
+class RobotSettings(Mounting):
+    """What can be configured."""
+
+    home: list[float] | None = attrs.field(default=None, metadata={"help": "home posture, rad, one value a joint"})
+    pad_friction: float = attrs.field(
+        default=1.0, validator=gt(0.0), metadata={"help": "sliding friction of the finger pads"}
+    )
+    max_contact_force: float = attrs.field(
+        default=50.0, validator=[gt(0.0), le(100.0)], metadata={"help": "most that the hand may press with, N"}
+    )
+    max_force: float = attrs.field(default=80.0, validator=[ge(5.0), le(235.0)], metadata={"help": "strongest grip, N"})
+
+
+@attrs.frozen
+class UR5eSettings(RobotSettings):
+    """Settings of a UR5e."""
+
+
+@attrs.frozen
+class Gen3Settings(RobotSettings):
+    """Settings of a Gen3."""
+
+
+def configured(settings: RobotSettings) -> RobotDescription:
+    """The description for these settings. Raises ``InvalidArgument`` naming the key that is wrong."""
+    robot = gen3() if isinstance(settings, Gen3Settings) else ur5e()
+    home = robot.home if settings.home is None else tuple(settings.home)
+    if len(home) != len(robot.joints):
+        raise InvalidArgument("robot.home", f"has {len(home)} values", f"{len(robot.joints)}, one a joint")
+    for joint, angle in zip(robot.joints, home, strict=True):
+        if not joint.lower <= angle <= joint.upper:
+            expected = f"{joint.lower:.4f} to {joint.upper:.4f} rad"
+            raise InvalidArgument("robot.home", f"{angle:.4f} rad is outside {joint.name}'s limits", expected)
+    gripper = attrs.evolve(robot.gripper, pad_friction=settings.pad_friction, max_force=settings.max_force)
+    changed = attrs.evolve(robot, gripper=gripper, home=home, max_contact_force=settings.max_contact_force)
+    return settings.applied(changed)
