@@ -21,6 +21,7 @@ Colour = tuple[float, float, float, float]
 Tensor = tuple[float, float, float, float, float, float]
 _NO_INERTIA: Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 JointKind = Literal["fixed", "revolute", "prismatic"]
+_MIMIC = {"multiplier": 1.0, "offset": 0.0}
 _KINDS: dict[str, JointKind] = {
     "fixed": "fixed",
     "revolute": "revolute",
@@ -54,6 +55,15 @@ class UrdfLink:
 
 
 @attrs.frozen
+class Mimic:
+    """A joint that follows another: its position is ``multiplier`` times the other's, plus ``offset``."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0  # rad or m
+
+
+@attrs.frozen
 class UrdfJoint:
     """``origin`` is the child's frame in the parent's at position 0. ``lower``/``upper`` are infinite where the URDF
     states no limits (continuous joints)."""
@@ -68,6 +78,7 @@ class UrdfJoint:
     upper: float = math.inf
     velocity: float = math.inf  # rad/s or m/s
     effort: float = math.inf  # Nm or N
+    mimic: Mimic | None = None
 
 
 @attrs.frozen
@@ -92,6 +103,20 @@ class Urdf:
     def total_mass(self) -> float:
         """kg of all links."""
         return sum(link.mass for link in self.links.values())
+
+
+def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
+    """Every link's pose in the base frame, joints at ``positions`` (rad or m, 0 where not named)."""
+    poses = {urdf.root: Pose()}
+    for joint in urdf.joints:
+        value = positions.get(joint.name, 0.0)
+        motion = Pose()
+        if joint.kind == "revolute":
+            motion = Pose(orientation=quaternion_from_axis_angle(joint.axis, value))
+        elif joint.kind == "prismatic":
+            motion = Pose(tuple(value * v for v in joint.axis))
+        poses[joint.child] = poses[joint.parent] * joint.origin * motion
+    return poses
 
 
 def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
@@ -123,6 +148,11 @@ def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
         raise InvalidArgument(f"URDF of {name!r}", f"has {len(roots)} root links ({', '.join(roots)})", "exactly one")
+    known = {joint.name for joint in joints}
+    for joint in joints:
+        if joint.mimic is not None and joint.mimic.joint not in known:
+            problem = f"mimics {joint.mimic.joint!r}, which does not exist"
+            raise InvalidArgument(f"URDF joint {joint.name!r}", problem, f"one of {', '.join(sorted(known))}")
     return Urdf(name, roots[0], links, _parents_first(roots[0], joints))
 
 
@@ -229,7 +259,18 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
     if kind != "fixed" and length < 1e-9:
         raise InvalidArgument(where, "its axis has no length", "a direction such as 0 0 1")
     unit = tuple(v / length for v in direction) if length > 0 else (1.0, 0.0, 0.0)
-    return UrdfJoint(name, _KINDS[kind], ends[0], ends[1], _origin(where, element), unit, **limits)  # type: ignore[arg-type]
+    joint = UrdfJoint(name, _KINDS[kind], ends[0], ends[1], _origin(where, element), unit, **limits)  # type: ignore[arg-type]
+    return attrs.evolve(joint, mimic=_mimic(where, element))
+
+
+def _mimic(where: str, element: ElementTree.Element) -> Mimic | None:
+    mimic = element.find("mimic")
+    if mimic is None:
+        return None
+    if not mimic.get("joint"):
+        raise InvalidArgument(where, "its <mimic> names no joint", '<mimic joint="…"/>')
+    values = [_number(where, mimic, key) if mimic.get(key) else usual for key, usual in _MIMIC.items()]
+    return Mimic(str(mimic.get("joint")), *values)
 
 
 def _origin(where: str, element: ElementTree.Element) -> Pose:

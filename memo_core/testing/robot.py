@@ -16,7 +16,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import Urdf, read_urdf
+from memo_core.robot.urdf import Urdf, link_poses, read_urdf
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.rules import Rules
 
@@ -32,20 +32,6 @@ def check_robot_description(make: Make) -> None:
             check(make)
         except AssertionError as error:
             raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
-
-
-def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
-    """Every link's pose in the base frame, joints at ``positions`` (rad or m, 0 where not named)."""
-    poses = {urdf.root: Pose()}
-    for joint in urdf.joints:
-        value = positions.get(joint.name, 0.0)
-        motion = Pose()
-        if joint.kind == "revolute":
-            motion = Pose(orientation=quaternion_from_axis_angle(joint.axis, value))
-        elif joint.kind == "prismatic":
-            motion = Pose(tuple(value * v for v in joint.axis))
-        poses[joint.child] = poses[joint.parent] * joint.origin * motion
-    return poses
 
 
 def _read(robot: RobotDescription) -> Urdf:

@@ -105,9 +105,9 @@ def _urdf(continuous: tuple[str, ...]) -> str:
         parts.append(link_text(f"{name}_link", inertia, shapes, shapes))
     # The published base frame looks backwards: half a turn puts the arm in front of it.
     parts.append(joint_text("mount_joint", "fixed", "mount", "base_link", rpy=(0.0, 0.0, PI)))
-    for (before, _, _), (after, _, _), (name, xyz, rpy, limit, effort, _) in zip(
-        _LINKS, _LINKS[1:], _JOINTS, strict=False
-    ):
+    links = [f"{name}_link" for name, _, _ in _LINKS]
+    for before, after, joint in zip(links, links[1:], _JOINTS, strict=False):
+        name, xyz, rpy, limit, effort, _ = joint
         ends = "" if name in continuous else f'lower="{-limit!r}" upper="{limit!r}" '
         kind = "continuous" if name in continuous else "revolute"
         bounds = f'<limit {ends}velocity="{_SPEED!r}" effort="{effort!r}"/>'

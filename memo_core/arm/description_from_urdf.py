@@ -1,0 +1,456 @@
+"""A first description of a robot from its URDF: what stands in it is read, everything else is guessed and told.
+
+``memo new robot --urdf FILE`` writes what this returns as a plugin's source. Guesses are starting values: ``memo
+plugins check`` says what is wrong with them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+import attrs
+import numpy as np
+
+from memo_core.arm.collision import RobotShape
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.errors import InvalidArgument
+from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
+from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
+from memo_core.robot.urdf import Urdf, UrdfJoint, link_poses, read_urdf
+from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+
+_FINGER_NAMES = re.compile(r"finger|grip|jaw|knuckle|thumb|claw", re.IGNORECASE)
+_FLANGE_NAMES = re.compile(r"^(.*_)?(tool0|flange|ee_link|end_effector(_link)?|attachment.*|hand)$", re.IGNORECASE)
+_TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
+_SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
+_STIFFEST = 4500.0  # Nm/rad
+_TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
+_RADII, _HEIGHTS = (0.5, 0.42, 0.6, 0.35, 0.7), (0.45, 0.35, 0.55, 0.25, 0.65)  # shares of the reach, of home's tool
+
+
+@attrs.frozen
+class Guess:
+    """One value that the URDF does not state."""
+
+    what: str  # field of the description
+    value: str
+    why: str
+
+
+@attrs.frozen
+class Described:
+    """``robot`` with, line by line, what was read from the URDF, and what was guessed."""
+
+    robot: RobotDescription
+    read: tuple[str, ...]
+    guessed: tuple[Guess, ...]
+
+    def source(self) -> str:
+        """Python source of ``RobotDescription(…)``, guesses marked by a comment. Its names: the description classes,
+        ``Pose``, and ``URDF`` and ``MESH_FOLDER`` for the URDF's text and the folder of its meshes."""
+        return _source(self.robot, {guess.what: guess.why for guess in self.guessed})
+
+
+def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = None) -> Described:
+    """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``.
+
+    Raises ``InvalidArgument`` in one line for what is no single serial arm.
+    """
+    urdf = read_urdf(text, mesh_folder)
+    chain, fingers = _arm_and_fingers(urdf)
+    guesses: list[Guess] = []
+    read = [f"{len(chain)} joints: {', '.join(joint.name for joint in chain)}"]
+    if fingers:
+        read.append(f"fingers: {', '.join(joint.name for joint in fingers)}")
+    else:
+        flange, turned = _flange(urdf, chain)
+        hand = ParallelHand()
+        text = with_parallel_hand(text, flange, hand, mount=turned)
+        urdf = read_urdf(text, mesh_folder)
+        chain, fingers = _arm_and_fingers(urdf)
+        guesses.append(Guess("gripper", "ParallelHand()", f"the URDF has no fingers: a plain hand sits on {flange!r}"))
+    joints = tuple(_joint(joint, guesses) for joint in chain)
+    label = name or urdf.name
+    gripper = _first_gripper(urdf, fingers)
+    tool_link = _carrier(urdf, fingers[0])
+    bare = RobotDescription(
+        name=label,
+        urdf=text,
+        joints=joints,
+        gripper=gripper,
+        tool_link=tool_link,
+        home=tuple((joint.lower + joint.upper) / 2 for joint in joints),
+        mesh_folder=mesh_folder,
+        allowed_contacts=_finger_pairs(urdf, fingers),
+    )
+    robot = _with_tool(bare, urdf, guesses)
+    robot = _with_reach(robot, guesses)
+    robot = _with_home(robot, guesses)
+    robot = _with_gains(robot, guesses)
+    return Described(_with_contact_force(robot, guesses), tuple(read), tuple(guesses))
+
+
+# -- which joints are the arm's ----------------------------------------------------------------------------------------
+
+
+def _arm_and_fingers(urdf: Urdf) -> tuple[list[UrdfJoint], list[UrdfJoint]]:
+    """The arm's joints from the base to the tool, and those of the fingers, the driven one first."""
+    below = _moving_below(urdf)
+    chain: list[UrdfJoint] = []
+    options = below[""]
+    while options:
+        onwards = [joint for joint in options if not _finger_like(joint, below)]
+        if len(onwards) < len(options):  # what stands beside fingers is one, whatever its name
+            onwards = [joint for joint in onwards if _depth(joint, below) >= 3]
+        long = [joint for joint in onwards if _depth(joint, below) >= 3]
+        if len(long) > 1:
+            names = " and ".join(repr(joint.name) for joint in long)
+            problem = f"branches into {names}: it has more than one arm"
+            raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a URDF of one serial arm")
+        if len(onwards) != 1:
+            break
+        chain.append(onwards[0])
+        options = below[onwards[0].name]
+    if len(chain) < 3:
+        moving = [joint.name for joint in urdf.joints if joint.kind != "fixed"]
+        problem = f"has no chain of three or more joints (those that move: {', '.join(moving) or 'none'})"
+        raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a serial arm")
+    fingers = _all_below(options, below)
+    driven = [joint for joint in fingers if joint.mimic is None]
+    followers = [joint for joint in fingers if joint.mimic is not None]
+    return chain, [*driven, *followers]
+
+
+def _moving_below(urdf: Urdf) -> dict[str, list[UrdfJoint]]:
+    """Joint -> the next moving joints below it; "" -> the first ones."""
+    above = {joint.child: joint for joint in urdf.joints}
+    below: dict[str, list[UrdfJoint]] = {"": []} | {joint.name: [] for joint in urdf.joints}
+    for joint in urdf.joints:
+        if joint.kind == "fixed":
+            continue
+        parent = above.get(joint.parent)
+        while parent is not None and parent.kind == "fixed":
+            parent = above.get(parent.parent)
+        below["" if parent is None else parent.name].append(joint)
+    return below
+
+
+def _finger_like(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
+    if joint.mimic is not None or _FINGER_NAMES.search(joint.name):
+        return True
+    return not below[joint.name] and (joint.kind == "prismatic" or bool(_FINGER_NAMES.search(joint.child)))
+
+
+def _depth(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> int:
+    return 1 + max((_depth(one, below) for one in below[joint.name]), default=0)
+
+
+def _all_below(joints: Sequence[UrdfJoint], below: dict[str, list[UrdfJoint]]) -> list[UrdfJoint]:
+    return [one for joint in joints for one in (joint, *_all_below(below[joint.name], below))]
+
+
+def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
+    lower, upper = joint.lower, joint.upper
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        lower, upper = -_TURN, _TURN
+        why = "the URDF states no limits: it is planned within one turn either way"
+        guesses.append(Guess(f"{joint.name}.limits", f"{lower:.4f} to {upper:.4f} rad", why))
+    if not lower < upper:
+        problem = f"its limits are {lower:g} to {upper:g}"
+        raise InvalidArgument(f"URDF joint {joint.name!r}", problem, "lower < upper")
+    velocity, effort = joint.velocity, joint.effort
+    if not (math.isfinite(velocity) and velocity > 0):
+        velocity = _SPEED
+        guesses.append(Guess(f"{joint.name}.velocity", f"{velocity:g} rad/s", "the URDF states none"))
+    if not (math.isfinite(effort) and effort > 0):
+        effort = _EFFORT
+        guesses.append(Guess(f"{joint.name}.effort", f"{effort:g} Nm", "the URDF states none"))
+    return JointDescription(joint.name, lower, upper, velocity, 4 * velocity, 400 * velocity, effort, 1000.0, 100.0)
+
+
+def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> tuple[str, tuple[float, float, float]]:
+    """The link a hand belongs on, and the roll that makes the hand's z lead outwards."""
+    fixed: dict[str, list[str]] = {}
+    for joint in urdf.joints:
+        if joint.kind == "fixed":
+            fixed.setdefault(joint.parent, []).append(joint.child)
+    ends, stack = [], [chain[-1].child]
+    while stack:
+        link = stack.pop()
+        ends.append(link)
+        stack.extend(fixed.get(link, []))
+    named = [link for link in ends if _FLANGE_NAMES.match(link)]
+    flange = named[-1] if named else chain[-1].child
+    poses = link_poses(urdf, {})
+    outwards = np.subtract(poses[flange].position, poses[chain[-2].child].position)
+    inwards = float(poses[flange].rotation[:, 2] @ outwards) < -1e-6
+    return flange, (math.pi if inwards else 0.0, 0.0, 0.0)
+
+
+# -- the gripper and the tool frame ------------------------------------------------------------------------------------
+
+
+def _carrier(urdf: Urdf, finger: UrdfJoint) -> str:
+    return urdf.joint(finger.name).parent
+
+
+def _finger_links(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> list[str]:
+    """Links that the finger joints carry, also over fixed joints."""
+    links = {joint.child for joint in fingers}
+    for joint in urdf.joints:
+        if joint.kind == "fixed" and joint.parent in links:
+            links.add(joint.child)
+    return sorted(links)
+
+
+def _finger_pairs(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> tuple[tuple[str, str], ...]:
+    links = _finger_links(urdf, fingers)
+    return tuple((one, other) for number, one in enumerate(links) for other in links[number + 1 :])
+
+
+def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> GripperDescription:
+    """Its joints and pads; measures follow from the shapes."""
+    names = tuple(joint.name for joint in fingers)
+    slides = all(joint.kind == "prismatic" for joint in fingers)
+    if slides:
+        pads = tuple(joint.child for joint in fingers[:2])
+    else:
+        carried = _finger_links(urdf, fingers)
+        tips = [link for link in carried if re.search(r"pad|tip", link, re.IGNORECASE)]
+        lowest = [joint.child for joint in fingers if all(other.parent != joint.child for other in fingers)]
+        pads = _opposite(urdf, tips if len(tips) >= 2 else lowest)
+    force = min((joint.effort for joint in fingers if slides and 0 < joint.effort < math.inf), default=60.0)
+    most = min(max(force, 10.0), 80.0)
+    return GripperDescription(finger_joints=names, pads=pads, max_force=most, min_force=min(5.0, most / 4))
+
+
+def _opposite(urdf: Urdf, links: Sequence[str]) -> tuple[str, ...]:
+    """The two of the links that are farthest apart."""
+    poses = link_poses(urdf, {})
+    pairs = [(one, other) for number, one in enumerate(links) for other in links[number + 1 :]]
+    if not pairs:
+        return tuple(links)
+    return max(pairs, key=lambda pair: math.dist(poses[pair[0]].position, poses[pair[1]].position))
+
+
+def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> RobotDescription:
+    """Tool frame and measures of the gripper, from the fingers' motion and shapes."""
+    gripper = robot.gripper
+    if len(gripper.pads) < 2:
+        problem = f"has one finger ({', '.join(gripper.finger_joints)}); two that move apart are known"
+        raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a gripper of two fingers, or none at all")
+    linkage = FingerLinkage(urdf, gripper)
+    shapes = _corners(robot)
+    hand = robot.tool_link
+    shut = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(0.0)))
+    open_ = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(linkage.stroke)))
+    opening = np.subtract(open_[0].position, open_[1].position) - np.subtract(shut[0].position, shut[1].position)
+    y = opening / np.linalg.norm(opening)
+    last = link_poses(urdf, {})[hand].inverse() * link_poses(urdf, {})[urdf.joint(robot.joint_names[-1]).child]
+    corners = [
+        np.concatenate([shut[k].apply(shapes[pad]) for k, pad in enumerate(gripper.pads) if pad in shapes] or [_NONE]),
+        np.concatenate([open_[k].apply(shapes[pad]) for k, pad in enumerate(gripper.pads) if pad in shapes] or [_NONE]),
+    ]
+    middle = np.mean([pose.position for pose in shut], axis=0) if not len(corners[0]) else corners[0].mean(axis=0)
+    outwards = middle - np.array(last.position)
+    z = _nearest_axis(outwards - (outwards @ y) * y)
+    z = z - (z @ y) * y
+    z /= np.linalg.norm(z)
+    x = np.cross(y, z)
+    tip = float((corners[0] @ z).max()) if len(corners[0]) else float(middle @ z)
+    # Half way between the fingers' frames across, as far out as the fingertips less a little.
+    between = np.mean([pose.position for pose in shut], axis=0)
+    origin = (between @ y) * y + (middle @ x) * x + (tip - _TIP) * z
+    tool = Pose(tuple(origin), quaternion_from_rotation(np.column_stack([x, y, z])))
+    guesses.append(
+        Guess("tool_offset", _pose_text(tool), f"between the pads, {1000 * _TIP:.0f} mm short of the fingertips")
+    )
+    own = tool.inverse().apply(shapes[hand]) if hand in shapes else np.empty((0, 3))
+    own = own[own[:, 2] < -0.002] if len(own) else own
+    palm = float(-own[:, 2].max()) if len(own) else 0.04
+    wide = float(np.ptp(own[:, 1])) if len(own) else 0.15
+    thick = float(np.ptp(own[:, 0])) if len(own) else 0.06
+    why = "from the collision shapes of the hand and the fingers"
+    guesses.append(Guess("gripper.measures", f"palm {palm:.3f} m back, hand {wide:.3f} x {thick:.3f} m", why))
+    changed = attrs.evolve(
+        gripper,
+        stroke=round(linkage.stroke, 6),
+        fingertip_reach=_TIP,
+        palm_distance=round(max(palm, 0.0), 4),
+        hand_size=(round(wide, 4), round(thick, 4)),
+    )
+    return attrs.evolve(robot, gripper=changed, tool_offset=tool)
+
+
+_NONE: Array = np.empty((0, 3))
+
+
+def _pads_in(urdf: Urdf, hand: str, pads: Sequence[str], positions: dict[str, float]) -> list[Pose]:
+    poses = link_poses(urdf, positions)
+    return [poses[hand].inverse() * poses[pad] for pad in pads]
+
+
+def _corners(robot: RobotDescription) -> dict[str, Array]:
+    """Link -> corners (k, 3) of its collision shapes' boxes, in the link's frame, m. Meshes are read."""
+    kinematics = Kinematics(robot)
+    shape = RobotShape(robot, kinematics)
+    found: dict[str, list[Array]] = {}
+    for link, geometry in zip(shape.links, shape.geometry.geometryObjects, strict=True):
+        geometry.geometry.computeLocalAABB()
+        box = geometry.geometry.aabb_local
+        low, high = np.asarray(box.min_), np.asarray(box.max_)
+        points = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+        frame = kinematics.model.frames[geometry.parentFrame].placement.inverse() * geometry.placement
+        found.setdefault(link, []).append(points @ frame.rotation.T + frame.translation)
+    return {link: np.concatenate(points) for link, points in found.items()}
+
+
+def _nearest_axis(direction: Array) -> Array:
+    """The direction itself, or the coordinate axis that it nearly is."""
+    unit = direction / np.linalg.norm(direction)
+    axis = int(np.argmax(np.abs(unit)))
+    if abs(unit[axis]) > math.cos(math.radians(15)):
+        unit = np.sign(unit[axis]) * np.eye(3)[axis]
+    return unit
+
+
+# -- what an arm of these measures can do ------------------------------------------------------------------------------
+
+
+def _with_reach(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:
+    kinematics = Kinematics(robot)
+    _, position = kinematics.forward(kinematics.samples(4096))
+    far = float(np.linalg.norm(position - kinematics.shoulder[:, None], axis=0).max())
+    urdf = read_urdf(robot.urdf, robot.mesh_folder)
+    lengths = [float(np.linalg.norm(urdf.joint(name).origin.position)) for name in robot.joint_names[1:]]
+    poses = link_poses(urdf, {})
+    wrist = urdf.joint(robot.joint_names[-1]).child
+    lengths.append(
+        float(np.linalg.norm((poses[wrist].inverse() * poses[robot.tool_link] * robot.tool_offset).position))
+    )
+    reach = math.floor(1000 * min(0.97 * far, sum(lengths))) / 1000
+    guesses.append(
+        Guess("reach", f"{reach:.3f} m", "how far 4096 sampled postures bring the tool from the first joint")
+    )
+    return attrs.evolve(robot, reach=reach)
+
+
+def _with_home(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:
+    """A posture with the hand pointing down in front of the base, far from joint limits, clear of itself."""
+    kinematics = Kinematics(robot)
+    checker = RobotShape(robot, kinematics).checker([], robot.gripper.stroke)
+    down = [
+        Pose((0.0, 0.0, 0.0), (0.0, math.cos(a / 2), math.sin(a / 2), 0.0)) for a in (0.0, math.pi / 2, -math.pi / 2)
+    ]
+    for height in _HEIGHTS:
+        for radius in _RADII:
+            for turned in down:
+                pose = Pose((radius * robot.reach, 0.0, height * robot.reach), turned.orientation)
+                found = kinematics.inverse(pose, kinematics.home[:, None], samples=200)
+                free = [one for one in found.T if not checker.collides(one, "free")]
+                if free:
+                    home = tuple(round(float(angle), 4) for angle in _comfortable(robot, kinematics, free))
+                    out, _, up = pose.position
+                    why = f"the hand points down {out:.2f} m in front of the base, {up:.2f} m up"
+                    guesses.append(Guess("home", f"{home}", why))
+                    return attrs.evolve(robot, home=home)
+    guesses.append(Guess("home", f"{robot.home}", "the middle of the limits: no posture with the hand down was found"))
+    return robot
+
+
+def _comfortable(robot: RobotDescription, kinematics: Kinematics, postures: Sequence[Array]) -> Array:
+    """Of postures (n,) one far from joint limits and singularities; of those alike in that, with the highest elbow."""
+    middle, half = (kinematics.lower + kinematics.upper) / 2, (kinematics.upper - kinematics.lower) / 2
+    urdf = read_urdf(robot.urdf, robot.mesh_folder)
+    jacobians = [kinematics.jacobian(one) for one in postures]
+    dexterity = np.array([np.linalg.svd(one, compute_uv=False)[min(6, len(one[0])) - 1] for one in jacobians])
+
+    def rank(number: int) -> tuple[float, float, float]:
+        joints = postures[number]
+        poses = link_poses(urdf, dict(zip(robot.joint_names, joints.tolist(), strict=True)))
+        low = -sum(poses[urdf.joint(name).child].position[2] for name in robot.joint_names)
+        return (
+            round(float((np.abs(joints - middle) / half).max()), 1),
+            -round(float(dexterity[number] / dexterity.max()), 1),
+            low,
+        )
+
+    return postures[min(range(len(postures)), key=rank)]
+
+
+def _with_gains(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:
+    """Servo gains and accelerations from torques and from the inertia that each joint moves at home."""
+    import pinocchio as pin
+
+    kinematics = Kinematics(robot)
+    shape = RobotShape(robot, kinematics)
+    q = shape.configuration(kinematics.home, 0.0)
+    data = kinematics.model.createData()
+    mass = np.asarray(pin.crba(kinematics.model, data, q))
+    joints = []
+    for joint, number in zip(robot.joints, kinematics.joint_ids, strict=True):
+        place = kinematics.model.joints[number].idx_v
+        armature = min(0.1, joint.effort / 100)
+        inertia = float(mass[place, place]) + armature
+        kp = round(min(_STIFFEST, 160 * joint.effort))
+        acceleration = round(min(max(0.3 * joint.effort / inertia, 1.0), 4 * joint.velocity), 2)
+        joints.append(
+            attrs.evolve(
+                joint, kp=float(kp), kv=kp / 10, armature=armature, acceleration=acceleration, jerk=100 * acceleration
+            )
+        )
+    gains = ", ".join(f"{joint.kp:.0f}" for joint in joints)
+    guesses.append(
+        Guess("kp, kv", f"kp {gains} Nm/rad, kv = kp / 10", "160 Nm/rad for each Nm of torque, 4500 at most")
+    )
+    quick = ", ".join(f"{joint.acceleration:g}" for joint in joints)
+    guesses.append(Guess("acceleration, jerk", f"{quick} rad/s2", "0.3 of the torque on the inertia moved at home"))
+    return attrs.evolve(robot, joints=tuple(joints))
+
+
+def _with_contact_force(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:
+    kinematics = Kinematics(robot)
+    down = np.abs(kinematics.jacobian(kinematics.home)[2])
+    efforts = np.array([joint.effort for joint in robot.joints])
+    most = float(np.min(efforts / np.maximum(down, 1e-3)))
+    force = float(max(1, math.floor(min(50.0, 0.6 * most))))
+    guesses.append(Guess("max_contact_force", f"{force:g} N", "0.6 of what the weakest joint can press with at home"))
+    return attrs.evolve(robot, max_contact_force=force)
+
+
+# -- source ------------------------------------------------------------------------------------------------------------
+
+
+def _pose_text(pose: Pose) -> str:
+    place = ", ".join(f"{value:.5g}" for value in np.round(pose.position, 5) + 0.0)
+    turned = ", ".join(f"{value:.7g}" for value in np.round(pose.orientation, 7) + 0.0)
+    return f"Pose(({place}), ({turned}))"
+
+
+def _source(robot: RobotDescription, why: dict[str, str]) -> str:
+    def note(*fields: str) -> str:
+        reasons = [why[field] for field in fields if field in why]
+        return f"  # guessed: {'; '.join(dict.fromkeys(reasons))}" if reasons else ""
+
+    lines = ["RobotDescription(", f"    name={robot.name!r},", "    urdf=URDF,", "    mesh_folder=MESH_FOLDER,"]
+    lines += [
+        "    # guessed: acceleration (rad/s2), jerk (rad/s3), kp (Nm/rad), kv (Nm s/rad), armature (kg m2)",
+        "    joints=(",
+    ]
+    for joint in robot.joints:
+        fields = [f"{field.name}={getattr(joint, field.name)!r}" for field in attrs.fields(JointDescription)[1:]]
+        told = note(*(f"{joint.name}.{field}" for field in ("limits", "velocity", "effort")))
+        lines += [f"        JointDescription({told}", f"            {joint.name!r},"]
+        lines += [f"            {', '.join(fields[:4])},", f"            {', '.join(fields[4:])},", "        ),"]
+    lines += ["    ),", f"    gripper=GripperDescription({note('gripper', 'gripper.measures')}"]
+    for field in attrs.fields(GripperDescription):
+        lines.append(f"        {field.name}={getattr(robot.gripper, field.name)!r},")
+    lines += ["    ),", f"    tool_link={robot.tool_link!r},"]
+    lines += [f"    tool_offset={_pose_text(robot.tool_offset)},{note('tool_offset')}"]
+    lines += [f"    home={robot.home!r},{note('home')}", f"    allowed_contacts={robot.allowed_contacts!r},"]
+    lines += [f"    reach={robot.reach!r},{note('reach')}"]
+    lines += [f"    max_contact_force={robot.max_contact_force!r},{note('max_contact_force')}", ")"]
+    return "\n".join(lines)

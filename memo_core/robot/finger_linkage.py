@@ -1,0 +1,108 @@
+"""How a gripper's finger joints and its opening belong together.
+
+Fingers on slides open by the sum of their positions. Fingers on hinges (a four-bar linkage, as Robotiq's or xArm's)
+open by a curve: the first finger joint is driven, the others follow it as their URDF's ``<mimic>`` says (or one to one), and
+the opening is how far the pads are apart, measured from where they are nearest to each other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.robot.description import GripperDescription
+from memo_core.robot.urdf import Urdf, link_poses
+from memo_core.scene.pose import Array
+
+_POINTS = 65  # of the curve
+
+
+class FingerLinkage:
+    """The finger joints of a parallel gripper. Raises ``InvalidArgument`` for fingers that cannot be coupled."""
+
+    def __init__(self, urdf: Urdf, gripper: GripperDescription) -> None:
+        self.names = gripper.finger_joints
+        joints = [urdf.joint(name) for name in self.names]
+        self.slides = all(joint.kind == "prismatic" for joint in joints)
+        self.multipliers, self.offsets = self._couple(urdf)
+        driver = joints[0]
+        if not self.slides and not (math.isfinite(driver.lower) and math.isfinite(driver.upper)):
+            problem = "drives the fingers and has no limits"
+            raise InvalidArgument(f"URDF joint {driver.name!r}", problem, "lower and upper of shut and open fingers")
+        self._driver = np.linspace(driver.lower, driver.upper, _POINTS)
+        if self.slides:
+            self._opening = len(self.names) * (self._driver - driver.lower)
+            return
+        pads = gripper.pads
+        if len(pads) < 2:
+            problem = f"names {len(pads)} pads for fingers on hinges"
+            raise InvalidArgument("gripper.pads", problem, "the link that touches an object, of each finger")
+        apart = np.empty(_POINTS)
+        for number, angle in enumerate(self._driver):
+            poses = link_poses(urdf, self.positions_at(float(angle)))
+            apart[number] = np.linalg.norm(np.subtract(poses[pads[0]].position, poses[pads[-1]].position))
+        opening = apart - apart.min()
+        # np.interp wants it ascending; a driver that shuts with growing angles is turned round.
+        if opening[-1] < opening[0]:
+            opening, self._driver = opening[::-1], self._driver[::-1]
+        if (np.diff(opening) < -1e-6).any() or opening[-1] < 1e-4:
+            problem = f"opens its pads {pads[0]} and {pads[-1]} by no rising or falling curve"
+            raise InvalidArgument(f"URDF joint {driver.name!r}", problem, "limits from shut to open, and right mimics")
+        self._opening = opening
+
+    def _couple(self, urdf: Urdf) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Each finger joint's position as a multiple of the first one's, plus an offset."""
+        first = self.names[0]
+        multipliers, offsets = [], []
+        for name in self.names:
+            multiplier, offset, at, seen = 1.0, 0.0, name, {name}
+            while at != first and (mimic := urdf.joint(at).mimic) is not None:
+                multiplier, offset = multiplier * mimic.multiplier, offset + multiplier * mimic.offset
+                at = mimic.joint
+                if at in seen:
+                    raise InvalidArgument(f"URDF joint {name!r}", "mimics itself, by a circle", "one driven joint")
+                seen.add(at)
+            if at != first and at != name:
+                problem = f"mimics {at!r}, but the driven finger joint is {first!r}"
+                raise InvalidArgument(f"URDF joint {name!r}", problem, f"{at!r} as the first of gripper.finger_joints")
+            multipliers.append(multiplier)
+            offsets.append(offset)
+        return tuple(multipliers), tuple(offsets)
+
+    @property
+    def stroke(self) -> float:
+        """m, the widest opening."""
+        return float(self._opening[-1])
+
+    def positions_at(self, driver: float) -> dict[str, float]:
+        """All finger joints' positions (rad or m) when the driven one stands there."""
+        return {
+            name: multiplier * driver + offset
+            for name, multiplier, offset in zip(self.names, self.multipliers, self.offsets, strict=True)
+        }
+
+    def driver(self, opening: float) -> float:
+        """The driven joint's position (rad or m) at an opening (m)."""
+        return float(np.interp(opening, self._opening, self._driver))
+
+    def positions(self, opening: float) -> Array:
+        """Of all finger joints (rad or m) at an opening (m), shape (k,), in the order of the description."""
+        driver = self.driver(opening)
+        return np.array(self.multipliers) * driver + np.array(self.offsets)
+
+    def opening(self, driver: float) -> float:
+        """m at a position of the driven joint; beyond its limits those of the nearest end."""
+        if self._driver[0] > self._driver[-1]:
+            return float(np.interp(-driver, -self._driver, self._opening))
+        return float(np.interp(driver, self._driver, self._opening))
+
+    def lever(self, driver: float) -> float:
+        """m (or 1) of opening per rad (or m) of the driven joint there, positive where growing positions open."""
+        step = 1e-3 * abs(float(self._driver[-1] - self._driver[0]))
+        low, high = sorted((float(self._driver[0]), float(self._driver[-1])))
+        first, second = max(low, driver - step), min(high, driver + step)
+        if second - first < step / 2:
+            first, second = (low, low + step) if driver < low else (high - step, high)
+        return (self.opening(second) - self.opening(first)) / (second - first)

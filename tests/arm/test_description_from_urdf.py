@@ -1,0 +1,116 @@
+"""A first description from a URDF: the arm's joints and fingers are found, the rest is guessed, told, and conforms."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from memo_franka.description import panda
+
+from memo_core.arm.description_from_urdf import Described, describe_urdf
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.errors import InvalidArgument
+from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
+from memo_core.testing.robot import RULES
+from memo_core.testing.simulator_scenes import check_robot
+from tests.arms import six_joint_arm
+
+BARE = six_joint_arm((1, 6)).urdf
+URDFS = {"panda": panda().urdf, "bare six-joint arm": BARE}
+
+
+@pytest.fixture(scope="module", params=URDFS)
+def described(request) -> Described:
+    return describe_urdf(URDFS[request.param], "mine")
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_what_is_guessed_keeps_the_rules_of_the_suite(described, rule):
+    RULES[rule](lambda: described.robot)
+
+
+def test_home_has_the_hand_pointing_down_clear_of_itself(described):
+    kinematics = Kinematics(described.robot)
+    pose = kinematics.pose(np.array(described.robot.home))
+    assert pose.rotation[2, 2] == pytest.approx(-1.0, abs=1e-3)
+    assert pose.position[0] > 0.2 and pose.position[2] > 0.15
+
+
+def test_a_pandas_hand_and_limits_are_those_of_its_own_description():
+    robot, own = describe_urdf(panda().urdf).robot, panda()
+    assert robot.joint_names == own.joint_names
+    assert [(joint.lower, joint.upper, joint.effort) for joint in robot.joints] == [
+        (joint.lower, joint.upper, joint.effort) for joint in own.joints
+    ]
+    assert robot.gripper.finger_joints == own.gripper.finger_joints
+    assert robot.gripper.stroke == pytest.approx(own.gripper.stroke)
+    assert robot.gripper.hand_size == pytest.approx(own.gripper.hand_size)
+    assert robot.gripper.palm_distance == pytest.approx(own.gripper.palm_distance)
+    found, meant = Kinematics(robot), Kinematics(own)
+    assert found.pose(np.array(own.home)).distance(meant.pose(np.array(own.home))) == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_a_bare_arm_gets_a_hand_and_is_told_so():
+    described = describe_urdf(BARE, "mine")
+    guesses = {guess.what: guess for guess in described.guessed}
+    assert "no fingers" in guesses["gripper"].why
+    assert "6.2832" in guesses["joint1.limits"].value
+    assert described.robot.gripper.stroke == pytest.approx(ParallelHand().stroke)
+
+
+def test_the_source_makes_the_same_description(described):
+    scope: dict = {"URDF": described.robot.urdf, "MESH_FOLDER": None}
+    exec("from memo_core.robot.description import *\nfrom memo_core.scene.pose import Pose", scope)
+    made = eval(described.source(), scope)
+    assert made.joints == described.robot.joints and made.gripper == described.robot.gripper
+    assert made.home == described.robot.home and made.reach == described.robot.reach
+    assert np.allclose(made.tool_offset.matrix, described.robot.tool_offset.matrix, atol=1e-4)
+    assert "# guessed" in described.source()
+
+
+def test_fingers_are_told_from_the_wrist_by_what_stands_beside_them():
+    one = BARE.replace("</robot>", "")
+    one += '<link name="gripper_a"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" '
+    one += 'ixz="0" iyz="0"/></inertial></link>'
+    one += one[one.index('<link name="gripper_a"') :].replace("gripper_a", "gripper_b")
+    for name, axis in (("gripper_a", "0 0 1"), ("gripper_b", "0 0 -1")):
+        one += (
+            f'<joint name="drive_{name}" type="prismatic"><parent link="link6"/><child link="{name}"/>'
+            f'<origin xyz="0 0.1 0"/><axis xyz="{axis}"/>'
+            '<limit lower="0" upper="0.03" effort="20" velocity="0.1"/></joint>'
+        )
+    robot = describe_urdf(one + "</robot>").robot
+    assert robot.joint_names == tuple(f"joint{n}" for n in range(1, 7))
+    assert robot.gripper.finger_joints == ("drive_gripper_a", "drive_gripper_b")
+    assert robot.gripper.stroke == pytest.approx(0.06)
+    assert robot.gripper.max_force == 20.0
+
+
+def test_what_is_no_serial_arm_is_refused_in_a_line():
+    two = BARE.replace("</robot>", "").replace('<robot name="six">', "")
+    twin = re.sub(r'"(link\d|joint\d|base|tool|tool_joint)"', r'"\1_b"', two)
+    both = f'<robot name="twins"><link name="torso"/>{two}{twin}'
+    for base in ("base", "base_b"):
+        both += f'<joint name="to_{base}" type="fixed"><parent link="torso"/><child link="{base}"/></joint>'
+    cases = {
+        both + "</robot>": "more than one arm",
+        '<robot name="box"><link name="a"/></robot>': "no chain of three or more joints",
+        BARE.replace('lower="-3" upper="3"', 'lower="3" upper="-3"'): "its limits are 3 to -3",
+    }
+    for urdf, what in cases.items():
+        with pytest.raises(InvalidArgument, match=what) as raised:
+            describe_urdf(urdf)
+        assert "\n" not in str(raised.value)
+
+
+def test_a_hand_needs_a_flange_and_free_names():
+    urdf = with_parallel_hand(BARE, "tool")
+    with pytest.raises(InvalidArgument, match="already has"):
+        with_parallel_hand(urdf, "tool")
+    with pytest.raises(InvalidArgument, match="no link 'flange'"):
+        with_parallel_hand(BARE, "flange")
+
+
+def test_fewer_joints_than_six_are_described_too():
+    assert len(describe_urdf(check_robot().urdf).robot.joints) == 3
