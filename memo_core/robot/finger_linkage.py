@@ -1,8 +1,8 @@
 """How a gripper's finger joints and its opening belong together.
 
 Fingers on slides open by the sum of their positions. Fingers on hinges (a four-bar linkage, as Robotiq's or xArm's)
-open by a curve: the first finger joint is driven, the others follow it as their URDF's ``<mimic>`` says (or one to one), and
-the opening is how far the pads are apart, measured from where they are nearest to each other.
+open by a curve: the first finger joint is driven, the others follow it as their URDF's ``<mimic>`` says (or one to
+one), and the opening is how far the pads are apart, measured from where they are nearest to each other.
 """
 
 from __future__ import annotations
