@@ -127,7 +127,7 @@ def _arm_and_fingers(urdf: Urdf) -> tuple[list[UrdfJoint], list[UrdfJoint]]:
 def _moving_below(urdf: Urdf) -> dict[str, list[UrdfJoint]]:
     """Joint -> the next moving joints below it; "" -> the first ones."""
     above = {joint.child: joint for joint in urdf.joints}
-    below: dict[str, list[UrdfJoint]] = {"": []} | {joint.name: [] for joint in urdf.joints}
+    below: dict[str, list[UrdfJoint]] = {name: [] for name in ("", *(joint.name for joint in urdf.joints))}
     for joint in urdf.joints:
         if joint.kind == "fixed":
             continue

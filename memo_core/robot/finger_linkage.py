@@ -89,8 +89,7 @@ class FingerLinkage:
 
     def positions(self, opening: float) -> Array:
         """Of all finger joints (rad or m) at an opening (m), shape (k,), in the order of the description."""
-        driver = self.driver(opening)
-        return np.array(self.multipliers) * driver + np.array(self.offsets)
+        return np.array(list(self.positions_at(self.driver(opening)).values()))
 
     def opening(self, driver: float) -> float:
         """m at a position of the driven joint; beyond its limits those of the nearest end."""
