@@ -19,6 +19,7 @@ COMMANDS = {
     "run": "Run a task: plan, write code, move, listen, remember.",
     "demo": "Teach the simulated arm once and watch the lesson carry over.",
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
+    "study": "Participants teach the robot in sessions.",
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
     "new": "Begin a plugin of your own: a task that works.",

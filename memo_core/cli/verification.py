@@ -16,7 +16,7 @@ import attrs
 from memo_core.cli.options import load
 from memo_core.cli.output import note, progress_bar
 from memo_core.errors import InvalidArgument
-from memo_core.evaluation.json_lines import append_line, make_writable, read_lines
+from memo_core.runlog.json_lines import append_line, make_writable, read_lines
 
 SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
 

@@ -122,6 +122,7 @@ class Teacher(ABC):
     """Watches and may speak. ``who`` identifies the person in the skillbook."""
 
     who: str = "anonymous"
+    simulated: bool = False  # no person: a study asks for no consent, and its clock may be simulated
 
     def open(self) -> None: ...
 

@@ -102,6 +102,7 @@ class RunReport:
             "subtasks": [attrs.asdict(one) for one in self.result.subtasks],
             "wall_s": round(self.wall_s, 3),
             "sim_s": round(self.sim_s, 3),
+            "robot_s": round(self.result.robot_s, 3),
             "prompt_tokens": self.prompt_tokens,
             "completion_tokens": self.completion_tokens,
             "cost": self.cost,

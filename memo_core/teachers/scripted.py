@@ -62,6 +62,8 @@ class ScriptSettings:
 class ScriptedTeacher(Teacher):
     """Follows its script; says nothing where no line matches, and accepts notes that no line is about."""
 
+    simulated = True
+
     def __init__(self, settings: ScriptSettings) -> None:
         self.who = settings.who
         self._settings = settings

@@ -9,6 +9,8 @@ from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 class SilentTeacher(Teacher):
     """Says nothing. A stop that somebody pressed all the same is answered by going on."""
 
+    simulated = True
+
     def __init__(self, settings: NoSettings | None = None) -> None:
         self.who = "nobody"
 

@@ -7,12 +7,14 @@ time, and hear what the robot says aloud. They misjudge at a stated rate. What t
 from __future__ import annotations
 
 import json
+import zlib
 from importlib import resources
 
 import attrs
 import numpy as np
 import yaml
 
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Proposal, TaskEpisode, Teacher, Verdict
 from memo_core.parsing import parse_json
 from memo_core.teachers.episode_assessment import goal_impression, impression, plan_impression
@@ -42,6 +44,34 @@ class SimulatedTeacherSettings:
             "help": "what this person knows about the thing, in one sentence: said when what the hand did at it failed"
         },
     )
+    attention: float = attrs.field(
+        default=1.0,
+        validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
+        metadata={"help": "share of the attempts that are watched; of the others nothing is said"},
+    )
+    wrong: float = attrs.field(
+        default=0.0,
+        validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
+        metadata={"help": "share of the corrections that name a fault which was not the one"},
+    )
+    useless: float = attrs.field(
+        default=0.0,
+        validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
+        metadata={"help": "share of the corrections from which nothing can be learnt ('no, that was wrong')"},
+    )
+    precision: float = attrs.field(
+        default=1.0,
+        validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
+        metadata={"help": "share of the corrections that give an amount where one was seen; the others say 'a bit'"},
+    )
+    phrasings: int = attrs.field(
+        default=0,
+        validator=attrs.validators.ge(0),
+        metadata={"help": "phrasings a fault that are in this person's vocabulary, drawn from `who`; 0: all"},
+    )
+    manner: str = attrs.field(
+        default="{}", metadata={"help": "how this person puts things; {} stands for the remark: 'hm, {} please'"}
+    )
     patience: int = attrs.field(
         default=6, metadata={"help": "corrections of one subtask, or of the whole task, before giving up (silent)"}
     )
@@ -51,7 +81,13 @@ class SimulatedTeacher(Teacher):
     """Judges what could be seen and says what seemed wrong, in one of several phrasings a cause. Notes are accepted as
     they are read back: whether a note says what was meant is not a thing to see."""
 
+    simulated = True
+
     def __init__(self, settings: SimulatedTeacherSettings) -> None:
+        if "{}" not in settings.manner:
+            raise InvalidArgument(
+                "teacher.manner", f"{settings.manner!r} has no place for the remark", "a text with {}"
+            )
         self.settings = settings
         self.who = settings.who
         self._rng = np.random.default_rng(settings.seed)
@@ -100,15 +136,41 @@ class SimulatedTeacher(Teacher):
 
     def _verdict(self, seen: Impression) -> Verdict:
         mistaken = self._rng.random() < self.settings.misjudges
-        if not seen.sure:
+        if not seen.sure or not self._drawn(self.settings.attention):
             return Verdict("silent")
         if seen.fine != mistaken:
             return Verdict("approve")
-        if self.settings.knows and not mistaken and seen.cause not in NOT_YET_AT_IT:
-            return Verdict("correct", self.settings.knows)
-        return Verdict("correct", self._say("unclear" if mistaken else seen.cause, seen.blanks), seen.about_plan)
+        if mistaken or self._drawn(self.settings.useless):
+            return Verdict("correct", self._say("unclear", seen.blanks), seen.about_plan)
+        if self._drawn(self.settings.wrong):
+            return Verdict("correct", self._say(self._another(seen.cause), seen.blanks), seen.about_plan)
+        if self.settings.knows and seen.cause not in NOT_YET_AT_IT:
+            return Verdict("correct", self._put(self.settings.knows))
+        return Verdict("correct", self._say(seen.cause, seen.blanks), seen.about_plan)
+
+    def _drawn(self, share: float) -> bool:
+        """Whether a draw falls within a share; certainties draw nothing, so that they leave the other draws alone."""
+        return share >= 1.0 or (share > 0.0 and self._rng.random() < share)
+
+    def _another(self, cause: str) -> str:
+        """A fault that was not the one, of those that say something."""
+        others = sorted(set(self._phrases) - {cause, "unclear"})
+        return others[int(self._rng.integers(len(others)))]
 
     def _say(self, cause: str, blanks: dict[str, str]) -> str:
-        phrases = self._phrases[cause]
+        phrases = self._vocabulary(cause)
         filled = {"object": "it", "place": "place", "side": "over", "amount": "a bit"} | blanks
-        return phrases[int(self._rng.integers(len(phrases)))].format(**filled)
+        if not self._drawn(self.settings.precision):
+            filled["amount"] = "a bit"
+        return self._put(phrases[int(self._rng.integers(len(phrases)))].format(**filled))
+
+    def _vocabulary(self, cause: str) -> list[str]:
+        """This person's phrasings of a fault: always the same, whatever else was drawn."""
+        phrases, count = self._phrases[cause], self.settings.phrasings
+        if not count or count >= len(phrases):
+            return phrases
+        own = np.random.default_rng(zlib.crc32(f"{self.who} {cause}".encode()))
+        return [phrases[index] for index in sorted(own.choice(len(phrases), count, replace=False))]
+
+    def _put(self, remark: str) -> str:
+        return self.settings.manner.replace("{}", remark)

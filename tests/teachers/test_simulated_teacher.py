@@ -17,6 +17,7 @@ import memo_core.teachers.opening_assessment as opening_assessment
 import memo_core.teachers.simulated_teacher as simulated_teacher
 import memo_core.teachers.visible as visible
 import memo_core.teachers.visible_goal as visible_goal
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
@@ -284,3 +285,37 @@ def test_a_robot_that_says_why_it_did_not_move_is_told_what_would_help(spoken, c
         edits = read_sentence(words, Vocabulary.load(), ["chest"]).edits
         assert [one.kind for one in edits] == [edit], words
         assert value in edits[0].value, words
+
+
+def failing_episodes(teacher: SimulatedTeacher, count: int) -> list[str]:
+    teacher.open()
+    hands = [handle_at(0.0) - np.array([0.3, 0, 0])] + [handle_at(0.0) - np.array([0.01 * i, 0, 0]) for i in range(12)]
+    episode = door_episode([0.0] * 13, hands, [0.08] + [0.02] * 12)
+    return [
+        verdict.words if (verdict := teacher.judge(episode)).kind == "correct" else verdict.kind for _ in range(count)
+    ]
+
+
+def test_a_participant_says_things_in_a_vocabulary_and_a_manner_of_their_own():
+    def said(who: str, seed: int = 0) -> set[str]:
+        settings = SimulatedTeacherSettings(who=who, seed=seed, misjudges=0.0, phrasings=2, manner="hm, {}")
+        return set(failing_episodes(SimulatedTeacher(settings), 30))
+
+    assert len(said("S01")) == 2 and all(words.startswith("hm, ") for words in said("S01"))
+    assert said("S01", seed=7) == said("S01")  # whatever else is drawn
+    assert any(said(f"S0{number}") != said("S01") for number in range(2, 6))
+
+
+@pytest.mark.parametrize("trait", ["attention", "useless", "wrong"])
+def test_inattentive_useless_and_wrong_remarks_come_at_their_rates(trait):
+    plain = set(failing_episodes(SimulatedTeacher(SimulatedTeacherSettings(misjudges=0.0)), 60))
+    rate = {"attention": 0.5} if trait == "attention" else {trait: 0.5}
+    words = failing_episodes(SimulatedTeacher(SimulatedTeacherSettings(misjudges=0.0, **rate)), 60)
+    other = [one for one in words if one not in plain]
+    assert 15 <= len(other) <= 45
+    assert all(one == "silent" for one in other) == (trait == "attention")
+
+
+def test_a_manner_without_a_place_for_the_remark_is_refused():
+    with pytest.raises(InvalidArgument, match="manner"):
+        SimulatedTeacher(SimulatedTeacherSettings(manner="please"))

@@ -7,7 +7,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from memo_core.evaluation.json_lines import append_line, make_writable, read_lines
+from memo_core.runlog.json_lines import append_line, make_writable, read_lines
 
 VALUES = [{"task": "öffne …", "seed": number, "done": number % 2 == 0} for number in range(4)]
 

@@ -1,0 +1,180 @@
+"""``memo study``: participants teach the robot in sessions, and what they taught is exported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from memo_core.cli.options import Json, Overrides
+from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.signal_handling import INTERRUPTED
+from memo_core.errors import InvalidArgument, Stopped
+
+if TYPE_CHECKING:
+    from memo_core.study.consent import Demographics
+
+app = typer.Typer(help="Participants teach the robot in sessions.")
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Experiment file with a section `study`.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the experiment; default: experiments/FILE.")
+]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the experiment.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Histories at once; only with simulated participants.")]
+Sessions = Annotated[int | None, typer.Option("--sessions", min=1, help="How many sessions may begin in each history.")]
+
+
+def experiment_folder(file: Path, out: Path | None) -> Path:
+    """Where an experiment's results go."""
+    return out if out is not None else Path("experiments") / file.stem
+
+
+@app.command()
+def run(
+    file: File,
+    out: Out = None,
+    overrides: Overrides = None,
+    jobs: Jobs = 1,
+    sessions: Sessions = None,
+    json: Json = False,
+) -> None:
+    """Hold the study's sessions, from the beginning or from where they stopped.
+
+    Each participant goes on where the one before stopped. Killed at any moment, the same command goes on.
+    """
+    from memo_core.cli.options import load_registry
+    from memo_core.evaluation.sections import ALL_SECTIONS
+    from memo_core.study.study import open_study
+
+    registry, folder = load_registry(), experiment_folder(file, out) / "study"
+    load = open_study(registry, file, ALL_SECTIONS, overrides or (), folder)
+    _teach(load, registry, folder, jobs, sessions, json)
+
+
+@app.command()
+def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, json: Json = False) -> None:
+    """Go on with a study that was interrupted, in its folder."""
+    from memo_core.cli.options import load_registry
+    from memo_core.study.running import study_sections
+    from memo_core.study.study import loader, shared_settings
+
+    config, study = config_of(folder), folder / "study"
+    registry = load_registry()
+    load = loader(registry, config, study_sections(), shared_settings(study))
+    _teach(load, registry, study, jobs, sessions, json)
+
+
+@app.command()
+def status(folder: Folder, json: Json = False) -> None:
+    """Say where a study stands: sessions, hours, what comes next."""
+    shown = _status(folder)
+    if json:
+        print_json(shown)
+        return
+    for history in shown["histories"]:
+        columns = ("session", "participant", "tasks", "minutes", "book's revision")
+        rows = [
+            (
+                s["number"],
+                s["participant"],
+                s["runs"],
+                f"{s['active_s'] / 60:.1f}",
+                s["revision"] if s["ended"] else "open",
+            )
+            for s in history["sessions"]
+        ]
+        print(
+            f"history {history['history']}: {history['runs']} of {history['planned']} tasks, {history['hours']:.2f} h "
+            f"({shown['clock']} clock), {history['successes']} done, {history['corrections']} corrections; "
+            + (history["over"] or f"next: {history['next'] or 'another task'}")
+        )
+        print_table(columns, rows)
+
+
+@app.command()
+def export(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("--to", metavar="DIR", help="A new folder for the exported files.")],
+    demographics: Annotated[
+        bool, typer.Option("--demographics", help="With ids and what participants told of themselves.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Write a study's data for others: without ids and demographics unless they are asked for.
+
+    review.jsonl lists the free text that looks personal: read it before anything is published.
+    """
+    from memo_core.cli.options import load_registry
+    from memo_core.study.export import export_study
+    from memo_core.study.running import study_sections
+    from memo_core.study.study import loader
+
+    study = folder / "study"
+    experiment = loader(load_registry(), config_of(folder), study_sections())()
+    counts = export_study(experiment, study, out, demographics)
+    if json:
+        print_json({"folder": str(out)} | counts)
+        return
+    print(f"{out}: {counts['runs']} runs, {counts['remarks']} remarks; {counts['review']} to be read in review.jsonl")
+
+
+def config_of(folder: Path) -> Path:
+    """The configuration of the study in an experiment's folder. Raises ``InvalidArgument``."""
+    file = folder / "study" / "config.yaml"
+    if not file.exists():
+        raise InvalidArgument("DIR", f"{folder} holds no study ({file} is missing)", "the --out of memo study run")
+    return file
+
+
+def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | None, json: bool) -> None:
+    from memo_core.study.running import run_study
+
+    try:
+        run_study(load, registry, folder, jobs, sessions, AtTerminal(), note)
+    except Stopped as stopped:
+        note(f"memo: {stopped}; to go on: memo study resume {folder.parent}")
+        raise typer.Exit(INTERRUPTED) from None
+    shown = _status(folder.parent)
+    if json:
+        print_json(shown)
+        return
+    for history in shown["histories"]:
+        state = history["over"] or "not over"
+        print(f"history {history['history']}: {history['hours']:.2f} h, {history['runs']} tasks, {state}")
+
+
+def _status(folder: Path) -> dict[str, Any]:
+    from memo_core.cli.options import load_registry
+    from memo_core.study.running import study_sections
+    from memo_core.study.study import loader
+    from memo_core.study.study import status as status_of
+
+    experiment = loader(load_registry(), config_of(folder), study_sections())()
+    return status_of(experiment, folder / "study")
+
+
+class AtTerminal:
+    """Meets participants at this terminal (``memo_core.study.consent.Reception``)."""
+
+    def agrees(self, participant: str, text: str) -> bool:
+        note(text)
+        return input(f"{participant}, type 'I agree' to take part: ").strip().casefold() == "i agree"
+
+    def about(self, participant: str, known: Demographics) -> Demographics:
+        import attrs
+
+        questions = {
+            "age": "Your age in years",
+            "gender": "Your gender",
+            "robots": "Your experience with robots",
+            "language_models": "Your experience with language models",
+        }
+        told = {name: getattr(known, name) for name in questions}
+        for name, question in questions.items():
+            if told[name] is None:
+                answer = input(f"{question} (Enter: no answer): ").strip()
+                told[name] = answer or None
+        age = str(told["age"] or "")
+        return attrs.evolve(known, **told | {"age": int(age) if age.isdecimal() else None})

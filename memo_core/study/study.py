@@ -1,0 +1,134 @@
+"""A whole study in a folder: its configuration, its histories, and going on with it.
+
+config.yaml             the resolved experiment: what `memo study resume` and the evaluation read
+people.jsonl            demographics by id
+study.ledger            what was spent on language models, in all histories together
+history-0/journal.jsonl skillbook.db runs/0001-TASK/…
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from memo_core.config import Experiment, load_experiment
+from memo_core.errors import InvalidArgument
+from memo_core.plugins import Registry
+from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.factories import environment_of, task_of
+from memo_core.runs.folder import nested
+from memo_core.runs.resuming import check_config
+from memo_core.study.consent import Consent, check_for_people, read_consent
+from memo_core.study.history import History, training_tasks
+from memo_core.study.journal import Journal, read_journal
+from memo_core.study.participants import Load, order_of, participants_of, teacher_of
+from memo_core.study.settings import StudySettings
+
+CONFIG = "config.yaml"
+LEDGER = "study.ledger"
+
+
+def loader(registry: Registry, file: Path | None, sections: dict[str, type], overrides: Sequence[str] = ()) -> Load:
+    """How runs of a study or an evaluation get their experiment: the file's, with some values changed."""
+
+    def load(*further: str, task: str | None = None, seed: int | None = None) -> Experiment:
+        return load_experiment(registry, file, [*overrides, *further], sections, task, seed)
+
+    return load
+
+
+def shared_settings(folder: Path) -> tuple[str, ...]:
+    """What holds for every run of a study or an evaluation in ``folder``: one ledger, no video."""
+    return (f"run.study_ledger={folder / LEDGER}",)
+
+
+def open_study(
+    registry: Registry, file: Path | None, sections: dict[str, type], overrides: Sequence[str], folder: Path
+) -> Load:
+    """Make the study's folder, or go on in it: then the experiment must be the same in all that the study depends on.
+    Raises ``ConfigErrors``, ``InvalidArgument`` for what would go wrong later."""
+    load = loader(registry, file, sections, [*overrides, *shared_settings(folder)])
+    experiment = load()
+    check(load, experiment)
+    values = {path: value for path, value in experiment.public().items() if not path.startswith(LATER)}
+    if (folder / CONFIG).exists():
+        check_config(folder, values)
+    else:
+        text = yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True)
+        write_whole(folder / CONFIG, text)
+    return load
+
+
+LATER = ("books.", "evaluation.", "report.")  # sections that may be changed after teaching
+
+
+def check(load: Load, experiment: Experiment) -> Consent:
+    """Raises ``MemoError`` for participants, tasks, a text or a robot with which the study cannot take place."""
+    settings: StudySettings = experiment.section("study")
+    names = training_tasks(experiment, settings)
+    environment_of(experiment, task_of(experiment, names[0]), experiment.seed)  # refuses a real robot
+    consent = read_consent(settings.consent)
+    people = [
+        one.id for one in participants_of(settings) if not teacher_of(load, one, None, 0, settings.lessons).simulated
+    ]
+    check_for_people(consent, people)
+    if people and settings.clock == "simulated":
+        raise InvalidArgument("study.clock", "simulated, and real people take part", "real")
+    if people and settings.histories > 1:
+        raise InvalidArgument("study.histories", "several, and real people take part", "1")
+    return consent
+
+
+def histories_of(experiment: Experiment, folder: Path) -> tuple[History, ...]:
+    """The histories of a study: repetitions with one shared book, or one for each participant."""
+    settings: StudySettings = experiment.section("study")
+    people = participants_of(settings)
+    if settings.book == "participant":
+        return tuple(History(n, folder / f"history-{n}", (who,)) for n, who in enumerate(people))
+    return tuple(
+        History(n, folder / f"history-{n}", order_of(people, n, experiment.seed)) for n in range(settings.histories)
+    )
+
+
+def journals_of(experiment: Experiment, folder: Path) -> list[Journal]:
+    """What was done so far, by history."""
+    return [read_journal(history.folder) for history in histories_of(experiment, folder)]
+
+
+def status(experiment: Experiment, folder: Path) -> dict[str, Any]:
+    """Where a study stands, as ``memo study status --json`` prints it."""
+    settings: StudySettings = experiment.section("study")
+    planned = len(training_tasks(experiment, settings)) * settings.rounds
+    shown = []
+    for number, journal in enumerate(journals_of(experiment, folder)):
+        done = [run for run in journal.runs if run.end is not None]
+        shown.append(
+            {
+                "history": number,
+                "sessions": [
+                    {
+                        "number": one.number,
+                        "participant": one.participant,
+                        "runs": one.runs,
+                        "active_s": round(one.active_s, 1),
+                        "ended": one.ended,
+                        "revision": one.revision,
+                    }
+                    for one in journal.sessions
+                ],
+                "runs": len(done),
+                "planned": planned,
+                "hours": round(journal.active_s / 3600, 3),
+                "successes": sum(bool(run.end["success"]) for run in done if run.end),
+                "corrections": sum(run.end["corrections"] + run.end["planning_remarks"] for run in done if run.end),
+                "over": journal.over,
+                "next": journal.runs[-1].task if journal.open_run is not None else None,
+            }
+        )
+    return {"folder": str(folder), "clock": settings.clock, "histories": shown}
+
+
+Progress = Callable[[str], None]

@@ -1,0 +1,95 @@
+"""A study that is killed goes on with the run that was cut off, and ends like one that was not."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from memo_core.errors import InvalidArgument
+from memo_core.plugins import Registry
+from memo_core.runs.factories import book_of
+from memo_core.study.export import export_study
+from memo_core.study.running import run_study, study_sections
+from memo_core.study.settings import StudySettings
+from memo_core.study.study import open_study, status
+
+FILE = """
+llm: offline
+suite: quirks
+run: {video: "off"}
+study:
+  tasks: [open-the-cupboard]
+  rounds: 2
+  session_minutes: 1
+"""
+
+
+def opened(tmp_path: Path, name: str, text: str = FILE):
+    registry, file = Registry(), tmp_path / "study.yaml"
+    file.write_text(text)
+    return registry, open_study(registry, file, study_sections(), (), tmp_path / name / "study")
+
+
+def journal(folder: Path) -> list[dict]:
+    lines = [json.loads(line) for line in (folder / "history-0" / "journal.jsonl").read_text().splitlines() if line]
+    return [{key: value for key, value in line.items() if key != "time"} for line in lines]
+
+
+@pytest.mark.slow
+def test_a_killed_study_goes_on_and_ends_like_one_that_was_not_and_is_exported_without_ids(tmp_path):
+    registry, load = opened(tmp_path, "whole")
+    whole = tmp_path / "whole" / "study"
+    run_study(load, registry, whole)
+    command = [sys.executable, "-m", "memo_core.cli.main", "study"]
+    cut = tmp_path / "cut" / "study"
+    arguments = ["run", str(tmp_path / "study.yaml"), "--out", str(cut.parent)]
+    with (tmp_path / "err").open("w") as err:
+        running = subprocess.Popen([*command, *arguments], stderr=err, stdout=err)
+        log = cut / "history-0" / "runs" / "0002-open-the-cupboard" / "log.jsonl"
+        while running.poll() is None and not (log.exists() and log.read_text().count('"end": "execute"')):
+            time.sleep(0.02)
+        assert running.poll() is None, (tmp_path / "err").read_text()
+        running.send_signal(signal.SIGKILL)
+        running.wait()
+    assert "end" not in journal(cut)[-1]
+    ended = subprocess.run([*command, "resume", str(cut.parent), "--json"], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert journal(cut) == journal(whole)
+    assert [line["participant"] for line in journal(whole) if "consent" in line] == ["S01", "S02"]
+    said = []
+    for folder in (whole, cut):
+        with book_of(load(), str(folder / "history-0" / "skillbook.db"), read_only=True) as book:
+            said.append([(one.kind, one.words, one.who, one.subtask) for one in book.log().feedback])
+    assert said[0] == said[1] and any(words for _, words, _, _ in said[0])
+    assert status(load(), whole)["histories"][0]["over"] == "2 rounds of 1 tasks are done"
+
+    export_study(load(), whole, tmp_path / "public", demographics=False)
+    assert not (tmp_path / "public" / "people.jsonl").exists()
+    public = "".join(file.read_text() for file in (tmp_path / "public").iterdir())
+    assert "S01" not in public and "S02" not in public and said[0][0][1] in public
+
+
+def test_another_protocol_in_the_same_folder_is_refused(tmp_path):
+    opened(tmp_path, "one")
+    with pytest.raises(InvalidArgument, match=r"study\.rounds was 2, is 3"):
+        opened(tmp_path, "one", FILE.replace("rounds: 2", "rounds: 3"))
+
+
+def test_real_people_need_a_text_of_ones_own_and_a_real_clock(tmp_path):
+    people = FILE + "  participants: [{id: P01, teacher: {backend: terminal}}]\n"
+    with pytest.raises(InvalidArgument, match="no text for real people"):
+        opened(tmp_path, "people", people)
+    (tmp_path / "text.txt").write_text("To the provider of the model. You may withdraw.")
+    with pytest.raises(InvalidArgument, match=r"study\.clock: simulated"):
+        opened(tmp_path, "people", people + f"  consent: {tmp_path / 'text.txt'}\n")
+
+
+def test_one_book_for_each_participant_is_one_history_each():
+    with pytest.raises(InvalidArgument, match="histories"):
+        StudySettings(book="participant", histories=2)
