@@ -18,11 +18,11 @@ from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
-from memo_core.policy.prompting import scene_table
 from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
 from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.scene_table import scene_table
 from memo_core.skillbook.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
 from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import documentation

@@ -14,6 +14,7 @@ from itertools import islice
 import attrs
 import numpy as np
 
+from memo_core.skillbook.built_alike import BuiltAlike
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry, spoken
 from memo_core.skillbook.finding import Finder, Question, as_text
@@ -64,6 +65,7 @@ class Retriever:
         self._actions = settings.actions
         self._terms = Terms(self._actions)
         self._finder = Finder(database, vectors, settings, self._terms, search, likeness)
+        self._built = BuiltAlike(database)
         self._state: Contents | None = None  # what the book is taken to be
         self._last: Contents | None = None  # what it was when it was last read
         self._lock = threading.Lock()  # one that was given up may still be at work on the index
@@ -143,6 +145,9 @@ class Retriever:
             found = attrs.evolve(found, overlap=overlap)
         limit = self._settings.limit(kind)
         found = found.only(found.served(self._settings, self._settings.room(kind))) if len(found.ids) else found
+        if self._settings.ranking == "key-and-text" and self._settings.built_weight and len(found.ids):
+            known = self._built.of(question.context, [rows[entry] for entry in found.ids.tolist()])
+            found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in found.ids.tolist()]))
         scores, passing = found.scores(self._settings), found.passing(self._settings)
         order = np.lexsort((-found.similar, -np.round(scores, 6)))
         entries = [rows[entry] for entry in found.ids[order].tolist()]
@@ -165,6 +170,7 @@ class Retriever:
                 float(found.key_scores[i]),
                 float(found.overlap[i]),
                 passes=bool(passing[i]),
+                built=None if np.isnan(found.built[i]) else float(found.built[i]),
             )
             for entry, i in _first(ranked, limit, found.must)
         )

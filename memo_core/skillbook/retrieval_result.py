@@ -42,6 +42,7 @@ class Served:
     overlap: float = 0.0  # share of the subtask's terms that the text has; 0 where r alone decides
     provenance: Provenance = Provenance()  # who said it, when, and of which subtask
     passes: bool = True  # whether its key passes the cut; False: a hint from something else, see above
+    built: float | None = None  # how alike the things are built, 0 to 1; None: not known, or not compared
     alike: str = ""  # how the key compares with the subtask, in words: one of ``ALIKE``; "" for general statements
 
     @property

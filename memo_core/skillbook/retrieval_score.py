@@ -33,6 +33,11 @@ class Candidates:
     key_similar: np.ndarray  # cosine of the key's words and the subtask's
     overlap: np.ndarray  # share of the subtask's terms that the text has
     must: np.ndarray  # bool, served whatever the score
+    built: np.ndarray = attrs.field()  # likeness of the things as they are built, 0 to 1; nan: not known
+
+    @built.default
+    def _not_known(self) -> np.ndarray:
+        return np.full(len(self.ids), np.nan)
 
     @classmethod
     def none(cls) -> Candidates:
@@ -56,7 +61,8 @@ class Candidates:
             return self.key_scores
         by_text, by_terms = settings.text_weight, settings.overlap_weight
         likeness = (self.similar + self.key_similar) / 2
-        return (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
+        said = (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
+        return said + settings.built_weight * np.nan_to_num(self.built - 0.5)
 
     def passing(self, settings: RetrievalSettings) -> np.ndarray:
         """Whose key passes the cut, bool."""

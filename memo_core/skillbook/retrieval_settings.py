@@ -44,10 +44,12 @@ class RetrievalSettings:
     r(q, v) = (λ1 cos(q_act, v_act) + λ2 cos(q_obj, v_obj)) / (λ1 + λ2) compares keys. With ``ranking: key`` it decides
     alone, as in the paper. With ``key-and-text`` the score of an entry e under key v is
 
-        s(q, e) = (1 - w_t - w_o) r(q, v) + w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)
+        s(q, e) = (1 - w_t - w_o) r(q, v) + w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e) + w_b (b(q, e) - 0.5)
 
-    where the cosines are those of the plain words of subtask, text and key, and the overlap is the share of the
-    subtask's terms that the text has (``memo_core.skillbook.shared_terms``).
+    where the cosines are those of the plain words of subtask, text and key, the overlap is the share of the subtask's
+    terms that the text has (``memo_core.skillbook.shared_terms``), and b, 0 to 1, says how alike the things are built
+    that the two are about (``memo_core.scene.structure``); the last term is 0 where one of them was not seen, and
+    decides only in which order entries are served.
     """
 
     lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})
@@ -69,6 +71,11 @@ class RetrievalSettings:
     )
     overlap_weight: float = attrs.field(
         default=0.105, validator=_share, metadata={"help": "w_o, weight of the terms that subtask and text share"}
+    )
+    built_weight: float = attrs.field(
+        default=0.1,
+        validator=_share,
+        metadata={"help": "w_b, weight of how alike the things seen are built to those an entry was said of"},
     )
     reach: float = attrs.field(
         default=0.17,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import attrs
 
 from memo_core.scene.graph import Node, SceneGraph
+from memo_core.scene.structure import Structure, structure_of
 from memo_core.skillbook.keys import Key
 
 _WORD = re.compile(r"\w+")
@@ -21,6 +22,7 @@ class SubtaskContext:
     attributes: tuple[str, ...] = ()  # what is seen of them: "white", "wooden"
     holding: bool | None = None  # whether the hand holds something; None: not known
     labels: tuple[str, ...] = ()  # words of their labels that the subtask leaves out: "shaker" of POUR(sugar, cake)
+    structures: tuple[Structure | None, ...] = ()  # how each is built, in the subtask's order; None: not seen
 
     @classmethod
     def of(cls, subtask: Key, scene: SceneGraph) -> SubtaskContext:
@@ -43,7 +45,14 @@ class SubtaskContext:
         whole_words = [word for whole in wholes for word in _words(by_id[whole].label)]
         attributes = [word for node in seen for word in node.attributes]
         labels = [word for word in whole_words if word not in words]
-        return cls(_once(parts), _once(attributes), scene.observation.holding, _once(labels))
+        built = structures_of(subtask.objects, scene)
+        return cls(_once(parts), _once(attributes), scene.observation.holding, _once(labels), built)
+
+
+def structures_of(names: Sequence[str], scene: SceneGraph) -> tuple[Structure | None, ...]:
+    """How the things that these names stand for are built; None for what the scene does not show."""
+    seen = [_named(name, scene.nodes) for name in names]
+    return tuple(structure_of(scene, nodes[0]) if nodes else None for nodes in seen)
 
 
 def _once(words: Sequence[str]) -> tuple[str, ...]:

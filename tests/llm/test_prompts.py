@@ -27,11 +27,12 @@ from memo_core.llm.prompt_files import (
     built_in,
     read_prompt,
 )
-from memo_core.policy.prompting import done_line, messages, scene_table
+from memo_core.policy.prompting import done_line, messages
 from memo_core.policy.session import SubtaskResult
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
+from memo_core.scene.scene_table import scene_table
 from memo_core.skills.contract import BUILTIN_SKILLS, documentation
 from memo_core.skills.control import Control
 from memo_core.skills.skill import skill, skill_library

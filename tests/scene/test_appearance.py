@@ -5,7 +5,6 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from memo_llm.offline.prompt import read_scene
 from memo_perception.ground_truth import GroundTruth
 from memo_tabletop.furniture import WOOD
 from memo_tabletop.plugin import TabletopSettings, quirks, tasks
@@ -13,12 +12,12 @@ from memo_tabletop.quirks.fixtures import with_joint, with_lifting_handle
 from memo_tabletop.tasks.bottle import bottle
 from memo_tabletop.tasks.drawer import PutTheCubeAway
 
-from memo_core.policy.prompting import scene_table
 from memo_core.scene.appearance import appearance, colour_name, colours
 from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Part, SceneDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.graph_json import pack_scenes, unpack_scenes
 from memo_core.scene.pose import Pose
+from memo_core.scene.scene_table import read_scene_table, scene_table
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.testing.perception import still_context
@@ -141,7 +140,7 @@ def test_looks_stand_in_the_prompts_table_are_read_from_it_and_survive_the_log()
     graph = look(block(made_of="wood"))
     text = scene_table(graph)
     assert "| block | object |  | red, wood | 0.400 0.000 0.050 |" in text
-    assert read_scene(text).node("block").attributes == ("red", "wood")
+    assert read_scene_table(text).node("block").attributes == ("red", "wood")
     (again,) = unpack_scenes(pack_scenes([graph]))
     assert again.nodes == graph.nodes
 
@@ -149,7 +148,7 @@ def test_looks_stand_in_the_prompts_table_are_read_from_it_and_survive_the_log()
 def test_a_table_of_before_there_were_looks_is_still_read():
     head = "| name | kind | part of | centre x y z | size along own axes | turned | opens towards |"
     row = "| oven | fixture |  | 0.8 0.1 0.5 | 0.3 0.3 0.3 |  |  |"
-    node = read_scene(f"{head}\n|---|---|---|---|---|---|---|\n{row}").node("oven")
+    node = read_scene_table(f"{head}\n|---|---|---|---|---|---|---|\n{row}").node("oven")
     assert node.attributes == () and node.size == (0.3, 0.3, 0.3)
 
 

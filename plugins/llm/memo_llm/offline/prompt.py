@@ -6,11 +6,10 @@ import re
 from collections.abc import Iterable
 
 import attrs
-import numpy as np
 
 from memo_core.interfaces.llm import LanguageModelError, Message
-from memo_core.scene.graph import PREDICATES, Node, Observation, Relation, SceneGraph
-from memo_core.scene.pose import Pose
+from memo_core.scene.graph import SceneGraph
+from memo_core.scene.scene_table import NotASceneTable, read_scene_table
 
 BACKEND = "offline"
 
@@ -168,7 +167,10 @@ class Prompt:
 
     def scene(self) -> SceneGraph:
         """The scene as far as its table and sentences tell. Raises ``LanguageModelError``."""
-        return read_scene(self.section("scene"))
+        try:
+            return read_scene_table(self.section("scene"))
+        except NotASceneTable as error:
+            raise unreadable(str(error)) from None
 
 
 def read_subtask(text: str) -> tuple[str, tuple[str, ...]]:
@@ -196,82 +198,3 @@ def _corrected(block: str) -> Corrected:
     words = "\n".join(line[2:] for line in lines if line.startswith("> "))
     notes = [_entry(line[2:].strip()) for line in lines if line.startswith("- ")]
     return Corrected(words, [note for note in notes if note.text != "nothing"], code.group(1) if code else "")
-
-
-# -- the scene --------------------------------------------------------------------------------------------------------
-
-
-def read_scene(text: str) -> SceneGraph:
-    """A scene graph from ``memo_core.policy.prompting.scene_table``'s text; ids are labels. Numbers are as rounded as
-    in the prompt. Raises ``LanguageModelError`` naming the row that cannot be read."""
-    rows = [line.strip().strip("|").split("|") for line in text.splitlines() if line.strip().startswith("|")]
-    if len(rows) < 2:
-        raise unreadable("the scene has no table of objects")
-    columns = [cell.strip().lower() for cell in rows[0]]
-    nodes = []
-    for row in rows[2:]:
-        cells = dict(zip(columns, (cell.strip() for cell in row), strict=False))
-        try:
-            nodes.append(_node(cells))
-        except (KeyError, ValueError) as error:
-            raise unreadable(f"cannot read the scene's row {cells.get('name', row)!r} ({error})") from None
-    height = re.search(r"z\s*=\s*(-?[\d.]+\d)", text)
-    label = re.search(r"^Scene:\s*(.+?)\.(?:\s|$)", text, re.M)
-    labels = [node.label for node in nodes]
-    sentences = [line[2:].strip().rstrip(".") for line in text.splitlines() if line.startswith("- ")]
-    relations = [relation for sentence in sentences if (relation := _relation(sentence, labels))]
-    hand = re.search(r"hand is at (-?[\d.]+) (-?[\d.]+) (-?[\d.]+), fingers (-?[\d.]+) m apart, holding (\w+)", text)
-    observation = Observation(
-        Pose(tuple(float(hand.group(i)) for i in (1, 2, 3))) if hand else Pose(),
-        float(hand.group(4)) if hand else 0.0,
-        bool(hand) and hand.group(5) != "nothing",  # type: ignore[union-attr]
-    )
-    return SceneGraph(
-        tuple(nodes),
-        tuple(relations),
-        observation,
-        float(height.group(1)) if height else 0.0,
-        label.group(1) if label else "",
-    )
-
-
-def _node(cells: dict[str, str]) -> Node:
-    def column(start: str) -> str:
-        return next(value for key, value in cells.items() if key.startswith(start))
-
-    def numbers(value: str) -> tuple[float, ...]:
-        return tuple(float(v) for v in re.findall(r"-?\d+(?:\.\d+)?", value))
-
-    try:
-        turned, opening = column("turned"), numbers(column("opens"))
-        position, size = numbers(column("centre")), numbers(column("size"))
-    except StopIteration:
-        raise ValueError("a column is missing") from None
-    if len(position) != 3 or len(size) != 3:
-        raise ValueError("centre and size need three numbers each")
-    orientation = (1.0, 0.0, 0.0, 0.0)
-    if "quaternion" in turned:
-        orientation = numbers(turned)  # type: ignore[assignment]
-    elif turned:
-        half = np.radians(numbers(turned)[0]) / 2
-        orientation = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
-    name = cells["name"]
-    return Node(
-        id=name,
-        label=name,
-        pose=Pose(position, orientation),
-        size=size,
-        part_of=cells.get("part of") or None,
-        kind=cells.get("kind") or "object",
-        opening=opening if len(opening) == 3 else None,
-        attributes=tuple(word.strip() for word in cells.get("looks", "").split(",") if word.strip()),
-    )
-
-
-def _relation(sentence: str, labels: list[str]) -> Relation | None:
-    for predicate, form in PREDICATES.items():
-        pattern = re.escape(form).replace(r"\{subject\}", "(?P<subject>.+?)").replace(r"\{object\}", "(?P<object>.+)")
-        match = re.fullmatch(pattern, sentence, re.I)
-        if match and match.group("subject") in labels:
-            return Relation(match.group("subject"), predicate, match.groupdict().get("object"))
-    return None
