@@ -231,19 +231,17 @@ def retrieval_quality(
 @app.command("quirks-serving")
 def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Whether the lesson that a held-out quirk needs is served at its decisive subtask: see docs/retrieval.md."""
-    from memo_benchmarks.quirks_serving import bench_quirks_serving
+    from memo_benchmarks.quirks_serving import bench_quirks_serving, first_look, quirks
 
     _, experiment = load(config, ["suite.backend=quirks", *(overrides or ())])
 
     def measure(progress: Callable[[float], None]) -> dict[str, Any]:
+        found = quirks(experiment.create("suite"), lambda name: first_look(experiment, name))
         embedder = experiment.create("embedder")
         try:
-            return bench_quirks_serving(
-                experiment.create("suite"),
-                embedder,
-                lambda: experiment.create("vectorstore"),
-                experiment.section("retrieval"),
-            )
+            embedder.open()
+            make = lambda: experiment.create("vectorstore")
+            return bench_quirks_serving(found, embedder, make, experiment.section("retrieval"))
         finally:
             embedder.close()
 
@@ -251,7 +249,7 @@ def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json:
     if json:
         print_json(measured)
         return
-    columns = ("others", "task", "subtask", "place", "plain")
+    columns = ("contender", "others", "task", "subtask", "place")
     print_table(columns, [tuple(row[name] for name in columns) for row in measured["rows"]])
     summed = tuple(measured["summary"][0])
     print_table(summed, [tuple(row.values()) for row in measured["summary"]])

@@ -2,8 +2,8 @@
 
 Per seed the microwave's lesson is taught once through the whole loop. For each sentence a copy of that book is used on
 the drawer: the first attempt is what the lesson alone does there; then the sentence is said, whatever happened; the
-retry and a run afterwards, with nobody watching, show what came of it. The fridge is opened with both books as well.
-Only the first subtask, the opening, is done; the task's own check judges it.
+retry and a run afterwards, with nobody watching, show what came of it. The fridge and the oven are opened as well, with
+both books. Only the first subtask, the opening, is done; the task's own check judges it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from memo_core.runs.run import components_of, perform
 from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
 
 TASK = "put-the-cube-away"
-OTHER = "open-the-fridge"
+DOORS = {"fridge": "open-the-fridge", "oven": "put-the-food-in-the-oven"}
 SETTINGS = ("run.video=off", "run.subtasks=1", "run.attempts=2", "run.repairs=0", "run.repeats=1")
 _BENT = 0.04  # largest sideways deviation of a straight path, over its length
 
@@ -48,7 +48,7 @@ class Attempt:
 
 @attrs.frozen
 class Heard:
-    """One sentence on one seed. ``door_before`` and ``door``: the fridge, without and with what was noted."""
+    """One sentence on one seed. ``doors_before`` and ``doors``: ``DOORS``, without and with what was noted."""
 
     seed: int
     says: str
@@ -56,8 +56,8 @@ class Heard:
     before: Attempt
     retry: Attempt
     later: Attempt
-    door_before: Attempt
-    door: Attempt
+    doors_before: dict[str, Attempt]
+    doors: dict[str, Attempt]
 
 
 def sayings_in(path: Path) -> list[str]:
@@ -84,9 +84,9 @@ def bench_drawer(
     for seed in seeds:
         lesson = Lesson(experiment, registry, out, seed)
         lesson.teach()
-        [door] = _Watch().attempts_of(lesson, registry, OTHER, lesson.url, None)
+        doors = _doors(lesson, registry, lesson.url)
         for number, says in enumerate(sayings):
-            heard.append(_hear(lesson, registry, says, lesson.folder / f"said-{number}.db", door))
+            heard.append(_hear(lesson, registry, says, lesson.folder / f"said-{number}.db", doors))
             progress(len(heard) / (len(seeds) * len(sayings)))
     return heard
 
@@ -95,16 +95,18 @@ def summary(heard: Sequence[Heard]) -> dict[str, Any]:
     """Counts over all sentences and seeds."""
     report: dict[str, Any] = {"sentences": len({one.says for one in heard}), "trials": len(heard)}
     report["noted"] = sum(bool(one.notes) for one in heard)
-    for name in ("before", "retry", "later", "door_before", "door"):
-        tried = [getattr(one, name) for one in heard]
-        report |= {f"{name}_{shape}": sum(shape in one.shape for one in tried) for shape in ("arc", "straight")}
-        report[f"{name}_opened"] = sum(one.opened for one in tried)
-        report[f"{name}_served_the_lesson"] = sum(any("(microwave)" in text for text in one.served) for one in tried)
-    report["door_served_the_same"] = sum(one.door.served == one.door_before.served for one in heard)
+    tried = {name: [getattr(one, name) for one in heard] for name in ("before", "retry", "later")}
+    for door in DOORS:
+        tried[f"{door}_before"] = [one.doors_before[door] for one in heard]
+        tried[door] = [one.doors[door] for one in heard]
+    for name, attempts in tried.items():
+        report |= {f"{name}_{shape}": sum(shape in one.shape for one in attempts) for shape in ("arc", "straight")}
+        report[f"{name}_opened"] = sum(one.opened for one in attempts)
+        report[f"{name}_served_the_lesson"] = sum(any("(microwave)" in text for text in one.served) for one in attempts)
     return report
 
 
-def _hear(lesson: Lesson, registry: Registry, says: str, file: Path, door_before: Attempt) -> Heard:
+def _hear(lesson: Lesson, registry: Registry, says: str, file: Path, doors_before: dict[str, Attempt]) -> Heard:
     with (
         closing(sqlite3.connect(Path(lesson.url.removeprefix("sqlite:///")))) as taught,
         closing(sqlite3.connect(file)) as copy,
@@ -114,8 +116,13 @@ def _hear(lesson: Lesson, registry: Registry, says: str, file: Path, door_before
     person = ScriptedTeacher(ScriptSettings(lines=(Line("OPEN(*)", says, attempt=1),)))
     before, retry = (watch := _Watch()).attempts_of(lesson, registry, TASK, url, person)
     [later] = _Watch().attempts_of(lesson, registry, TASK, url, None)
-    [door] = _Watch().attempts_of(lesson, registry, OTHER, url, None)
-    return Heard(lesson.seed, says, tuple(watch.noted), before, retry, later, door_before, door)
+    doors = _doors(lesson, registry, url)
+    return Heard(lesson.seed, says, tuple(watch.noted), before, retry, later, doors_before, doors)
+
+
+def _doors(lesson: Lesson, registry: Registry, url: str) -> dict[str, Attempt]:
+    """How each of ``DOORS`` is opened with a book."""
+    return {name: _Watch().attempts_of(lesson, registry, task, url, None)[0] for name, task in DOORS.items()}
 
 
 @attrs.define

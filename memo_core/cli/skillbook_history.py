@@ -137,8 +137,13 @@ def why(
         print(
             f"{found.query}: r = ({first:g} action + {second:g} objects) / {first + second:g}, cut at {settings.cut:g}"
         )
-        print("of equal r: likeness of the text to the subtask, then approved uses, then the newest")
-        columns = ("rank", "r", "action", "objects", "text", "approved", "when", "id", "key", "entry")
+        if settings.ranking == "key-and-text":
+            print(
+                f"s also counts the text ({settings.text_weight:g}), terms in common ({settings.overlap_weight:g}) "
+                f"and, where a scene is seen, how alike the things are built ({settings.built_weight:g})"
+            )
+        print("of equal s: likeness of the text to the subtask, then approved uses, then the newest")
+        columns = ("rank", "s", "r", "action", "objects", "text", "terms", "approved", "when", "id", "key", "entry")
         for name, served in (("corrections", found.corrections), ("templates", found.templates)):
             print(f"\n{name}: {len(served)}")
             if served:
@@ -146,7 +151,7 @@ def why(
         print(f"\ngeneral statements, by likeness of the text: {len(found.general)}")
         if found.general:
             rows = [_served_row(s) for s in found.general]
-            print_table(tuple(c for i, c in enumerate(columns) if i not in (2, 3, 4)), [r[:2] + r[5:] for r in rows])
+            print_table((*columns[:2], *columns[7:]), [r[:2] + r[7:] for r in rows])
         print(f"\nnot served: {len(found.cut)} keys that are near")
         if found.cut:
             near = [
@@ -248,7 +253,8 @@ def _line(entry: Entry) -> str:
 
 def _served_row(served: Any) -> tuple[Any, ...]:
     entry = served.entry
-    terms = (served.score, served.action_cosine, served.objects_cosine, served.text_similarity)
+    keys = (served.key_score, served.action_cosine, served.objects_cosine)
+    terms = (served.score, *keys, served.text_similarity, served.overlap)
     used = f"{entry.confirmed_uses}/{entry.uses}"
     return (served.rank, *(f"{t:.3f}" for t in terms), used, _when(entry.created), entry.id, served.key, _line(entry))
 
@@ -275,8 +281,9 @@ def _retrieval(found: Retrieval) -> dict[str, Any]:
     served = {
         name: [
             {"rank": s.rank, "entry": s.entry.id, "key": s.key, "text": s.text, "score": s.score}
-            | {"action_cosine": s.action_cosine, "objects_cosine": s.objects_cosine}
-            | {"text_similarity": s.text_similarity, "uses": s.entry.uses, "confirmed_uses": s.entry.confirmed_uses}
+            | {"key_score": s.key_score, "action_cosine": s.action_cosine, "objects_cosine": s.objects_cosine}
+            | {"text_similarity": s.text_similarity, "overlap": s.overlap, "passes": s.passes, "built": s.built}
+            | {"uses": s.entry.uses, "confirmed_uses": s.entry.confirmed_uses}
             | {"created": s.entry.created}
             for s in getattr(found, name)
         ]

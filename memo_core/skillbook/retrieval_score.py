@@ -62,7 +62,10 @@ class Candidates:
         by_text, by_terms = settings.text_weight, settings.overlap_weight
         likeness = (self.similar + self.key_similar) / 2
         said = (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
-        return said + settings.built_weight * np.nan_to_num(self.built - 0.5)
+        known = self.built[~np.isnan(self.built)]
+        if not len(known):
+            return said
+        return said + settings.built_weight * (np.where(np.isnan(self.built), known.mean(), self.built) - 0.5)
 
     def passing(self, settings: RetrievalSettings) -> np.ndarray:
         """Whose key passes the cut, bool."""

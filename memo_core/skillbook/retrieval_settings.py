@@ -48,8 +48,8 @@ class RetrievalSettings:
 
     where the cosines are those of the plain words of subtask, text and key, the overlap is the share of the subtask's
     terms that the text has (``memo_core.skillbook.shared_terms``), and b, 0 to 1, says how alike the things are built
-    that the two are about (``memo_core.scene.structure``); the last term is 0 where one of them was not seen, and
-    decides only in which order entries are served.
+    that the two are about (``memo_core.scene.structure``). Where the scene of one entry is not known, b is the mean
+    of the others'; where none is, that term is left out. It decides only in which order entries are served.
     """
 
     lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})
@@ -73,7 +73,7 @@ class RetrievalSettings:
         default=0.105, validator=_share, metadata={"help": "w_o, weight of the terms that subtask and text share"}
     )
     built_weight: float = attrs.field(
-        default=0.1,
+        default=0.3,
         validator=_share,
         metadata={"help": "w_b, weight of how alike the things seen are built to those an entry was said of"},
     )

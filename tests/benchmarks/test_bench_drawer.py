@@ -33,13 +33,10 @@ def test_the_way_with_the_handle_is_a_line_or_an_arc():
 def test_the_summary_counts_what_was_served_and_what_opened():
     lesson = ("correction OPEN(microwave): Lead it along an arc.",)
     arc, straight, door = Attempt(lesson, "arc", False), Attempt((), "straight", True), Attempt(lesson, "arc", True)
-    counted = summary([Heard(0, "it slides", ("a note",), arc, straight, straight, door, door)])
-    assert (counted["before_opened"], counted["retry_opened"], counted["later_straight"], counted["door_opened"]) == (
-        0,
-        1,
-        1,
-        1,
-    )
+    doors = {"fridge": door, "oven": door}
+    counted = summary([Heard(0, "it slides", ("a note",), arc, straight, straight, doors, doors | {"oven": arc})])
+    names = ("before_opened", "retry_opened", "later_straight", "fridge_opened", "oven_before_opened", "oven_opened")
+    assert [counted[name] for name in names] == [0, 1, 1, 1, 1, 0]
     assert counted["before_served_the_lesson"] == 1 and counted["later_served_the_lesson"] == 0
 
 
