@@ -21,6 +21,7 @@ from memo_core.cli import (
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, MemoError, close_match
+from memo_core.runlog.whole_files import CannotWrite, whole_file
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
@@ -151,16 +152,21 @@ def export(
 ) -> None:
     """Write everything in the book but its vectors: one JSON object a line, first the book, then what is in it."""
     with _reading(book, config, overrides) as opened:
-        records = opened.export()
-        text = "".join(json_text.dumps(record, ensure_ascii=False) + "\n" for record in records)
-    if out is None:
-        print(text, end="")
-        return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InvalidArgument("--out", f"{out}: {error.strerror}", "a file that can be written") from None
-    note(f"{len(records)} records -> {out}")
+        lines = (json_text.dumps(record, ensure_ascii=False) + "\n" for record in opened.export())
+        if out is None:
+            for line in lines:
+                print(line, end="")
+            return
+        count = 0
+        try:
+            with whole_file(out.resolve()) if out.is_file() or not out.exists() else out.open("wb") as file:
+                for line in lines:
+                    file.write(line.encode("utf-8", "surrogatepass"))
+                    count += 1
+        except (CannotWrite, OSError) as error:
+            problem = error.problem if isinstance(error, CannotWrite) else error.strerror
+            raise InvalidArgument("--out", f"{out}: {problem}", "a file that can be written") from None
+    note(f"{count} records -> {out}")
     _note_export(out, book, config, overrides)
 
 

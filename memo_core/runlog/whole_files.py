@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import attrs
 
@@ -37,13 +38,21 @@ def writing(file: Path) -> Iterator[None]:
 
 def write_whole(path: Path, content: str | bytes) -> Path:
     """Write a file atomically; it is on disk when this returns. Raises ``CannotWrite``."""
+    with whole_file(path) as file:
+        file.write(content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content)
+    return path
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write to that takes the place of ``path``, on disk, when the block ends, and is gone when the block
+    raises. Raises ``CannotWrite``."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}{_UNFINISHED}")
-    data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with temporary.open("wb") as file:
-                file.write(data)
+                yield file
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, path)
@@ -51,7 +60,6 @@ def write_whole(path: Path, content: str | bytes) -> Path:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
             raise
-    return path
 
 
 def clear_unfinished(folder: Path) -> None:

@@ -503,10 +503,11 @@ class Skillbook:
         with self._database.read() as connection:
             return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
 
-    def export(self) -> list[dict[str, Any]]:
-        """Everything in the book but vectors, as records that JSON can hold (``memo_core.skillbook.export``)."""
+    def export(self) -> Iterator[dict[str, Any]]:
+        """Everything in the book but vectors, as records that JSON can hold (``memo_core.skillbook.export``), as it is
+        when the first is taken. They are read while they are taken, so a large book needs little memory."""
         with self._database.read() as connection:
-            return list(records(self._database, connection))
+            yield from records(self._database, connection)
 
     def merge(self, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
         """Take in the records of another book (``export``), all or none: what is new of it, with where it comes from.

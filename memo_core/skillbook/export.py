@@ -50,7 +50,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
         entry: (phase, ordinal)
         for entry, phase, ordinal in connection.execute(sa.select(columns.id, columns.phase, columns.ordinal))
     }
-    for one in queries.entries_where(connection):
+    for one in queries.each_entry(connection):
         fields = attrs.asdict(one, filter=lambda field, _: field.name != "key")
         phase, ordinal = places[one.id]
         yield {

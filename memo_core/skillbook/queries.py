@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -22,6 +22,7 @@ _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key ==
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
 _PLACES = 128  # twice what is served, what people said last, and the general statements
 _CHUNK = 500
+_BATCH = 1_000  # rows of a whole book that are in memory at a time
 _PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
 _GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
 _SERVED = sa.select(_GENERATION.scalar_subquery(), *_COLUMNS).where(
@@ -94,7 +95,14 @@ def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, En
 
 
 def entries_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> list[Entry]:
-    return [entry_of(row) for row in connection.execute(_ENTRY.where(*conditions).order_by(_E.id))]
+    return list(each_entry(connection, *conditions))
+
+
+def each_entry(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> Iterator[Entry]:
+    """One after the other, without holding all of a large book in memory."""
+    query = _ENTRY.where(*conditions).order_by(_E.id)
+    for row in connection.execute(query, execution_options={"yield_per": _BATCH}):
+        yield entry_of(row)
 
 
 def valid_entry_rows(connection: sa.Connection) -> list[ValidRow]:

@@ -69,7 +69,7 @@ def rebuilt(
         rebuilding.replay(model, Noting(ask, target, lambda event: None), lambda said: None)
         if METHODS[method].clusters:
             rebuilding.condense(Clustering(target, calls_of(model), model.name), model)
-        return target.export(), rebuilding.result
+        return list(target.export()), rebuilding.result
 
 
 def model() -> ScriptedModel:

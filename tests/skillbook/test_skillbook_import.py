@@ -28,7 +28,7 @@ from memo_core.skillbook.safe_pickle import UnsafePickle
 
 def content(book: Skillbook) -> dict[str, object]:
     """What a book holds, without numbers."""
-    records = book.export()
+    records = list(book.export())
     said = {r["id"]: (r["words"], r["who"], r["subtask"]) for r in records if r["record"] == "feedback"}
     return {
         "feedback": Counter((*said[r["id"]], r["kind"], r["status"]) for r in records if r["record"] == "feedback"),
@@ -289,9 +289,9 @@ def test_a_file_with_anything_in_it_is_refused_with_its_line_or_leaves_a_whole_b
                 book.merge(records, "x")
             except BadImport as error:
                 refused += 1
-                assert book.export()[1:] == [] and str(error).isprintable()
+                assert list(book.export())[1:] == [] and str(error).isprintable()
             else:
-                assert not book.problems() and json.dumps(book.export(), allow_nan=False).encode()
+                assert not book.problems() and json.dumps(list(book.export()), allow_nan=False).encode()
                 for revision in book.history():
                     time.localtime(revision.time)
                 book.retrieve("OPEN(jar)")

@@ -56,9 +56,9 @@ def test_a_read_back_may_be_repeated_after_a_crash(book: Skillbook) -> None:
     feedback, (_, tight, general) = taught(book)
     said = [ReadBack(tight, "struck"), ReadBack(general, "reworded", "Doors turn about a hinge.")]
     first = book.read_back(feedback, said)
-    before = (book.export(), book.generation())
+    before = (list(book.export()), book.generation())
     assert book.read_back(feedback, said) == first
-    assert (book.export(), book.generation()) == before
+    assert (list(book.export()), book.generation()) == before
 
 
 def test_a_read_back_is_one_revision_that_can_be_rolled_back_and_that_again(book: Skillbook) -> None:
