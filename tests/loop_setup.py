@@ -9,7 +9,8 @@ from memo_core.events import Event
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.loop import Loop
 from memo_core.policy.memo_and_baselines import METHODS
-from memo_core.policy.session import RunResult, Session
+from memo_core.policy.results import RunResult
+from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook

@@ -22,7 +22,7 @@ COMMANDS = {
     "study": "Participants teach the robot in sessions.",
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
-    "new": "Begin a plugin of your own: a task that works.",
+    "new": "Begin a plugin of your own, of any kind: one that works.",
     "skillbook": "Look into a skillbook, search it, take things out.",
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",
@@ -68,7 +68,7 @@ def _tree(typed: str) -> typer.Typer:
             tree.add_typer(module.app, name=name, help=line, no_args_is_help=True)
         else:
             tree.command(name, short_help=line)(module.command)
-    for point in _plugin_commands():
+    for point in plugin_commands():
         if point.name in COMMANDS:
             continue  # a plugin cannot take the place of a command of the core
         if point.name == typed:
@@ -78,7 +78,7 @@ def _tree(typed: str) -> typer.Typer:
     return tree
 
 
-def _plugin_commands() -> list[EntryPoint]:
+def plugin_commands() -> list[EntryPoint]:
     """Commands of plugins: the entry points of the group ``memo.commands``, by name. Only metadata is read, so that
     ``memo --help`` stays quick; of two with one name the first distribution's counts."""
     found = sorted(installed("memo.commands")[0], key=lambda point: (point.name, point.value))

@@ -1,85 +1,72 @@
-"""``memo new``: creates a working plugin to start from."""
+"""``memo new``: writes a plugin of any kind that works, to start from."""
 
 from __future__ import annotations
 
-import re
-from importlib import resources
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from memo_core.cli.options import Json
-from memo_core.cli.output import print_json
+from memo_core.cli.output import note, print_json
+from memo_core.cli.scaffolds import SCAFFOLDS, Scaffold, write_scaffold
 from memo_core.errors import InvalidArgument
 
 app = typer.Typer(help="Write the beginning of a plugin.")
 
-FILES = {"pyproject.toml.j2": "pyproject.toml", "module.py.j2": "memo_{module}.py"}
+Name = Annotated[str, typer.Argument(help="Lower case and hyphens: put-the-block-on-the-mat, lab-camera.")]
+Folder = Annotated[
+    Path | None, typer.Option("--folder", "-f", help="Where to write it; default: ./NAME.", metavar="DIR")
+]
 
 
-@app.callback()
-def _group() -> None:
-    """Keeps ``task`` a command of its own while it is the only one."""
+def _command(scaffold: Scaffold) -> Callable[..., None]:
+    def command(name: Name, folder: Folder = None, json: Json = False) -> None:
+        _write(scaffold, name, folder, json)
+
+    return command
 
 
-@app.command()
-def task(
-    name: Annotated[str, typer.Argument(help="What is to be done, with hyphens: put-the-block-on-the-mat.")],
-    folder: Annotated[
-        Path | None, typer.Option("--folder", "-f", help="Where to write it; default: ./NAME.", metavar="DIR")
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Write a plugin with one task: a scene, an instruction, a success check, a reference solution.
+for _scaffold in SCAFFOLDS.values():
+    app.command(_scaffold.kind, help=_scaffold.about)(_command(_scaffold))
 
-    It is a working task, a block to put on a mat; change it into yours.
-    """
-    if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
-        expected = "lower case and hyphens, beginning with a letter, such as " + (_hyphenated(name) or "lift-the-block")
-        raise InvalidArgument("NAME", f"{name!r} is no task name", expected)
+
+def _write(scaffold: Scaffold, name: str, folder: Path | None, json: bool) -> None:
     where = folder or Path(name)
+    scaffold.check_name(name)
+    _check_free(scaffold, name)
     if where.exists() and (not where.is_dir() or any(where.iterdir())):
         raise InvalidArgument("--folder", f"{where} exists and is not empty", "a new or empty folder")
-    written = write_task(name, where)
+    written = write_scaffold(scaffold.kind, name, where)
     # pip takes a bare word for the name of something to download.
     project = where if where.is_absolute() else f"./{where}"
-    commands = [f"pip install --editable {project}", f"memo tasks verify --suite {name} --seeds 0-4"]
+    commands = [f"pip install --editable {project}", *(line.format(name=name) for line in scaffold.next)]
     if json:
-        print_json({"task": name, "suite": name, "files": [str(path) for path in written], "next": commands})
+        document = {"kind": scaffold.kind, scaffold.kind: name, "files": [str(path) for path in written.files]}
+        if scaffold.kind == "task":
+            document["suite"] = name
+        print_json(document | {"notes": list(written.notes), "next": commands})
         return
-    for path in written:
+    for path in written.files:
         print(path)
+    for line in written.notes:
+        note(f"memo: {line}")
     print("next:", *commands, sep="\n  ")
 
 
-def write_task(name: str, folder: Path) -> list[Path]:
-    """Render the skeleton into a folder, which is made; returns the files. Raises ``InvalidArgument`` when it cannot be
-    written."""
-    from jinja2 import Environment, StrictUndefined
+def _check_free(scaffold: Scaffold, name: str) -> None:
+    """Raise ``InvalidArgument`` for a name that something installed already has: neither could be chosen then."""
+    if scaffold.kind == "command":
+        from memo_core.cli.app import COMMANDS, plugin_commands
 
-    words = name.split("-")
-    values = {
-        "name": name,
-        "instruction": " ".join(words),
-        "module": "_".join(words),
-        "class_name": "".join(word.capitalize() for word in words),
-    }
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
-    skeleton = resources.files("memo_core.cli.skeletons") / "task"
-    written = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for template, target in FILES.items():
-            text = environment.from_string((skeleton / template).read_text(encoding="utf-8")).render(values)
-            path = folder / target.format(**values)
-            path.write_text(text, encoding="utf-8")
-            written.append(path)
-    except OSError as error:
-        raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
-    return written
+        if name in COMMANDS or name in {point.name for point in plugin_commands()}:
+            raise InvalidArgument("NAME", f"there is a command {name!r} already", "another name")
+        return
+    from memo_core.plugins import Registry
 
-
-def _hyphenated(name: str) -> str:
-    words = re.sub(r"[^a-z0-9]+", "-", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
-    return re.sub(r"^[^a-z]+|-+$", "", words)
+    registry = Registry()
+    for backend in registry.backends(scaffold.backend_kind):
+        if name == backend.name or name in backend.aliases:
+            owner = registry.plugin_of(backend).distribution
+            raise InvalidArgument("NAME", f"{owner} has a {scaffold.backend_kind} {name!r} already", "another name")

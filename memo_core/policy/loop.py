@@ -28,7 +28,8 @@ from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line
-from memo_core.policy.session import RunResult, Session, Status, SubtaskResult
+from memo_core.policy.results import RunResult, Status, SubtaskResult
+from memo_core.policy.session import Session
 from memo_core.policy.teaching import Corrected, Judged, Teaching
 from memo_core.runlog.run_log import InDoubt
 from memo_core.scene.graph import SceneGraph

@@ -6,7 +6,7 @@ from typing import Any
 
 from memo_core.interfaces.llm import Message
 from memo_core.llm.prompt_files import Prompts
-from memo_core.policy.session import SubtaskResult
+from memo_core.policy.results import SubtaskResult
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.scene_table import scene_table

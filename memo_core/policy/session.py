@@ -1,10 +1,10 @@
-"""What a method is given for a run, and what it returns."""
+"""What a method is given for a run. What it returns: ``memo_core.policy.results``."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, Protocol
+from typing import Protocol
 
 import attrs
 
@@ -20,8 +20,6 @@ from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
 from memo_core.stop_switch import StopSwitch
-
-Status = Literal["approved", "corrected", "unobserved"]
 
 
 class AskTeacher(Protocol):
@@ -74,34 +72,3 @@ class Session:
         """After a stop was answered: let the robot move again."""
         self.stop.release()
         self.environment.link.release()
-
-
-@attrs.frozen
-class SubtaskResult:
-    """How one subtask ended. ``code`` is the last that was tried; ``problem`` why it was given up, if it was."""
-
-    subtask: str
-    status: Status
-    attempts: int
-    code: str = ""
-    problem: str = ""
-    interrupted: int = 0  # times somebody pressed stop
-    printed: str = ""  # by that code
-    error: str = ""  # what that code ended with, if it did
-    corrected: int = 0  # times somebody found fault with it
-    taken_back: bool = False  # everything was put back to its start, and something else was planned
-
-
-@attrs.frozen
-class RunResult:
-    """How a run ended. ``reason`` is one sentence; whether the task is done only the success check says."""
-
-    reason: str
-    finished: bool  # the planner said DONE
-    subtasks: tuple[SubtaskResult, ...] = ()
-    robot_s: float = 0.0  # of all attempts together
-    resumable: bool = False  # it broke off for a reason that may pass
-    verdict: Status = "unobserved"  # of whoever watched, on the whole task
-    corrections: int = 0  # times somebody found fault with a subtask
-    planning_remarks: int = 0  # times somebody found fault with the plan or the whole task
-    interruptions: int = 0  # times somebody pressed stop

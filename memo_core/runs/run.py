@@ -26,7 +26,8 @@ from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
 from memo_core.plugins import Registry
 from memo_core.policy.method_interface import Method
-from memo_core.policy.session import RunResult, Session, SubtaskResult
+from memo_core.policy.results import RunResult, SubtaskResult
+from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog

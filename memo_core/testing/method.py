@@ -12,7 +12,8 @@ from typing import Any
 
 from memo_core.errors import MemoError
 from memo_core.policy.method_interface import Method
-from memo_core.policy.session import RunResult, Session
+from memo_core.policy.results import RunResult
+from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS

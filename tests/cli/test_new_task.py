@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.cli.new import write_task
+from memo_core.cli.scaffolds import write_scaffold
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own-task"
 EXAMPLE_NAME = "put-the-block-on-the-mat"
@@ -38,6 +38,7 @@ def written(tmp_path_factory) -> Path:
     assert sorted(Path(file).name for file in json.loads(made.stdout)["files"]) == [
         "memo_sort_the_buttons.py",
         "pyproject.toml",
+        "test_memo_sort_the_buttons.py",
     ]
     return folder
 
@@ -63,16 +64,16 @@ def test_the_plugin_keeps_the_rules_for_suites(installed):
 
 
 def test_the_example_is_what_the_command_writes_in_fewer_than_sixty_lines(tmp_path):
-    for file in write_task(EXAMPLE_NAME, tmp_path):
+    for file in write_scaffold("task", EXAMPLE_NAME, tmp_path).files:
         assert (EXAMPLE / file.name).read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
-    [module] = EXAMPLE.glob("*.py")
+    [module] = EXAMPLE.glob("memo_*.py")
     assert len(module.read_text(encoding="utf-8").splitlines()) < 60
 
 
 def test_the_page_shows_the_example_as_it_is():
     page = (EXAMPLE.parents[1] / "docs" / "own-task.md").read_text(encoding="utf-8")
     [shown] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    [module] = EXAMPLE.glob("*.py")
+    [module] = EXAMPLE.glob("memo_*.py")
     assert shown == module.read_text(encoding="utf-8")
 
 

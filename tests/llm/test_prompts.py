@@ -28,7 +28,7 @@ from memo_core.llm.prompt_files import (
     read_prompt,
 )
 from memo_core.policy.prompting import done_line, messages
-from memo_core.policy.session import SubtaskResult
+from memo_core.policy.results import SubtaskResult
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose

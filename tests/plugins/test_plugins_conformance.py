@@ -13,7 +13,7 @@ from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, 
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.interfaces.teacher import ReadBack, Teacher, Verdict
 from memo_core.policy.method_interface import Method
-from memo_core.policy.session import RunResult
+from memo_core.policy.results import RunResult
 from memo_core.scene.description import Body, Geom, SceneDescription
 from memo_core.scene.pose import Pose
 from memo_core.skills.skill import skill

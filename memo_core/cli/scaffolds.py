@@ -1,0 +1,240 @@
+"""The plugins that ``memo new`` writes: a folder of ``skeletons`` a kind, rendered with the plugin's name."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+
+
+@attrs.frozen
+class Scaffold:
+    """One kind of plugin that can be written. ``next`` are the commands to try then, with ``{name}``."""
+
+    kind: str  # as after `memo new`
+    backend_kind: str  # as in a config; empty for a command
+    hook: str
+    title: str
+    about: str
+    dependencies: tuple[str, ...] = ()
+    next: tuple[str, ...] = ()
+    package: bool = False  # a folder rather than one module
+
+    def check_name(self, name: str) -> None:
+        """Raise ``InvalidArgument`` for a name that cannot be that of a distribution, a module and a backend."""
+        if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
+            expected = "lower case and hyphens, beginning with a letter, such as " + (
+                _hyphenated(name) or "lift-the-block"
+            )
+            raise InvalidArgument("NAME", f"{name!r} is no name of a {self.kind}", expected)
+        if self.kind in ("skills", "robot") and keyword.iskeyword(name.replace("-", "_")):
+            raise InvalidArgument("NAME", f"{name!r} is a word of Python, and it names a function", "another word")
+
+
+@attrs.frozen
+class Written:
+    """The files of a new plugin, and what its author should know, a line each."""
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
+
+
+_ARRAYS = ("numpy>=2",)
+_SETTINGS = ("attrs>=25",)
+_CHECK = "memo plugins check {kind}/{{name}}"
+
+
+def _scaffold(kind: str, backend_kind: str, hook: str, title: str, about: str, then: str, *needs: str) -> Scaffold:
+    first = _CHECK.format(kind=backend_kind)
+    return Scaffold(kind, backend_kind, hook, title, about, needs, (first, then))
+
+
+SCAFFOLDS = {
+    one.kind: one
+    for one in (
+        Scaffold(
+            "task",
+            "suite",
+            "memo_task_suites",
+            "A task",
+            "Write a plugin with one task: a scene, an instruction, a success check, a reference solution.",
+            _ARRAYS,
+            (
+                "memo tasks verify --suite {name} --seeds 0-4",
+                "memo run --task {name} --set suite.backend={name}",
+            ),
+        ),
+        _scaffold(
+            "suite",
+            "suite",
+            "memo_task_suites",
+            "A task suite",
+            "Write a plugin with a suite of tasks: settings, a monitor, one task.",
+            "memo tasks verify --suite {name} --seeds 0-4",
+            *_SETTINGS,
+            *_ARRAYS,
+        ),
+        _scaffold(
+            "llm",
+            "llm",
+            "memo_language_models",
+            "A language model",
+            "Write a plugin with a language backend.",
+            "memo run --task open-the-fridge --set llm.backend={name}",
+            *_SETTINGS,
+        ),
+        _scaffold(
+            "embedder",
+            "embedder",
+            "memo_embedders",
+            "An embedder",
+            "Write a plugin with a sentence embedder.",
+            "memo run --task open-the-fridge --book new.db --set embedder.backend={name}",
+            *_SETTINGS,
+            *_ARRAYS,
+        ),
+        _scaffold(
+            "vectorstore",
+            "vectorstore",
+            "memo_vector_stores",
+            "A vector store",
+            "Write a plugin with a vector store.",
+            "memo run --task open-the-fridge --set vectorstore.backend={name}",
+            *_ARRAYS,
+        ),
+        _scaffold(
+            "simulator",
+            "simulator",
+            "memo_simulators",
+            "A simulator",
+            "Write a plugin with a simulator that hands every call to another one.",
+            "memo tasks verify --tasks open-the-fridge --set simulator.backend={name}",
+            *_SETTINGS,
+        ),
+        _scaffold(
+            "driver",
+            "robot_driver",
+            "memo_robot_drivers",
+            "A robot driver",
+            "Write a plugin with a robot driver: what moves a described arm.",
+            "memo robot check --set robot.driver={name}",
+            *_SETTINGS,
+            *_ARRAYS,
+        ),
+        _scaffold(
+            "gripper",
+            "gripper_driver",
+            "memo_gripper_drivers",
+            "A gripper driver",
+            "Write a plugin with a driver for a gripper that has a connection of its own.",
+            "memo config show --set robot.gripper_driver={name}",
+            *_SETTINGS,
+        ),
+        _scaffold(
+            "perception",
+            "perception",
+            "memo_perceptions",
+            "Perception",
+            "Write a plugin with a perception backend that filters what another one sees.",
+            "memo run --task open-the-fridge --set perception.backend={name}",
+            *_SETTINGS,
+        ),
+        _scaffold(
+            "teacher",
+            "teacher",
+            "memo_teachers",
+            "A teacher",
+            "Write a plugin with a teacher: whoever watches and may speak.",
+            "memo run --task open-the-fridge --teacher {name}",
+            *_SETTINGS,
+        ),
+        _scaffold(
+            "skills",
+            "skills",
+            "memo_skills",
+            "Skills",
+            "Write a plugin with further skills for robot code.",
+            "memo prompts show code --set skills={name}",
+        ),
+        _scaffold(
+            "method",
+            "method",
+            "memo_methods",
+            "A method",
+            "Write a plugin with a method: what does a task, given everything.",
+            "memo run --task open-the-fridge --set method.backend={name}",
+        ),
+        Scaffold(
+            "command",
+            "",
+            "",
+            "A command",
+            "Write a plugin that adds a command to memo.",
+            ("typer>=0.20",),
+            ("memo {name}",),
+        ),
+    )
+}
+
+
+def write_scaffold(kind: str, name: str, folder: Path) -> Written:
+    """Write a plugin of a kind into a folder, which is made. Raises ``InvalidArgument`` where the folder cannot be
+    written."""
+    scaffold = SCAFFOLDS[kind]
+    scaffold.check_name(name)
+    files = rendered(kind, name)
+    written = []
+    try:
+        for target, text in files.items():
+            path = folder / target
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            written.append(path)
+    except OSError as error:
+        raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
+    return Written(tuple(written))
+
+
+def rendered(kind: str, name: str, **more: Any) -> dict[str, str]:
+    """The texts of a new plugin's files, by path relative to its folder."""
+    from jinja2 import Environment, StrictUndefined
+
+    scaffold = SCAFFOLDS[kind]
+    module = f"memo_{name.replace('-', '_')}"
+    words = name.split("-")
+    values = attrs.asdict(scaffold) | {
+        "name": name,
+        "words": " ".join(words),
+        "instruction": " ".join(words),
+        "module": module,
+        "function": "_".join(words),
+        "class_name": "".join(word.capitalize() for word in words),
+        "dependencies": ("memo-core>=0.1,<0.2", *scaffold.dependencies),
+    }
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
+    skeletons = resources.files("memo_core.cli.skeletons")
+
+    def render(*candidates: str) -> str:
+        for one in candidates:
+            file = skeletons.joinpath(one)
+            if file.is_file():
+                return environment.from_string(file.read_text(encoding="utf-8")).render(values | more)
+        return ""
+
+    source = f"{module}/__init__.py" if scaffold.package else f"{module}.py"
+    return {
+        "pyproject.toml": render("pyproject.toml.j2"),
+        source: render(f"{kind}/module.py.j2"),
+        f"test_{module}.py": render(f"{kind}/test.py.j2", "test.py.j2") + render(f"{kind}/more.py.j2"),
+    }
+
+
+def _hyphenated(name: str) -> str:
+    words = re.sub(r"[^a-z0-9]+", "-", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower())
+    return re.sub(r"^[^a-z]+|-+$", "", words)

@@ -1,0 +1,190 @@
+"""``memo new KIND``: every plugin it writes installs, keeps the rules of its kind and passes its own tests."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+from pathlib import Path
+
+import pytest
+
+from memo_core.cli.scaffolds import SCAFFOLDS, rendered, write_scaffold
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.backend import KINDS
+from memo_core.plugins import Registry
+from memo_core.testing.plugins import check_backend
+
+PAGES = Path(__file__).parents[2] / "docs" / "plugins"
+# page -> the scaffold that it shows
+SHOWN = {
+    "llm": ("llm", "parrot"),
+    "embedder": ("embedder", "word-hash"),
+    "vectorstore": ("vectorstore", "exact"),
+    "robot_driver": ("driver", "echo"),
+    "gripper_driver": ("gripper", "patient"),
+    "perception": ("perception", "short-sighted"),
+    "suite": ("suite", "lifting"),
+    "teacher": ("teacher", "strict"),
+    "skills": ("skills", "nudge-up"),
+    "method": ("method", "look-only"),
+    "command": ("command", "weather"),
+}
+PLUGINS = {kind: f"lab-{kind}" for kind in SCAFFOLDS}
+
+
+def memo(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ | more)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """A folder with one plugin of each kind, and the metadata that an installer would have written for each."""
+    folder = tmp_path_factory.mktemp("site")
+    for kind, name in PLUGINS.items():
+        project = tmp_path_factory.mktemp(kind)
+        for file in write_scaffold(kind, name, project).files:
+            target = folder / file.relative_to(project)
+            if file.name == "pyproject.toml":
+                described = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+                write_metadata(folder, described)
+            else:
+                target.parent.mkdir(exist_ok=True)
+                target.write_bytes(file.read_bytes())
+    return folder
+
+
+def write_metadata(site: Path, project: dict) -> None:
+    info = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    info.mkdir()
+    info.joinpath("METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 0.1.0\nSummary: {project['description']}\n"
+    )
+    groups = project["entry-points"]
+    lines = [
+        line for group, points in groups.items() for line in (f"[{group}]", *(f"{n} = {v}" for n, v in points.items()))
+    ]
+    info.joinpath("entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+def test_there_is_one_for_every_kind():
+    assert {scaffold.backend_kind for scaffold in SCAFFOLDS.values()} == {*KINDS, ""} - {"robot"}
+
+
+@pytest.mark.parametrize("kind", [kind for kind, scaffold in SCAFFOLDS.items() if scaffold.backend_kind])
+def test_it_keeps_the_rules_of_its_kind(kind, site, monkeypatch):
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    registry = Registry()
+    assert registry.problems == ()
+    backend = registry.get(SCAFFOLDS[kind].backend_kind, PLUGINS[kind])
+    results = list(check_backend(registry, backend))
+    assert len(results) > 5
+    # A simulator is not asked for pictures where none can be drawn.
+    assert [r for r in results if r.outcome != "kept" and r.rule != "pictures_show_the_scene"] == []
+
+
+def test_their_own_tests_pass(site):
+    # The simulator's are the rules above, which take a while.
+    deselected = "not (lab_simulator and not starts_at_home)"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n0", "-k", deselected, str(site)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=site)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 50
+
+
+def test_the_command_is_there(site):
+    assert "lab command" in memo("--help", PYTHONPATH=str(site)).stdout
+    assert memo("lab-command", "--help", PYTHONPATH=str(site)).returncode == 0
+
+
+def test_a_task_can_be_run_with_a_model_a_teacher_and_skills_of_ones_own(site, tmp_path):
+    chosen = [f"{kind}={json.dumps({'backend': PLUGINS[kind]})}" for kind in ("teacher", "method", "perception")]
+    chosen += [f"skills={PLUGINS['skills']}", "simulator.backend=lab-simulator", f"llm.backend={PLUGINS['llm']}"]
+    overrides = [part for one in chosen for part in ("--set", one)]
+    where = ["--book", str(tmp_path / "book.db"), "--out", str(tmp_path), "--json"]
+    done = memo("run", "--task", "open-the-fridge", *where, *overrides, PYTHONPATH=str(site))
+    assert done.returncode == 1, done.stderr  # the method does nothing, and the fridge stays shut
+    assert json.loads(done.stdout)["method"] == PLUGINS["method"] or "left it at that" in done.stdout
+
+
+@pytest.mark.slow
+def test_pip_installs_one_in_editable_mode_without_an_index(tmp_path):
+    environment = tmp_path / "venv"
+    venv.create(environment, with_pip=False, symlinks=True)
+    python = environment / "bin" / "python"
+    [own] = environment.glob("lib/python*/site-packages")
+    parent = sysconfig.get_paths()["purelib"]
+    (own / "parent.pth").write_text(f"import site; site.addsitedir({parent!r})\n")
+    made = memo("new", "llm", "lab-model", "--folder", str(tmp_path / "lab-model"), "--json")
+    assert made.returncode == 0, made.stderr
+    assert json.loads(made.stdout)["next"][0] == f"pip install --editable {tmp_path / 'lab-model'}"
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps"]
+    options = ["--no-build-isolation", "--no-index", "--editable", str(tmp_path / "lab-model")]
+    subprocess.run([*pip, *options], check=True, timeout=120, capture_output=True)
+    checked = [str(python), "-m", "memo_core.cli.main", "plugins", "check", "llm/lab-model", "--json"]
+    done = subprocess.run(checked, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and json.loads(done.stdout)["conforms"], done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("page", SHOWN)
+def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
+    kind, name = SHOWN[page]
+    [source] = [text for file, text in rendered(kind, name).items() if file == f"memo_{name.replace('-', '_')}.py"]
+    text = (PAGES / f"{page}.md").read_text(encoding="utf-8")
+    assert source in re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert f"memo new {kind} {name}" in text
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("llm", "offline", "memo-llm has a llm 'offline' already"),
+        ("teacher", "nobody", "already"),  # a former name
+        ("command", "run", "a command 'run' already"),
+        ("skills", "import", "a word of Python"),
+        ("gripper", "MyGripper", "such as my-gripper"),
+    ],
+)
+def test_a_name_that_could_not_be_chosen_is_refused(kind, name, said, tmp_path):
+    done = memo("new", kind, name, "--folder", str(tmp_path / "x"))
+    assert done.returncode == 2 and said in done.stderr
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_that_names_it(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidArgument, match="file"):
+        write_scaffold("llm", "mine", tmp_path / "file" / "below")
+
+
+def test_what_is_written_is_formatted_and_has_no_unused_names(site):
+    """As ``ruff`` sees it with the width of this repository."""
+    for arguments in (["format", "--check"], ["check", "--select", "E,F,B,UP,SIM"]):
+        command = [
+            sys.executable,
+            "-m",
+            "ruff",
+            *arguments,
+            "--isolated",
+            "--line-length",
+            "120",
+            "--no-cache",
+            str(site),
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stdout
+
+
+def test_modules_of_conformance_suites_are_those_that_the_tests_import():
+    for kind, scaffold in SCAFFOLDS.items():
+        if scaffold.backend_kind:
+            importlib.import_module(f"memo_core.testing.{scaffold.backend_kind}")
+        assert scaffold.about.startswith("Write a plugin"), kind
