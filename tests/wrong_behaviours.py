@@ -28,7 +28,8 @@ import pytest
 from memo_tabletop.reference import solution
 
 from memo_core.cli.options import load
-from memo_core.environment.simulated import SimulatedEnvironment, run_code
+from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.environment.task_verification import run_code
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.runs.factories import environment_of, sandbox_of
 

@@ -15,7 +15,8 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.environment.simulated import SimulatedEnvironment, run_code
+from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.environment.task_verification import run_code
 from memo_core.errors import UnknownName
 from memo_core.interfaces.teacher import TaskEpisode, Teacher, Verdict
 from memo_core.sandbox.sandbox import Sandbox

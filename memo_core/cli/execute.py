@@ -51,7 +51,7 @@ def command(
     _, experiment = load(config, overrides, task, seed)
     if experiment.task is None:
         raise InvalidArgument("--task", "which scene?", "the name of a task (memo tasks list)")
-    from memo_core.environment.simulated import run_code
+    from memo_core.environment.task_verification import run_code
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.sandbox.execution import refused
 

@@ -19,7 +19,7 @@ def draw(
 ) -> Iterator[dict[str, Any]]:
     """Draw one task after the other; yields what was written and how the reference solution fared. Raises
     ``BackendUnavailable`` where nothing can draw, ``InvalidArgument`` where nothing can be written."""
-    from memo_core.environment.simulated import run_code
+    from memo_core.environment.task_verification import run_code
     from memo_core.runs.factories import environment_of, sandbox_of
 
     try:

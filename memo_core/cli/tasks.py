@@ -51,7 +51,7 @@ def show(
     json: Json = False,
 ) -> None:
     """Show one task: its instruction, what stands in its scene, what watches it."""
-    from memo_core.environment.simulated import generator
+    from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import task_of
 
     task = task_of(load(config, _with_suite(overrides, suite))[1], name)

@@ -34,7 +34,7 @@ class Trial:
 
 def run_trial(trial: Trial) -> dict[str, Any]:
     """Verify one task on one seed (also the entry of a worker process)."""
-    from memo_core.environment.simulated import verify_task
+    from memo_core.environment.task_verification import verify_task
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
 
     started = time.monotonic()
@@ -108,7 +108,7 @@ def _unusable(file: Path, error: OSError) -> InvalidArgument:
 
 def digest_of(experiment: Any) -> Callable[[str, int], str]:
     """What a result depends on, as far as data tell: the experiment's values, the scene, the code that is run."""
-    from memo_core.environment.simulated import generator
+    from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import task_of
 
     values = {key: value for key, value in experiment.public().items() if key not in ("task", "seed")}

@@ -1,19 +1,18 @@
 """A task's scene in a simulator, with robot, perception and arm. Any checkpoint can be restored exactly.
 
-The policy acts in it (``memo_core.interfaces.environment.Environment``), the success check reads it, and teachers'
-sightings are taken from it.
+The policy acts in it (``memo_core.interfaces.environment.Environment``), the success check reads its state, and
+teachers get their sightings from it.
 """
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterable, Sequence
-from types import TracebackType
+from collections.abc import Callable, Iterable
 
-import attrs
 import numpy as np
 
+from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
@@ -21,20 +20,13 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Sighting
 from memo_core.robot.description import RobotDescription
-from memo_core.sandbox.execution import Execution
-from memo_core.sandbox.sandbox import Sandbox
-from memo_core.sandbox.workspace import Workspace
-from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
-from memo_core.skills.control import Control
 
-GLANCE_PERIOD_S = 0.5  # simulated time between two sightings: what a person remembers of a motion
-
-ControlFactory = Callable[[RobotDescription, Link, Perception], Control]
+GLANCE_PERIOD_S = 0.5  # simulated time between two sightings: as often as a person remembers a motion
 
 
-class SimulatedEnvironment:
-    """A task's scene with a robot in it. Use as a context manager; its parts are opened once and always closed."""
+class SimulatedEnvironment(TaskEnvironment):
+    """A task's scene with a robot in it."""
 
     def __init__(
         self,
@@ -47,113 +39,59 @@ class SimulatedEnvironment:
         control: ControlFactory | None = None,
     ) -> None:
         """``simulator`` and ``perception`` come unopened. ``link`` and ``control`` default to ``memo_core.arm``."""
-        self.task = task
-        self.seed = seed
+        super().__init__(task, seed, robot, perception, control)
         self.simulator = simulator
-        self.robot = robot
-        self.perception = perception
         self._make_link = link or _arm_link
-        self._make_control = control or arm_control
-        self._sightings: list[Sighting] | None = None
         self._next_glance = 0.0
-        self._opened = False
-        self._linked = False
 
-    # -- life ----------------------------------------------------------------------------------------------------------
-    def open(self) -> None:
-        """Open the parts, build the scene of this seed, reset the monitors and look once."""
-        if self._opened:
-            return
-        self._opened = True
-        try:
-            self.description = self.task.scene(generator(self.seed, "scene"))
-            self.simulator.open()
-            self.simulator.build(self.description, self.robot)
-            self.link = self._make_link(self.simulator, self.robot)
-            self._linked = True
-            self.link.open()
-            self.control = self._make_control(self.robot, self.link, self.perception)
-            self.perception.open()
-            self.perception.start(
-                PerceptionContext(
-                    rng=generator(self.seed, "perception"),
-                    robot=self.robot,
-                    link=self.link,
-                    tool_pose=self.control.tool_pose,
-                    simulator=self.simulator,
-                    scene=self.description,
-                )
+    def _open(self) -> None:
+        """Open the parts, build the scene of this seed and reset the monitors."""
+        self.description = self.task.scene(generator(self.seed, "scene"))
+        self.simulator.open()
+        self.simulator.build(self.description, self.robot)
+        self._link = link = self._make_link(self.simulator, self.robot)
+        link.open()
+        self.control = self._make_control(self.robot, link, self.perception)
+        self.perception.open()
+        self.perception.start(
+            PerceptionContext(
+                rng=generator(self.seed, "perception"),
+                robot=self.robot,
+                link=link,
+                tool_pose=self.control.tool_pose,
+                simulator=self.simulator,
+                scene=self.description,
             )
-            self.monitors = {monitor.name: monitor for monitor in self.task.monitors()}
-            for monitor in self.monitors.values():
-                monitor.reset(self.simulator)
-            self._watching = tuple(self.monitors.values())
-            if self._watching:
-                self.simulator.add_tick_listener(self._update_monitors)
-            self.control.look()
-        except BaseException:
-            self.close()
-            raise
+        )
+        self.monitors = {monitor.name: monitor for monitor in self.task.monitors()}
+        for monitor in self.monitors.values():
+            monitor.reset(self.simulator)
+        self._watching = tuple(self.monitors.values())
+        if self._watching:
+            self.simulator.add_tick_listener(self._update_monitors)
 
-    def close(self) -> None:
-        """Idempotent."""
-        if not self._opened:
-            return
-        self._opened = False
-        try:
-            self.perception.close()
-        finally:
-            try:
-                if self._linked:
-                    self.link.close()
-            finally:
-                self._linked = False
-                self.simulator.close()
+    def _close(self) -> None:
+        self.simulator.close()
 
-    def __enter__(self) -> SimulatedEnvironment:
-        self.open()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    # -- acting and looking --------------------------------------------------------------------------------------------
-    @property
-    def instruction(self) -> str:
-        return self.task.instruction
-
-    @property
-    def goal(self) -> tuple[str, ...]:
-        return self.task.goal
-
-    def time(self) -> float:
-        """Simulated seconds since the scene was built."""
-        return self.link.time()
-
-    def look(self) -> SceneGraph:
-        """A fresh look, which is also what the skills see from now on."""
-        return self.control.look()
-
+    # -- acting --------------------------------------------------------------------------------------------------------
     @property
     def time_limit(self) -> float:
         """Seconds on the robot's clock that the task may take."""
         return self.task.time_limit
 
     def view(self) -> None:
-        """Open the simulator's window. Raises ``BackendUnavailable`` where it has none."""
+        """Open the simulator's window. Raises ``BackendUnavailable`` if it has none."""
         self.simulator.view()
 
     def conclude(self, verdict: str) -> Outcome | None:
-        """What the success check says when everything has come to rest, whatever people say (``verdict``) and also
-        after a stop."""
+        """The result of the success check once everything has come to rest, also after a stop. ``verdict`` (what a
+        person said) does not matter."""
         for _ in range(round(self.task.settle / self.simulator.control_period)):
             self.simulator.tick()
         return self.check()
 
     def check(self) -> Outcome:
-        """Whether the task is done now."""
+        """The result of the success check for the present state."""
         return self.task.check(self.simulator, self.monitors)
 
     def settle(self, seconds: float = 0.5) -> None:
@@ -169,8 +107,8 @@ class SimulatedEnvironment:
         self.link.send(self.link.joint_targets() if targets is None else np.asarray(targets, dtype=float))
 
     def render(self, camera: str | None = None, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """A picture from one of the scene's cameras, by default its first: RGB, uint8, shape (H, W, 3). Raises
-        ``UnknownName`` for a camera there is not, ``BackendUnavailable`` where no renderer works."""
+        """An image from one of the scene's cameras, by default the first: RGB, uint8, shape (H, W, 3). Raises
+        ``UnknownName`` for an unknown camera, ``BackendUnavailable`` where no renderer works."""
         cameras = tuple(one.name for one in self.description.cameras)
         name = camera if camera is not None else next(iter(cameras), "")
         if name not in cameras:
@@ -214,30 +152,16 @@ class SimulatedEnvironment:
 
     # -- what a person in the room sees --------------------------------------------------------------------------------
     def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:
-        """Begin a new list of sightings, with one of this moment; ``seen``: go on after these."""
+        """Begin a new list of sightings: one now and then one every ``GLANCE_PERIOD_S``; ``seen``: continue after
+        these."""
         if self._sightings is None:
             self.simulator.add_tick_listener(self._glance)
         self._sightings = list(seen)
         self._next_glance = seen[-1].time + GLANCE_PERIOD_S if seen else self.time()
         self._glance()
 
-    def stop_watching(self) -> tuple[Sighting, ...]:
-        """The sightings since ``start_watching``, the last of this moment. Empty when nobody watched."""
-        if self._sightings is None:
-            return ()
+    def _stop_recording(self) -> None:
         self.simulator.remove_tick_listener(self._glance)
-        self._next_glance = self.time()
-        self._glance()
-        seen, self._sightings = tuple(self._sightings), None
-        return seen
-
-    def sightings(self) -> tuple[Sighting, ...]:
-        """The sightings since ``start_watching``. Touches nothing: it may be asked while another thread ticks."""
-        return tuple(self._sightings or ())
-
-    def glance(self) -> SceneGraph:
-        """What a person in the room sees now; nothing in the world changes by it."""
-        return self.perception.glance()
 
     def _glance(self) -> None:
         now = self.simulator.time
@@ -252,84 +176,11 @@ class SimulatedEnvironment:
 
 
 def find_task(suite: Iterable[Task], name: str) -> Task:
-    """The task of that name. Raises ``UnknownName`` with those there are."""
+    """The task with this name. Raises ``UnknownName``, which lists the available ones."""
     tasks = {task.name: task for task in suite}
     if name not in tasks:
         raise UnknownName("task", name, tuple(tasks))
     return tasks[name]
-
-
-def generator(seed: int, purpose: str) -> np.random.Generator:
-    """One random generator per purpose, so that the draws of one do not affect the others."""
-    return np.random.default_rng([seed, *purpose.encode()])
-
-
-# -- code without a model: `memo exec`, `memo tasks verify` -----------------------------------------------------------
-
-
-@attrs.frozen
-class Verified:
-    """Results on one seed of a task's reference solution, of doing nothing, and of the plain attempt."""
-
-    task: str
-    seed: int
-    reference: Outcome
-    null: Outcome
-    error: str = ""  # how the reference solution's code ended, if not at its end
-    wall_s: float = 0.0  # all of it: building, doing nothing, the reference solution, the plain attempt
-    sim_s: float = 0.0  # simulated, of the reference solution
-    cpu_s: float = 0.0  # processor time of the reference solution: physics, planning, monitors
-    plain: Outcome | None = None  # of the plain attempt; None where it was not tried
-
-
-def run_code(
-    world: SimulatedEnvironment, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None
-) -> Execution:
-    """Run robot code in a world, in the workspace and under the stop that a run gives it, then let things come to rest
-    for as long as the task's check wants. Raises ``Stopped`` for a stop after the code."""
-    execution = sandbox.run(
-        code,
-        world.control,
-        stopped=lambda: world.link.stopped,
-        workspace=Workspace.around(world.robot.reach, world.description.table_height),
-        on_print=on_print,
-        clock=world.time,
-    )
-    if not world.link.stopped:
-        world.settle(world.task.settle)
-    return execution
-
-
-def verify_task(
-    make_environment: Callable[[int], SimulatedEnvironment],
-    make_sandbox: Callable[[], Sandbox],
-    seeds: Sequence[int],
-    plain: bool = False,
-) -> Iterable[Verified]:
-    """The reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has one,
-    all judged by the success check. ``make_environment(seed)`` gives an unopened world of the task."""
-    import time
-
-    for seed in seeds:
-        started = time.monotonic()
-        with make_environment(seed) as world, make_sandbox() as sandbox:
-            start = world.checkpoint()
-            world.settle(world.task.settle)
-            null = world.check()
-            world.restore(start)
-            if not world.task.reference_solution:
-                yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
-                continue
-            begun, cpu = world.time(), time.process_time()
-            execution = run_code(world, world.task.reference_solution, sandbox)
-            cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
-            reference, tried = world.check(), None
-            if plain and world.task.plain_attempt:
-                world.restore(start)
-                run_code(world, world.task.plain_attempt, sandbox)
-                tried = world.check()
-            wall_s = time.monotonic() - started
-            yield Verified(world.task.name, seed, reference, null, execution.error, wall_s, sim_s, cpu_s, tried)
 
 
 # -- parts ------------------------------------------------------------------------------------------------------------
@@ -339,13 +190,6 @@ def _arm_link(simulator: Simulator, robot: RobotDescription) -> Link:
     from memo_core.arm.simulated_link import SimulatorLink
 
     return SimulatorLink(simulator, robot)
-
-
-def arm_control(robot: RobotDescription, link: Link, perception: Perception) -> Control:
-    """The control of ``memo_core.arm``, imported when it is needed."""
-    from memo_core.arm.control import ArmControl
-
-    return ArmControl(robot, link, perception)
 
 
 def _pack(data: bytes) -> str:

@@ -16,7 +16,8 @@ from pathlib import Path
 import attrs
 
 from memo_core.config import Experiment, load_experiment
-from memo_core.environment.simulated import SimulatedEnvironment, run_code
+from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.environment.task_verification import run_code
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.task import Task

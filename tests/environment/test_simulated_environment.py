@@ -7,7 +7,8 @@ from itertools import pairwise
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.environment.simulated import find_task, run_code
+from memo_core.environment.simulated import find_task
+from memo_core.environment.task_verification import run_code
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.lesions import VariedTask
 from memo_core.interfaces.task import Monitor

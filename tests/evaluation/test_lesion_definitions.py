@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.environment.simulated import generator
+from memo_core.environment.task_environment import generator
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.lesions import (
     Taught,

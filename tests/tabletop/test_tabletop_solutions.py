@@ -11,7 +11,7 @@ from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 from memo_tabletop.tasks.oven import PutTheFoodInTheOven
 
 from memo_core.cli.options import load
-from memo_core.environment.simulated import run_code, verify_task
+from memo_core.environment.task_verification import run_code, verify_task
 from memo_core.runs.factories import environment_of, sandbox_of
 
 PULL = """

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from memo_core.cli.options import load
-from memo_core.environment.simulated import verify_task
+from memo_core.environment.task_verification import verify_task
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 
 SIMULATORS = ("mujoco", "pybullet")

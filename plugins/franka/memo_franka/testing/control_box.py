@@ -1,8 +1,8 @@
-"""A double of the control box: the Franka control interface on loopback, for unmodified client libraries.
+"""A test double of the control box: the Franka control interface on loopback, for unmodified client libraries.
 
-It checks what a control box checks (modes, limits, lost packets, collisions) and ends motions as one does. Its pace is
-*elastic*: a tick is never shorter than 1 ms, and in motion it waits for the command that answers its last state, so
-that a busy computer slows the robot's clock instead of losing packets. Faults are injected by calling its methods.
+It checks what a control box checks (modes, limits, lost packets, collisions) and ends motions as one does. Its clock is
+*elastic*: a tick takes at least 1 ms, and during a motion it waits for the command that answers its last state, so that
+a busy computer slows the robot's clock instead of losing packets. Its methods inject faults.
 
     with ControlBox(fr3(), "127.0.0.2") as box:
         …                        # franky.Robot("127.0.0.2") connects
@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import contextlib
 import select
-import socket
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from types import TracebackType
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from memo_core.robot.description import RobotDescription
 from memo_franka.testing.arm import DT, Arm, Body, IdealBody
 from memo_franka.testing.hand import HandDouble
 from memo_franka.testing.model import arm_urdf
+from memo_franka.testing.server import FrankaServer
 from memo_franka.testing.wire import (
     COMMAND,
     CONNECT,
@@ -48,11 +47,15 @@ LOST_PACKETS = 20  # in a row, at which a motion ends
 _IDENTITY = np.eye(4).ravel()
 
 
-class ControlBox:
-    """The double of one arm's control box. ``robot`` names the arm; ``body`` is what it moves, by default an ideal arm.
+class ControlBox(FrankaServer):
+    """Test double of one arm's control box. ``robot`` describes the arm; ``body`` is what it moves, by default an ideal
+    arm.
 
-    ``version`` is what it answers a client with; another than 10 refuses today's libraries, as a Panda's box does.
+    ``version`` is its answer to a client's version; any other than 10 refuses today's libraries, as a Panda's box does.
     """
+
+    header = HEADER
+    keeps_first_client = True
 
     def __init__(
         self,
@@ -63,10 +66,10 @@ class ControlBox:
         patience_s: float = 2.0,
         hand: HandDouble | None = None,
     ) -> None:
-        """``hand`` goes by this box's clock. ``patience_s``: after which, by the clock on the wall, a state that is not
-        answered counts as 20 lost packets."""
+        """``hand`` is moved by this box's clock. ``patience_s``: wall-clock time after which an unanswered state counts
+        as 20 lost packets."""
+        super().__init__(address, PORT)
         self.robot = robot
-        self.address = address
         self.version = version
         self.body: Body = body or IdealBody(robot)
         self.arm = Arm(robot, self.body)
@@ -91,44 +94,12 @@ class ControlBox:
         self._lost = 0
         self._to_lose = 0
         self._frozen = False
-        self._running = False
-        self._thread: threading.Thread | None = None
         self._ticking = threading.Lock()
         self._inbox: deque[Callable[[], None]] = deque()
-        self._client: socket.socket | None = None
-        self._peer = ("", 0)
-        self._received = b""
-
-    # -- life ----------------------------------------------------------------------------------------------------------
-    def start(self) -> None:
-        self._listener = socket.create_server((self.address, PORT), backlog=1)
-        self._listener.setblocking(False)
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind((self.address, 0))
-        self._udp.setblocking(False)
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="control box", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Idempotent."""
-        self._running = False
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-
-    def __enter__(self) -> ControlBox:
-        self.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stop()
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """No tick happens meanwhile: to look at the simulator behind the body."""
+        """No tick happens within the block, so that the simulator behind the body may be read."""
         with self._ticking:
             yield
 
@@ -169,25 +140,15 @@ class ControlBox:
         self.mode = mode
 
     # -- running -------------------------------------------------------------------------------------------------------
-    def _run(self) -> None:
-        due = time.monotonic()
-        try:
-            while self._running:
-                self._serve()
-                self._accept()
-                while self._inbox:
-                    self._inbox[0]()
-                    self._inbox.popleft()
-                if not self._frozen:
-                    with self._ticking:
-                        self._tick()
-                due = max(due + DT, time.monotonic())
-                time.sleep(max(0.0, due - time.monotonic()))
-        finally:
-            for one in (self._client, self._listener, self._udp):
-                if one is not None:
-                    one.close()
-            self._client = None
+    def _cycle(self) -> None:
+        while self._inbox:
+            self._inbox[0]()
+            self._inbox.popleft()
+        if not self._frozen:
+            with self._ticking:
+                self._tick()
+        self._last = max(self._last + DT, time.monotonic())
+        time.sleep(max(0.0, self._last - time.monotonic()))
 
     def _tick(self) -> None:
         moved = not self.arm.resting
@@ -330,8 +291,7 @@ class ControlBox:
         state["errors"], state["reflex_reason"] = self._errors, self._reflex
         state["robot_mode"] = self.mode
         state["control_command_success_rate"] = 1.0 - self._lost / 100 if self._move_id is not None else 0.0
-        with contextlib.suppress(OSError):
-            self._udp.sendto(state.tobytes(), self._peer)
+        self._send_packet(state.tobytes())
 
     @property
     def _flange_to_tool(self) -> np.ndarray:
@@ -342,46 +302,13 @@ class ControlBox:
         return pose.T.ravel()
 
     # -- commands over TCP ---------------------------------------------------------------------------------------------
-    def _accept(self) -> None:
-        with contextlib.suppress(BlockingIOError):
-            client, peer = self._listener.accept()
-            if self._client is not None:
-                client.close()  # one client at a time has the robot
-                return
-            client.setblocking(False)
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._client, self._peer, self._received = client, (peer[0], 0), b""
-
-    def _serve(self) -> None:
-        if self._client is None:
-            return
-        try:
-            data = self._client.recv(65536)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self._gone()
-            return
-        self._received += data
-        while len(self._received) >= HEADER.size:
-            command, number, size = HEADER.unpack_from(self._received)
-            if len(self._received) < size:
-                return
-            payload, self._received = self._received[HEADER.size : size], self._received[size:]
-            self._answer(Command(command), number, payload)
-
-    def _gone(self) -> None:
-        """The client has closed the connection, or died: the motion ends and the arm brakes."""
-        assert self._client is not None
-        self._client.close()
-        self._client, self._peer = None, ("", 0)
+    def _disconnected(self) -> None:
+        super()._disconnected()
         if self._move_id is not None:
             self._end_motion()
             self.mode = RobotMode.IDLE
 
-    def _answer(self, command: Command, number: int, payload: bytes) -> None:
+    def _answer(self, command: int, number: int, payload: bytes) -> None:
         if command == Command.CONNECT:
             _, port = CONNECT.unpack(payload)
             same = self.version == VERSION
@@ -399,7 +326,7 @@ class ControlBox:
         elif command == Command.AUTOMATIC_ERROR_RECOVERY:
             self._recover(number)
         else:
-            self._respond(command, number, bytes([self._set(command, payload)]))
+            self._respond(command, number, bytes([self._set(Command(command), payload)]))
 
     def _begin_move(self, number: int, payload: bytes) -> None:
         controller, generator, *_ = MOVE.unpack(payload)
@@ -444,12 +371,3 @@ class ControlBox:
             self._state["m_load"] = values[0]
             self._state["F_x_Cload"], self._state["I_load"] = values[1:4], values[4:13]
         return 0
-
-    def _respond(self, command: Command, number: int, payload: bytes) -> None:
-        if self._client is None:
-            return
-        message = HEADER.pack(command, number, HEADER.size + len(payload)) + payload
-        with contextlib.suppress(OSError):
-            self._client.setblocking(True)
-            self._client.sendall(message)
-            self._client.setblocking(False)

@@ -1,16 +1,13 @@
-"""A double of the Franka Hand: commands over TCP, states over UDP, and fingers that something can be between."""
+"""A test double of the Franka Hand: commands over TCP, states over UDP, and fingers that can grasp an object."""
 
 from __future__ import annotations
 
-import contextlib
-import socket
 import threading
-import time
-from types import TracebackType
 
 import numpy as np
 
 from memo_core.interfaces.simulator import Simulator
+from memo_franka.testing.server import FrankaServer
 from memo_franka.testing.wire import (
     HAND_GRASP,
     HAND_HEADER,
@@ -23,15 +20,15 @@ from memo_franka.testing.wire import (
 )
 
 _STROKE = 0.08  # m
-_THERE = 0.0005  # m
+_THERE = 0.0005  # m from the goal
 _STATE_S = 0.01  # between two states
-_PRESSED = 1.5  # N between fingers that something is between
+_PRESSED = 1.5  # N, above which the fingers press on an object
 _STILL_S = 0.05
-_STUCK_S = 100.0  # that ``move`` into something takes on a real Hand
+_STUCK_S = 100.0  # after which a real Hand gives up a ``move`` that is blocked by an object
 
 
 class Fingers:
-    """Ideal fingers. ``thing`` is the width (m) of what is between them, None for nothing."""
+    """Ideal fingers. ``thing``: width (m) of the object between them; None if there is none."""
 
     def __init__(self, width: float = _STROKE) -> None:
         self.width = width
@@ -57,8 +54,8 @@ class Fingers:
 
 
 class SceneFingers:
-    """The fingers of the robot in a built simulator, which somebody else ticks (``SceneBody``). The simulator is
-    touched by ``advance`` only, since it stands one user at a time."""
+    """The fingers of the robot in a built simulator, which ``SceneBody`` ticks. Only ``advance`` uses the simulator,
+    because it allows one user at a time."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -81,49 +78,24 @@ class SceneFingers:
         self.blocked = pressed and self._still > _STILL_S
 
 
-class HandDouble:
-    """One Hand at ``address``. It has a clock of its own, unless ``advance`` is called by a ``ControlBox``."""
+class HandDouble(FrankaServer):
+    """One Hand at ``address``. Its fingers move in real time, unless a ``ControlBox`` calls ``advance``."""
+
+    header = HAND_HEADER
 
     def __init__(self, address: str = "127.0.0.2", fingers: Fingers | SceneFingers | None = None) -> None:
-        self.address = address
+        super().__init__(address, HAND_PORT)
         self.fingers = fingers or Fingers()
-        self.driven = False  # whether somebody else's clock moves the fingers
-        self._move: tuple[HandCommand, int, float] | None = None  # command, id, seconds it has taken
+        self.driven = False  # whether a control box's clock moves the fingers
+        self._move: tuple[HandCommand, int, float] | None = None  # command, id, seconds since it began
         self._grasp = (0.0, 0.0, 0.0)
         self._grasped = False
-        self._running = False
-        self._client: socket.socket | None = None
-        self._peer = ("", 0)
-        self._received = b""
         self._number = 0
+        self._since_state = 0.0
         self._lock = threading.RLock()
 
-    def start(self) -> None:
-        self._listener = socket.create_server((self.address, HAND_PORT), backlog=1)
-        self._listener.setblocking(False)
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind((self.address, 0))
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="hand double", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Idempotent."""
-        if self._running:
-            self._running = False
-            self._thread.join()
-
-    def __enter__(self) -> HandDouble:
-        self.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stop()
-
     def advance(self, seconds: float) -> None:
-        """Let the fingers move, and end what has ended."""
+        """Move the fingers for ``seconds`` and report motions that have ended."""
         with self._lock:
             self.fingers.advance(seconds)
             if self._move is None:
@@ -138,7 +110,7 @@ class HandDouble:
             elif command == HandCommand.GRASP and (self.fingers.blocked or there):
                 width, inner, outer = self._grasp
                 self._grasped = self.fingers.blocked and width - inner <= self.fingers.width <= width + outer
-                # Fingers that have met nothing within a tolerance that wide are a success to a real Hand as well.
+                # A real Hand too reports success for empty fingers if the tolerance is that wide.
                 self._end(
                     HandStatus.SUCCESS if width - inner <= self.fingers.width <= width + outer else HandStatus.FAIL
                 )
@@ -148,62 +120,25 @@ class HandDouble:
         if move is not None:
             self._respond(move[0], move[1], int(status).to_bytes(2, "little"))
 
-    # -- running -------------------------------------------------------------------------------------------------------
-    def _run(self) -> None:
-        last = told = time.monotonic()
-        while self._running:
-            with self._lock:
-                self._serve()
-                self._accept()
-            now = time.monotonic()
-            if not self.driven:
-                self.advance(now - last)
-            last = now
-            if now - told >= _STATE_S:
-                told = now
-                self._send_state()
-            time.sleep(0.002)
-        for one in (self._client, self._listener, self._udp):
-            if one is not None:
-                one.close()
+    # -- serving -------------------------------------------------------------------------------------------------------
+    def _communicate(self) -> None:
+        with self._lock:
+            super()._communicate()
+
+    def _advance(self, seconds: float) -> None:
+        if not self.driven:
+            self.advance(seconds)
+        self._since_state += seconds
+        if self._since_state >= _STATE_S:
+            self._since_state = 0.0
+            self._send_state()
 
     def _send_state(self) -> None:
-        if not self._peer[1]:
-            return
         self._number += 1
         grasped = self._grasped and self.fingers.blocked
-        packet = HAND_STATE.pack(self._number, self.fingers.width, _STROKE, grasped, 30)
-        with contextlib.suppress(OSError):
-            self._udp.sendto(packet, self._peer)
+        self._send_packet(HAND_STATE.pack(self._number, self.fingers.width, _STROKE, grasped, 30))
 
-    def _accept(self) -> None:
-        with contextlib.suppress(BlockingIOError):
-            client, peer = self._listener.accept()
-            client.setblocking(False)
-            self._client, self._peer, self._received = client, (peer[0], 0), b""
-
-    def _serve(self) -> None:
-        if self._client is None:
-            return
-        try:
-            data = self._client.recv(4096)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self._client.close()
-            self._client, self._peer = None, ("", 0)
-            return
-        self._received += data
-        while len(self._received) >= HAND_HEADER.size:
-            command, number, size = HAND_HEADER.unpack_from(self._received)
-            if len(self._received) < size:
-                return
-            payload, self._received = self._received[HAND_HEADER.size : size], self._received[size:]
-            self._answer(HandCommand(command), number, payload)
-
-    def _answer(self, command: HandCommand, number: int, payload: bytes) -> None:
+    def _answer(self, command: int, number: int, payload: bytes) -> None:
         if command == HandCommand.CONNECT:
             port = int.from_bytes(payload[2:4], "little")
             self._peer = (self._peer[0], port)
@@ -225,13 +160,5 @@ class HandDouble:
                 width, inner, outer, speed, force = HAND_GRASP.unpack(payload)
                 self._grasp = (width, inner, outer)
             self._grasped = False
-            self._move = (command, number, 0.0)
+            self._move = (HandCommand(command), number, 0.0)
             self.fingers.command(width, speed, force)
-
-    def _respond(self, command: HandCommand, number: int, payload: bytes) -> None:
-        if self._client is None:
-            return
-        with contextlib.suppress(OSError):
-            self._client.setblocking(True)
-            self._client.sendall(HAND_HEADER.pack(command, number, HAND_HEADER.size + len(payload)) + payload)
-            self._client.setblocking(False)

@@ -12,7 +12,7 @@ from typing import Any
 
 from memo_core.arm.control import ArmControl
 from memo_core.arm.simulated_link import IncludedGripper
-from memo_core.environment.simulated import generator
+from memo_core.environment.task_environment import generator
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.simulator import Simulator

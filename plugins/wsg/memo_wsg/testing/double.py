@@ -1,25 +1,19 @@
-"""A WSG gripper that is none: its binary protocol, fingers with a physics, and faults on command."""
+"""A test double of a WSG gripper: its binary protocol, simulated fingers, and faults on request."""
 
 from __future__ import annotations
 
-import contextlib
-import socket
-import threading
-import time
-from types import TracebackType
-
+from memo_core.testing.device_double import DeviceDouble
 from memo_wsg.protocol import FLOAT, FLOATS, PORT, Command, Grasping, Status, packed, unpacked
 
 _STROKE = 110.0  # mm
 _THERE = 0.2  # mm
 
 
-class WsgDouble:
-    """``thing``: width (mm) of what is between the fingers, None for nothing."""
+class WsgDouble(DeviceDouble):
+    """``thing``: width (mm) of the object between the fingers; None if there is none."""
 
     def __init__(self, address: str = "127.0.0.2", port: int = PORT, width: float = _STROKE) -> None:
-        self.address = address
-        self.port = port
+        super().__init__(address, port)
         self.width = width
         self.thing: float | None = None
         self.force_limit = 80.0
@@ -28,62 +22,15 @@ class WsgDouble:
         self._state = Grasping.IDLE
         self._goal, self._speed = width, 0.0
         self._motion: Command | None = None
-        self._client: socket.socket | None = None
-        self._running = False
-
-    def start(self) -> None:
-        self._listener = socket.create_server((self.address, self.port))
-        self._listener.setblocking(False)
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="wsg double", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """The cable is pulled: the connection ends. Idempotent."""
-        if self._running:
-            self._running = False
-            self._thread.join()
-
-    def __enter__(self) -> WsgDouble:
-        self.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stop()
 
     def fail(self, status: Status) -> None:
         """The next motions are answered with this error."""
         self._fault = status
 
-    def _run(self) -> None:
-        received, last = b"", time.monotonic()
-        while self._running:
-            with contextlib.suppress(BlockingIOError):
-                client, _ = self._listener.accept()
-                if self._client is not None:
-                    self._client.close()
-                client.setblocking(False)
-                self._client, received = client, b""
-            now = time.monotonic()
-            self._advance(now - last)
-            last = now
-            if self._client is not None:
-                with contextlib.suppress(BlockingIOError, OSError):
-                    data = self._client.recv(4096)
-                    if not data:
-                        self._client.close()
-                        self._client = None
-                    received += data
-                while (message := unpacked(received)) is not None:
-                    command, payload, received = message
-                    self._answer(command, payload)
-            time.sleep(0.002)
-        for one in (self._client, self._listener):
-            if one is not None:
-                one.close()
-        self._client = None
+    def _answer_received(self) -> None:
+        while (message := unpacked(self._received)) is not None:
+            command, payload, self._received = message
+            self._answer(command, payload)
 
     def _advance(self, seconds: float) -> None:
         way = self._speed * seconds
@@ -143,6 +90,4 @@ class WsgDouble:
         self._respond(command, Status.COMMAND_PENDING)
 
     def _respond(self, command: int, status: Status, payload: bytes = b"") -> None:
-        with contextlib.suppress(OSError):
-            if self._client is not None:
-                self._client.sendall(packed(command, int(status).to_bytes(2, "little") + payload))
+        self._send(packed(command, int(status).to_bytes(2, "little") + payload))

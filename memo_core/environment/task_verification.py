@@ -1,0 +1,77 @@
+"""Robot code without a model: ``memo exec``, and reference solutions judged by a task's own check."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+import attrs
+
+from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.interfaces.task import Outcome
+from memo_core.sandbox.execution import Execution
+from memo_core.sandbox.sandbox import Sandbox
+from memo_core.sandbox.workspace import Workspace
+
+
+@attrs.frozen
+class Verified:
+    """Outcomes on one seed: of a task's reference solution, of doing nothing, and of the plain attempt."""
+
+    task: str
+    seed: int
+    reference: Outcome
+    null: Outcome
+    error: str = ""  # how the reference solution's code ended, if it did not run to its end
+    wall_s: float = 0.0  # total: building, doing nothing, the reference solution, the plain attempt
+    sim_s: float = 0.0  # simulated, of the reference solution
+    cpu_s: float = 0.0  # processor time of the reference solution: physics, planning, monitors
+    plain: Outcome | None = None  # of the plain attempt; None if it was not run
+
+
+def run_code(
+    world: SimulatedEnvironment, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None
+) -> Execution:
+    """Run robot code in an environment, with the same workspace and stop as in a run, then let objects come to rest for
+    as long as the task's check requires. Raises ``Stopped`` for a stop after the code."""
+    execution = sandbox.run(
+        code,
+        world.control,
+        stopped=lambda: world.link.stopped,
+        workspace=Workspace.around(world.robot.reach, world.description.table_height),
+        on_print=on_print,
+        clock=world.time,
+    )
+    if not world.link.stopped:
+        world.settle(world.task.settle)
+    return execution
+
+
+def verify_task(
+    make_environment: Callable[[int], SimulatedEnvironment],
+    make_sandbox: Callable[[], Sandbox],
+    seeds: Sequence[int],
+    plain: bool = False,
+) -> Iterable[Verified]:
+    """Run the reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has
+    one, each judged by the success check. ``make_environment(seed)`` returns an unopened environment of the task."""
+    for seed in seeds:
+        started = time.monotonic()
+        with make_environment(seed) as world, make_sandbox() as sandbox:
+            start = world.checkpoint()
+            world.settle(world.task.settle)
+            null = world.check()
+            world.restore(start)
+            if not world.task.reference_solution:
+                yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
+                continue
+            begun, cpu = world.time(), time.process_time()
+            execution = run_code(world, world.task.reference_solution, sandbox)
+            cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
+            reference, tried = world.check(), None
+            if plain and world.task.plain_attempt:
+                world.restore(start)
+                run_code(world, world.task.plain_attempt, sandbox)
+                tried = world.check()
+            wall_s = time.monotonic() - started
+            yield Verified(world.task.name, seed, reference, null, execution.error, wall_s, sim_s, cpu_s, tried)

@@ -1,0 +1,139 @@
+"""A test double of a device with a TCP connection: the server thread, its client and the bytes that have arrived.
+
+Subclasses add the protocol and the physics. The real client library connects over loopback, so that a driver is tested
+down to its packets.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Self
+
+_PERIOD_S = 0.002  # between two rounds of the server thread
+
+
+class DeviceDouble(ABC):
+    """One device at ``address``. Use as a context manager, or ``start`` and ``stop``."""
+
+    keeps_first_client = False  # whether a second client is turned away; otherwise it replaces the first
+
+    def __init__(self, address: str, port: int) -> None:
+        """Touches nothing. Each double of a test needs its own loopback address, such as ``127.0.0.2``."""
+        self.address = address
+        self.port = port
+        self._client: socket.socket | None = None
+        self._received = b""  # bytes of messages that are not complete yet
+        self._running = False
+        self._thread: threading.Thread | None = None
+
+    # -- starting and stopping -----------------------------------------------------------------------------------------
+    def start(self) -> None:
+        self._listener = socket.create_server((self.address, self.port), backlog=1)
+        self._listener.setblocking(False)
+        self._last = time.monotonic()
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name=type(self).__name__, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and all connections, as if the cable was pulled. Idempotent."""
+        self._running = False
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    # -- the server thread ---------------------------------------------------------------------------------------------
+    def _run(self) -> None:
+        try:
+            while self._running:
+                self._communicate()
+                self._cycle()
+        finally:
+            self._close_sockets()
+
+    def _communicate(self) -> None:
+        self._serve()
+        self._accept()
+
+    def _cycle(self) -> None:
+        """One round of the device's clock, which is real time unless overridden."""
+        now = time.monotonic()
+        seconds, self._last = now - self._last, now
+        self._advance(seconds)
+        time.sleep(_PERIOD_S)
+
+    def _close_sockets(self) -> None:
+        for one in (self._client, self._listener):
+            if one is not None:
+                one.close()
+        self._client = None
+
+    def _accept(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            client, (host, *_) = self._listener.accept()
+            if self._client is not None and self.keeps_first_client:
+                client.close()
+                return
+            if self._client is not None:
+                self._disconnect()
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client, self._received = client, b""
+            self._connected(host)
+
+    def _serve(self) -> None:
+        if self._client is None:
+            return
+        try:
+            data = self._client.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._disconnect()
+            return
+        self._received += data
+        self._answer_received()
+
+    def _disconnect(self) -> None:
+        assert self._client is not None
+        self._client.close()
+        self._client = None
+        self._disconnected()
+
+    def _send(self, message: bytes) -> None:
+        if self._client is None:
+            return
+        with contextlib.suppress(OSError):
+            self._client.setblocking(True)
+            self._client.sendall(message)
+            self._client.setblocking(False)
+
+    # -- for subclasses ------------------------------------------------------------------------------------------------
+    @abstractmethod
+    def _answer_received(self) -> None:
+        """Answer every complete message in ``_received`` and remove it from there."""
+
+    def _advance(self, seconds: float) -> None:
+        """Let the device's mechanics move for ``seconds``."""
+
+    def _connected(self, host: str) -> None:
+        """A client at ``host`` has connected."""
+
+    def _disconnected(self) -> None:
+        """The client has closed the connection, or died."""
