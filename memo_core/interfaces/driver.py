@@ -1,26 +1,27 @@
 """What moves a described robot or gripper: a simulator or hardware.
 
-A robot plugin describes an arm; a *robot driver* makes the link that moves it; a *gripper driver* moves a gripper that
-has a connection of its own. In a config both belong to the robot: ``robot: {backend: fr3, driver: {backend: …}}``.
+A robot plugin describes an arm, a *robot driver* creates the link that moves it, and a *gripper driver* moves a gripper
+that has its own connection. In a config both belong to the robot: ``robot: {backend: fr3, driver: {backend: …}}``.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.link import Health, Link
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
 
 
 class GripperDriver(ABC):
-    """One gripper with a connection of its own. The constructor touches nothing. Widths in m, forces in N.
+    """One gripper with its own connection. The constructor touches no device. Widths in m, forces in N.
 
-    All calls return at once; ``move`` only starts a motion. The driver owns no stop: the arm's link does, and calls
-    ``stop``.
+    All calls return at once; ``move`` only starts a motion. The arm's link owns the stop switch and calls ``stop``.
     """
 
-    included: bool = False  # the robot's driver moves the gripper itself; nothing here is ever called
+    included: bool = False  # True: the robot's driver moves the gripper itself and never calls this object
 
     @abstractmethod
     def open(self, gripper: GripperDescription) -> None:
@@ -36,8 +37,8 @@ class GripperDriver(ABC):
 
     @abstractmethod
     def move(self, width: float, force: float) -> None:
-        """Start to open or close to ``width``, pressing with at most ``force``. Raises ``InvalidArgument`` outside of
-        the gripper's abilities."""
+        """Start to open or close to ``width``, pressing with at most ``force``. Raises ``InvalidArgument`` outside the
+        described range (``check_gripper_command``)."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -49,7 +50,16 @@ class GripperDriver(ABC):
 
     @abstractmethod
     def holding(self) -> bool:
-        """Whether something is between the fingers and pressed."""
+        """Whether the fingers press on an object."""
+
+
+def check_gripper_command(gripper: GripperDescription, width: float, force: float) -> None:
+    """For ``GripperDriver.move``. Raises ``InvalidArgument`` for a width (m) or force (N) outside the described
+    range."""
+    if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
+        raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
+    if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
+        raise InvalidArgument("force", f"is {force} N", f"at most {gripper.max_force} N")
 
 
 class RobotDriver(ABC):
@@ -59,7 +69,7 @@ class RobotDriver(ABC):
 
     @property
     def address(self) -> str:
-        """What tells this robot from others, such as its network address: one process at a time may move it."""
+        """Identifies this robot, for instance its network address; only one process at a time may move it."""
         return type(self).__name__
 
     @abstractmethod

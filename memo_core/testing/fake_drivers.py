@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.driver import GripperDriver, RobotDriver
+from memo_core.errors import BackendUnavailable
+from memo_core.interfaces.driver import GripperDriver, RobotDriver, check_gripper_command
 from memo_core.interfaces.link import Health, Link
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import GripperDescription, RobotDescription
@@ -39,11 +38,7 @@ class FakeGripper(GripperDriver):
         return Health(self._open, "" if self._open else "it is not open")
 
     def move(self, width: float, force: float) -> None:
-        gripper = self._gripper
-        if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
-            raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
-        if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
-            raise InvalidArgument("force", f"is {force} N", f"at most {gripper.max_force} N")
+        check_gripper_command(self._gripper, width, force)
         self.calls.append("move")
         self._from, self._goal, self._since = self.width(), width, time.monotonic()
 

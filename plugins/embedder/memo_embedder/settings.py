@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from typing import Any, Literal
+from typing import Literal
 
 import attrs
 
-from memo_core.errors import InvalidArgument
+from memo_core.config.provider_fields import api_base, api_key_env
 
 
 @attrs.frozen
@@ -24,14 +23,6 @@ class SentenceTransformersSettings:
     threads: int = attrs.field(default=1, validator=attrs.validators.ge(1), metadata={"help": "threads for one text"})
 
 
-def _variable(_: Any, __: Any, name: str) -> None:
-    if name and not re.fullmatch(r"[A-Za-z_]\w*", name):
-        # Perhaps it is the key itself: it is not repeated.
-        raise InvalidArgument(
-            "api_key_env", "not the name of an environment variable", "a name; the key belongs into that variable"
-        )
-
-
 @attrs.frozen
 class LiteLLMEmbedderSettings:
     """Embeddings of a provider, or of a server of one's own. docs/language-models.md shows some."""
@@ -42,15 +33,8 @@ class LiteLLMEmbedderSettings:
             "help": "provider/model, as litellm calls them: openai/text-embedding-3-small, ollama/nomic-embed-text"
         },
     )
-    api_base: str = attrs.field(
-        default="",
-        metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
-    )
-    api_key_env: str = attrs.field(
-        default="",
-        validator=_variable,
-        metadata={"help": "environment variable that holds the key; default: the provider's own"},
-    )
+    api_base: str = api_base()
+    api_key_env: str = api_key_env()
     dimensions: int | None = attrs.field(
         default=None,
         validator=attrs.validators.optional(attrs.validators.ge(1)),

@@ -6,14 +6,13 @@ tolerance as wide as the stroke, and a call that takes longer than its deadline 
 
 from __future__ import annotations
 
-import math
 import queue
 import threading
 import time
 from typing import Any
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.driver import GripperDriver
+from memo_core.errors import BackendUnavailable
+from memo_core.interfaces.driver import GripperDriver, check_gripper_command
 from memo_core.interfaces.link import Health
 from memo_core.robot.description import GripperDescription
 from memo_franka.faults import fault_of_error
@@ -78,11 +77,7 @@ class FrankaHand(GripperDriver):
         return Health(not self._problem, self._problem, {"width": self._width})
 
     def move(self, width: float, force: float) -> None:
-        gripper = self._gripper
-        if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
-            raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
-        if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
-            raise InvalidArgument("force", f"is {force} N", f"at most {gripper.max_force} N")
+        check_gripper_command(self._gripper, width, force)
         if self._hand is None:
             raise BackendUnavailable("gripper_driver", "franka-hand", "it is not open", "open()")
         self._stopping.clear()

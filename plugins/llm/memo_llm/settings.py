@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any, Literal
 
 import attrs
 
+from memo_core.config.provider_fields import api_base, api_key_env
 from memo_core.errors import InvalidArgument
 
 # Said elsewhere in the section, or decided by MEMO, or secret.
@@ -55,14 +55,6 @@ def _provider_and_model(_: Any, __: Any, model: str) -> None:
         )
 
 
-def _variable(_: Any, __: Any, name: str) -> None:
-    if name and not re.fullmatch(r"[A-Za-z_]\w*", name):
-        # Perhaps it is the key itself: it is not repeated.
-        raise InvalidArgument(
-            "api_key_env", "not the name of an environment variable", "a name; the key belongs into that variable"
-        )
-
-
 _not_negative = attrs.validators.optional(attrs.validators.ge(0.0))
 
 
@@ -76,15 +68,8 @@ class LiteLLMSettings:
             "help": "provider/model, as litellm calls them: gemini/gemini-3-flash-preview, openai/…, ollama_chat/…"
         },
     )
-    api_base: str = attrs.field(
-        default="",
-        metadata={"help": "address of the server, such as http://127.0.0.1:8000/v1; default: the provider's"},
-    )
-    api_key_env: str = attrs.field(
-        default="",
-        validator=_variable,
-        metadata={"help": "environment variable that holds the key; default: the provider's own"},
-    )
+    api_base: str = api_base()
+    api_key_env: str = api_key_env()
     timeout_s: float = attrs.field(
         default=120.0,
         validator=attrs.validators.gt(0.0),

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import select
 import socket
 import threading
 import time
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.driver import GripperDriver
+from memo_core.errors import BackendUnavailable
+from memo_core.interfaces.driver import GripperDriver, check_gripper_command
 from memo_core.interfaces.link import Health
 from memo_core.robot.description import GripperDescription
 from memo_wsg.protocol import FLOAT, FLOATS, Broken, Command, Grasping, Status, packed, unpacked
@@ -90,10 +89,7 @@ class WsgGripper(GripperDriver):
     # -- commands ------------------------------------------------------------------------------------------------------
     def move(self, width: float, force: float) -> None:
         gripper = self._gripper
-        if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
-            raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
-        if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
-            raise InvalidArgument("force", f"is {force} N", f"at most {gripper.max_force} N")
+        check_gripper_command(gripper, width, force)
         if self._problem:
             raise BackendUnavailable("gripper_driver", "wsg", self._problem)
         self._stopping.clear()
