@@ -15,6 +15,8 @@ import numpy as np
 
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
+from memo_core.robot.urdf import link_poses, read_urdf
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 
@@ -174,7 +176,34 @@ class RobotShape:
                 self.roles.append("arm")
         self.last_joint = last
         self.tool_in_last = self._tool_in_last()
+        self.touching_at_home: tuple[tuple[str, str], ...] = ()  # links whose contact does not count for that reason
         self.self_pairs = self._self_pairs()
+
+    def pad_span(self) -> tuple[float, float] | None:
+        """From where to where the pads' shapes reach along the tool's z (m, from the tool centre), or None without."""
+        description, corners = self.description, self.corners()
+        urdf = read_urdf(description.urdf, description.mesh_folder)
+        shut: dict[str, float] = {}
+        if description.gripper.finger_joints:
+            linkage = FingerLinkage(urdf, description.gripper)
+            shut = linkage.positions_at(linkage.driver(0.0))
+        poses = link_poses(urdf, shut)
+        tool = (poses[description.tool_link] * description.tool_offset).inverse()
+        pads = [pad for pad in description.gripper.pads if pad in corners]
+        depths = [(tool * poses[pad]).apply(corners[pad])[:, 2] for pad in pads]
+        return (float(np.min(depths)), float(np.max(depths))) if depths else None
+
+    def corners(self) -> dict[str, Array]:
+        """Link -> corners (k, 3) of its collision shapes' boxes, in the link's frame, m."""
+        found: dict[str, list[Array]] = {}
+        for link, shape in zip(self.links, self.geometry.geometryObjects, strict=True):
+            shape.geometry.computeLocalAABB()
+            box = shape.geometry.aabb_local
+            ends = np.array([box.min_, box.max_])
+            points = np.array([[ends[i >> axis & 1, axis] for axis in range(3)] for i in range(8)])
+            frame = self.kinematics.model.frames[shape.parentFrame].placement.inverse() * shape.placement
+            found.setdefault(link, []).append(points @ frame.rotation.T + frame.translation)
+        return {link: np.concatenate(points) for link, points in found.items()}
 
     def configuration(self, joints: Array, width: float) -> Array:
         """Pinocchio's configuration vector for arm joints (n,) and an opening (m)."""
@@ -216,7 +245,10 @@ class RobotShape:
         data = pin.GeometryData(probe)
         home = self.configuration(self.kinematics.home, self.description.gripper.stroke)
         pin.computeCollisions(model, self.data, probe, data, home, False)
-        return [pair for pair, result in zip(pairs, data.collisionResults, strict=True) if not result.isCollision()]
+        free = [not result.isCollision() for result in data.collisionResults]
+        touching = {(self.links[a], self.links[b]) for (a, b), apart in zip(pairs, free, strict=True) if not apart}
+        self.touching_at_home = tuple(sorted(touching))
+        return [pair for pair, apart in zip(pairs, free, strict=True) if apart]
 
     def checker(
         self,

@@ -243,7 +243,7 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
         problem = f"has one finger ({', '.join(gripper.finger_joints)}); two that move apart are known"
         raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a gripper of two fingers, or none at all")
     linkage = FingerLinkage(urdf, gripper)
-    shapes = _corners(robot)
+    shapes = RobotShape(robot, Kinematics(robot)).corners()
     hand = robot.tool_link
     shut = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(0.0)))
     open_ = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(linkage.stroke)))
@@ -291,21 +291,6 @@ _NONE: Array = np.empty((0, 3))
 def _pads_in(urdf: Urdf, hand: str, pads: Sequence[str], positions: dict[str, float]) -> list[Pose]:
     poses = link_poses(urdf, positions)
     return [poses[hand].inverse() * poses[pad] for pad in pads]
-
-
-def _corners(robot: RobotDescription) -> dict[str, Array]:
-    """Link -> corners (k, 3) of its collision shapes' boxes, in the link's frame, m. Meshes are read."""
-    kinematics = Kinematics(robot)
-    shape = RobotShape(robot, kinematics)
-    found: dict[str, list[Array]] = {}
-    for link, geometry in zip(shape.links, shape.geometry.geometryObjects, strict=True):
-        geometry.geometry.computeLocalAABB()
-        box = geometry.geometry.aabb_local
-        low, high = np.asarray(box.min_), np.asarray(box.max_)
-        points = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
-        frame = kinematics.model.frames[geometry.parentFrame].placement.inverse() * geometry.placement
-        found.setdefault(link, []).append(points @ frame.rotation.T + frame.translation)
-    return {link: np.concatenate(points) for link, points in found.items()}
 
 
 def _nearest_axis(direction: Array) -> Array:

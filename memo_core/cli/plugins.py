@@ -79,9 +79,14 @@ def check(
     registry = Registry()
     results = [result for backend in find_backends(registry, name) for result in check_backend(registry, backend)]
     broken = [result for result in results if result.outcome == "broken"]
+    causes = [*broken, *(result for result in results if result.outcome == "limited")]
     if json:
-        print_json({"name": name, "conforms": not broken, "rules": [result.as_json() for result in results]})
+        rules = [result.as_json() for result in results]
+        told = [result.why for result in causes]
+        print_json({"name": name, "conforms": not broken, "causes": told, "rules": rules})
     else:
+        for result in causes:
+            print(f"{result.backend} {result.outcome}: {result.why}")
         print_table(("backend", "rule", "outcome", "why"), [(r.backend, r.rule, r.outcome, r.why) for r in results])
     if broken:
         raise typer.Exit(1)

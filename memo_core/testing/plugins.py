@@ -11,8 +11,8 @@ import importlib
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any, Literal
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
 import attrs
 
@@ -22,10 +22,13 @@ from memo_core.config.fields import field_types
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName
 from memo_core.interfaces.backend import KINDS, Backend
 from memo_core.plugins import Registry, missing_needs
-from memo_core.testing.rules import Rules
+from memo_core.testing.rules import Limited, Rules
+
+if TYPE_CHECKING:
+    from memo_core.testing.robot_trial import RobotTrial
 
 Make = Callable[[], Any]
-Outcome = Literal["kept", "broken", "skipped"]
+Outcome = Literal["kept", "broken", "limited", "skipped"]
 
 SUITES = {kind: f"memo_core.testing.{kind}" for kind in KINDS}
 INTERFACES = {
@@ -55,7 +58,8 @@ print(*sorted(name for name in new if "site-packages" in (getattr(sys.modules.ge
 
 @attrs.frozen
 class Result:
-    """The result of one rule on one backend; ``why`` is empty if the rule holds."""
+    """The result of one rule on one backend; ``why`` is empty if the rule holds. "limited": what is declared is right,
+    but can only do a part of what tasks ask for."""
 
     backend: str
     rule: str
@@ -87,7 +91,10 @@ def check_backend(registry: Registry, backend: Backend, settings: Any = None) ->
     """Run the rules for every kind, then the suite of this one, on the backend's default settings or those given."""
     name = f"{backend.kind}/{backend.name}"
     for rule, check in GENERAL.items():
-        yield _run(name, rule, functools.partial(check, registry, backend))
+        result = _run(name, rule, functools.partial(check, registry, backend))
+        yield result
+        if rule == "factory_makes_the_kinds_interface" and result.outcome == "broken":
+            return
     missing = missing_needs(attrs.evolve(backend.needs, keys=()))
     if missing:
         yield Result(name, "conformance", "skipped", "; ".join(f"{m.what} is missing: {m.remedy}" for m in missing))
@@ -103,8 +110,80 @@ def check_backend(registry: Registry, backend: Backend, settings: Any = None) ->
         except TypeError:
             yield Result(name, "conformance", "skipped", "its settings have no defaults; check it from a test of yours")
             return
+
+    def make() -> Any:
+        return backend.factory(settings)
+
+    if backend.kind == "robot":
+        yield from check_robot(registry, name, make)
+        return
     for rule, conforms in _rules_of(suite, backend.kind).items():
-        yield _run(name, rule, functools.partial(conforms, lambda: backend.factory(settings)))
+        yield _run(name, rule, functools.partial(conforms, make))
+
+
+def check_robot(registry: Registry, name: str, make: Make) -> Iterator[Result]:
+    """The static rules for a robot, and where they hold the dynamic ones, in the default simulator and for the default
+    suite's tasks. What only follows from an earlier failure is skipped, so that what is broken is the cause."""
+    from memo_core.testing import robot, robot_motion
+
+    broken = ""
+    static = {rule: functools.partial(check, make) for rule, check in robot.RULES.items()}
+    for result in _in_turn(name, static, robot.FOLLOWS):
+        broken = broken or (result.rule if result.outcome == "broken" else "")
+        yield result
+    if broken:
+        yield Result(name, "in motion", "skipped", f"not tried: {broken} comes first")
+        return
+    try:
+        trial = trial_of(registry, make())
+    except MemoError as error:
+        yield Result(name, "in motion", "skipped", f"not tried: {error}")
+        return
+    checks = {rule: functools.partial(check, trial) for rule, check in robot_motion.RULES.items()}
+    yield from _in_turn(name, checks, robot_motion.FOLLOWS)
+
+
+def _in_turn(
+    name: str, checks: Mapping[str, Callable[[], None]], follows: Mapping[str, tuple[str, ...]]
+) -> Iterator[Result]:
+    """Run the checks, but not those that would only repeat what an earlier one has found. What fails after a limitation
+    that it may follow from counts as that."""
+    cause: dict[str, str] = {}
+    limits: set[str] = set()
+    said: dict[str, str] = {}
+    for rule, check in checks.items():
+        earlier = follows.get(rule, ())
+        before = next((cause[other] for other in earlier if other in cause), "")
+        result = Result(name, rule, "skipped", f"follows from {before}") if before else _run(name, rule, check)
+        if result.outcome in ("broken", "limited"):
+            before = next((other for other in earlier if other in limits), said.get(result.why, ""))
+            if before:
+                result = Result(name, rule, "skipped", f"follows from {before}")
+        if result.outcome == "limited":
+            limits.add(rule)
+        elif result.outcome == "broken":
+            said[result.why] = cause[rule] = rule
+        elif before:
+            cause[rule] = before
+        yield result
+
+
+def trial_of(registry: Registry, robot: Any) -> RobotTrial:
+    """The robot in the default simulator, with the default suite's tasks. Raises as ``Registry.default``, and
+    ``BackendUnavailable`` where the simulator is not installed."""
+    from memo_core.testing.robot_trial import RobotTrial
+
+    simulator = registry.default("simulator")
+    missing = missing_needs(attrs.evolve(simulator.needs, keys=(), system={}))
+    if missing:
+        remedy = "; ".join(one.remedy for one in missing)
+        raise BackendUnavailable("simulator", simulator.name, f"missing {missing[0].what}", remedy)
+    try:
+        suite = registry.default("suite")
+        tasks = tuple(suite.factory(suite.config()))
+    except MemoError:
+        tasks = ()
+    return RobotTrial(robot, lambda: simulator.factory(simulator.config()), tasks)
 
 
 def _rules_of(suite: Any, kind: str) -> dict[str, Callable[[Make], None]]:
@@ -115,7 +194,8 @@ def _run(name: str, rule: str, check: Callable[[], None]) -> Result:
     try:
         check()
     except AssertionError as error:
-        return Result(name, rule, "broken", " ".join(str(error).split()) or "the assertion says no more")
+        outcome: Outcome = "limited" if isinstance(error, Limited) else "broken"
+        return Result(name, rule, outcome, " ".join(str(error).split()) or "the assertion says no more")
     except BackendUnavailable as error:
         return Result(name, rule, "skipped", str(error))
     except Exception as error:

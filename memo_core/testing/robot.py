@@ -16,6 +16,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import Urdf, link_poses, read_urdf
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.rules import Rules
@@ -23,6 +24,14 @@ from memo_core.testing.rules import Rules
 Make = Callable[[], RobotDescription]
 RULES: Rules[Callable[[Make], None]] = Rules()
 rule = RULES.rule
+# Rules whose failure says nothing new once another one is broken.
+FOLLOWS: dict[str, tuple[str, ...]] = {
+    "home_is_within_the_limits": ("limits_are_possible",),
+    "the_gripper_opens_by_its_stroke": ("every_moving_joint_is_described",),
+    "the_tool_frame_sits_between_the_fingers": ("every_moving_joint_is_described", "the_gripper_opens_by_its_stroke"),
+    "it_may_press_with_some_force": ("the_arm_is_one_chain", "limits_are_possible", "home_is_within_the_limits"),
+    "the_reach_is_that_of_the_links": ("the_arm_is_one_chain",),
+}
 
 
 def check_robot_description(make: Make) -> None:
@@ -37,6 +46,13 @@ def check_robot_description(make: Make) -> None:
 def _read(robot: RobotDescription) -> Urdf:
     try:
         return read_urdf(robot.urdf, robot.mesh_folder)
+    except InvalidArgument as error:
+        raise AssertionError(str(error)) from error
+
+
+def _linkage(robot: RobotDescription, urdf: Urdf) -> FingerLinkage:
+    try:
+        return FingerLinkage(urdf, robot.gripper)
     except InvalidArgument as error:
         raise AssertionError(str(error)) from error
 
@@ -66,8 +82,10 @@ def every_moving_joint_is_described(make: Make) -> None:
     """No joint of the URDF moves without being an arm or finger joint of the description."""
     robot = make()
     driven = {*robot.joint_names, *robot.gripper.finger_joints}
-    loose = [joint.name for joint in _read(robot).joints if joint.kind != "fixed" and joint.name not in driven]
-    assert not loose, f"nothing drives {', '.join(loose)}"
+    loose = [joint for joint in _read(robot).joints if joint.kind != "fixed" and joint.name not in driven]
+    following = [f"{joint.name} (mimics {joint.mimic.joint})" for joint in loose if joint.mimic is not None]
+    assert not following, f"joints that mimic a finger belong in gripper.finger_joints too: {', '.join(following)}"
+    assert not loose, f"nothing drives {', '.join(joint.name for joint in loose)}"
 
 
 @rule
@@ -94,7 +112,8 @@ def limits_are_possible(make: Make) -> None:
         if math.isinf(joint.lower) or math.isinf(joint.upper):
             wanted = "state what it is to be planned within, such as -6.2832 to 6.2832"
             raise AssertionError(f"{joint.name} is continuous, its limits are {joint.lower} to {joint.upper}: {wanted}")
-        assert joint.lower < joint.upper, f"{joint.name} goes from {joint.lower} to {joint.upper}"
+        swapped = ": they are swapped" if joint.upper < joint.lower else ""
+        assert joint.lower < joint.upper, f"{joint.name}'s limits are {joint.lower} to {joint.upper}{swapped}"
         stated = urdf.joint(joint.name)
         inside = stated.lower - 1e-9 <= joint.lower and joint.upper <= stated.upper + 1e-9
         assert inside, f"{joint.name} leaves the URDF's {stated.lower} to {stated.upper}"
@@ -122,7 +141,7 @@ def what_moves_has_mass(make: Make) -> None:
     moving = {joint.child for joint in urdf.joints if joint.kind != "fixed"}
     for name in moving:
         link = urdf.links[name]
-        assert link.mass > 0, f"{name} weighs {link.mass} kg"
+        assert link.mass > 0, f"the moving link {name} weighs {link.mass} kg: its <inertial> needs a mass"
         xx, yy, zz, xy, xz, yz = link.inertia
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         assert principal[0] > 0, f"{name}: principal inertias {principal}"
@@ -137,10 +156,11 @@ def the_gripper_opens_by_its_stroke(make: Make) -> None:
     if gripper.kind == "parallel":
         urdf = _read(robot)
         assert gripper.finger_joints and gripper.pads, "a parallel gripper without fingers or pads"
-        ranges = [urdf.joint(name).upper - urdf.joint(name).lower for name in gripper.finger_joints]
-        assert abs(sum(ranges) - gripper.stroke) < 1e-6, f"ranges {ranges} m, stroke {gripper.stroke} m"
-        slides = {urdf.joint(name).kind for name in gripper.finger_joints}
-        assert slides == {"prismatic"}, f"finger joints are {slides}, slides are known"
+        linkage = _linkage(robot, urdf)
+        stated, near = gripper.stroke, 1e-6 if linkage.slides else 1e-4
+        assert abs(linkage.stroke - stated) < near, (
+            f"the fingers open by {linkage.stroke:.4f} m, stroke says {stated} m"
+        )
     assert 0 < gripper.min_force <= gripper.max_force, f"forces {gripper.min_force} to {gripper.max_force} N"
     assert gripper.speed > 0 and gripper.pad_friction > 0, "speed and friction are above 0"
 
@@ -175,18 +195,26 @@ def the_tool_frame_sits_between_the_fingers(make: Make) -> None:
     urdf = _read(robot)
     tool = _tool(robot, urdf)
     home = dict(zip(robot.joint_names, robot.home, strict=True))
-    moved = {}
-    for opened in (0.0, 0.01):
-        poses = link_poses(urdf, home | dict.fromkeys(robot.gripper.finger_joints, opened))
-        fingers = [poses[urdf.joint(name).child] for name in robot.gripper.finger_joints]
-        moved[opened] = [tool.inverse().apply(finger.position) for finger in fingers]
-    motions = [after - before for before, after in zip(moved[0.0], moved[0.01], strict=True)]
-    for motion in motions:
-        along_y = np.allclose(np.abs(motion), (0, 0.01, 0), atol=1e-6)
-        assert along_y, f"opening moves a finger by {motion} in the tool frame"
-    assert np.allclose(sum(motions), 0, atol=1e-9), "the fingers do not move apart"
-    middle = np.mean(moved[0.0], axis=0)
-    assert np.abs(middle[:2]).max() < 1e-3, f"the middle of the fingers is {middle} in the tool frame"
+    linkage = _linkage(robot, urdf)
+    carried = [urdf.joint(name).child for name in robot.gripper.finger_joints] if linkage.slides else robot.gripper.pads
+    moved = []
+    for opening in (0.0, 0.01 * len(carried)):
+        poses = link_poses(urdf, home | linkage.positions_at(linkage.driver(opening)))
+        moved.append([tool.inverse().apply(poses[link].position) for link in carried])
+    for link, before, after in zip(carried, *moved, strict=True):
+        motion = after - before
+        aside = np.array([motion[0], motion[2] if linkage.slides else 0.0])
+        along_y = np.abs(aside).max() < 1e-6 + 1e-3 * abs(motion[1]) and abs(motion[1]) > 1e-3
+        way = ", ".join(f"{1000 * value:+.1f}" for value in motion)
+        wrong = "the <axis> of its joint, or the turn of the tool frame, is wrong"
+        assert along_y, f"opening moves {link} by ({way}) mm in the tool frame, not along its y: {wrong}"
+    motions = [after - before for before, after in zip(*moved, strict=True)]
+    ways = ", ".join(f"{1000 * motion[1]:+.1f}" for motion in motions)
+    balance = abs(sum(motion[1] for motion in motions))
+    assert balance < 1e-5, f"the fingers do not move apart alike: by {ways} mm along the tool's y"
+    middle = 1000 * np.mean(moved[0], axis=0)
+    off = f"the fingers meet {middle[0]:.0f} mm along x and {middle[1]:.0f} mm along y from the tool centre"
+    assert np.abs(middle[:2]).max() < 1.0, f"{off}: tool_offset is off by that"
 
 
 @rule
@@ -197,7 +225,10 @@ def the_approach_axis_leads_out_of_the_hand(make: Make) -> None:
     home = dict(zip(robot.joint_names, robot.home, strict=True))
     wrist = link_poses(urdf, home)[urdf.joint(robot.joint_names[-1]).child]
     last = _tool(robot, urdf).inverse().apply(wrist.position)
-    assert last[2] < -0.01, f"the last joint is at {last} in the tool frame, expected it behind (z below 0)"
+    ahead = f"the last joint is {1000 * last[2]:.0f} mm ahead of the tool along its z"
+    assert last[2] < -0.01, (
+        f"{ahead}: the tool frame is upside down; its z must lead out of the hand (turn tool_offset)"
+    )
 
 
 @rule

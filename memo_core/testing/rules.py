@@ -15,3 +15,7 @@ class Rules(dict[str, Check]):
         """Decorator: register a check under its name."""
         self[check.__name__] = check
         return check
+
+
+class Limited(AssertionError):
+    """What is checked is right, but can only do a part of what tasks ask for."""

@@ -1,0 +1,224 @@
+"""The dynamic part of the conformance suite for robots: what a description does in a simulator, each failure with its
+cause. ``memo plugins check`` runs these rules where the static ones (``memo_core.testing.robot``) hold.
+
+A rule raises ``AssertionError`` with a diagnosis, or ``Limited`` where the description is right and the arm cannot do
+everything. ``FOLLOWS``: rules whose failure says nothing new once another is broken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from memo_core.robot.description import JointDescription
+from memo_core.testing.robot_trial import RobotTrial, Tracked
+from memo_core.testing.rules import Limited, Rules
+
+RULES: Rules[Callable[[RobotTrial], None]] = Rules()
+rule = RULES.rule
+FOLLOWS: dict[str, tuple[str, ...]] = {
+    "it_holds_home": ("home_is_clear",),
+    "it_follows_a_motion": ("home_is_clear", "it_holds_home"),
+    "the_hand_does_not_give_way": ("home_is_clear", "it_holds_home", "it_follows_a_motion"),
+    "it_grasps_a_cube": (
+        "home_is_clear",
+        "the_tool_centre_is_between_the_pads",
+        "it_holds_home",
+        "it_follows_a_motion",
+        "the_hand_does_not_give_way",
+        "it_reaches_in_six_dimensions",
+    ),
+    "it_reaches_what_the_tasks_grasp": ("it_reaches_in_six_dimensions",),
+}
+
+MOST_LAG = 0.12  # s; a servo that lags more has not arrived when a motion is over
+MOST_TRAILING = 0.12  # of a swing's amplitude, with the lag commanded ahead
+MOST_RIPPLE = 0.05  # rad/s at rest
+MOST_DRIFT = 0.02  # rad
+MOST_GIVING = 0.008  # m under ``PRESS``
+PRESS = 20.0  # N
+_WEAK = 0.3  # of the usual gain, from which on a servo that does not follow counts as weak
+LEAST_REACH = 0.25  # share of the sampled hand poses
+LEAST_TASKS = 0.8  # share of what the tasks grasp
+
+
+@rule
+def home_is_clear(trial: RobotTrial) -> None:
+    """At home the robot touches neither the table nor itself."""
+    tool = trial.kinematics.pose(trial.kinematics.home).position
+    where = f"the tool is at x {tool[0]:.2f}, y {tool[1]:.2f}, z {tool[2]:.2f} m"
+    hit = trial.home_hit
+    assert hit is None, f"home is not clear: {hit} ({where}; the table's top is at z 0): choose another home"
+    own = trial.shape.touching_at_home
+    pairs = ", ".join(f"{one} and {other}" for one, other in own)
+    assert not own, f"home is not clear: {pairs} touch each other: another home, slimmer shapes, or allowed_contacts"
+
+
+@rule
+def the_tool_centre_is_between_the_pads(trial: RobotTrial) -> None:
+    """The tool centre lies between the fingertips and the palm, where the pads meet what they hold."""
+    robot = trial.robot
+    span = trial.shape.pad_span()
+    if span is None:
+        return
+    low, high = span
+    if not low < 0.0 < high:
+        off, what = (-high, "beyond the fingertips") if high <= 0 else (low, "behind the pads, in the palm")
+        reach = f"the pads reach from {1000 * low:+.0f} to {1000 * high:+.0f} mm along the tool's z"
+        move = f"move tool_offset by {1000 * (high - 0.01):+.0f} mm along it"
+        raise AssertionError(f"the tool centre is {1000 * off:.0f} mm {what}: {reach}; {move}")
+    stated = robot.gripper.fingertip_reach
+    assert abs(high - stated) < 0.015, (
+        f"the fingertips extend {1000 * high:.0f} mm beyond the tool centre, gripper.fingertip_reach says "
+        f"{1000 * stated:.0f}: set it to {high:.3f}"
+    )
+
+
+@rule
+def it_holds_home(trial: RobotTrial) -> None:
+    """Left alone for a second, the arm stays at home and is still."""
+    held = trial.held
+    assert not held.problem, f"the simulator gave up at home: {held.problem}; {_hardest(trial)}"
+    worst = int(np.argmax(held.drift**2 + held.ripple**2))
+    joint = trial.robot.joints[worst]
+    if held.ripple[worst] > MOST_RIPPLE:
+        raise AssertionError(f"{joint.name} shakes at home by {held.ripple[worst]:.2g} rad/s: {_hard(trial, worst)}")
+    if abs(held.drift[worst]) > MOST_DRIFT:
+        pushed = "; ".join(f"{one} touches {other}" for one, other in held.touching[:2])
+        why = f"pushed away ({pushed})" if pushed else _weak(joint, trial.inertias[worst])
+        raise AssertionError(f"{joint.name} leaves home by {held.drift[worst]:+.3f} rad: {why}")
+
+
+@rule
+def it_follows_a_motion(trial: RobotTrial) -> None:
+    """Each joint follows a swing of 0.25 rad at half of its speed and acceleration, and rests at its end."""
+    found = [_followed(trial, number, one) for number, one in enumerate(trial.tracked)]
+    problems = [problem for problem in found if problem]
+    assert not problems, "; ".join(_grouped(problems))
+
+
+@rule
+def the_hand_does_not_give_way(trial: RobotTrial) -> None:
+    """Pressed down with 20 N at home, the hand gives way by less than 8 mm."""
+    ways = trial.compliance
+    total = PRESS * float(ways.sum())
+    worst = int(np.argmax(ways))
+    joint = trial.robot.joints[worst]
+    part = f"{100 * PRESS * ways[worst] / total:.0f} % of it there"
+    assert total < MOST_GIVING, (
+        f"{joint.name}'s servo is weak: the hand gives way by {1000 * total:.0f} mm under {PRESS:.0f} N, {part}; "
+        f"raise its kp from {joint.kp:g} to about {_usual(joint):g} Nm/rad"
+    )
+
+
+@rule
+def it_reaches_in_six_dimensions(trial: RobotTrial) -> None:
+    """Over the table in front of it the hand is put at many places in many directions."""
+    _, _, share = trial.reach_map
+    reached = float(share.mean())
+    joints = len(trial.robot.joints)
+    if joints < 6:
+        raise Limited(
+            f"it has {joints} joints: where the hand is decides which way it can point, so that of positions with an "
+            f"orientation only those that suit it are reached ({100 * reached:.0f} % of {8 * share.size} hand poses)"
+        )
+    poses = f"{100 * reached:.0f} % of {8 * share.size} hand poses within {trial.robot.reach:.2f} m are reached"
+    assert reached >= LEAST_REACH, f"only {poses}, fewer than {100 * LEAST_REACH:.0f} %: {_narrow(trial)}"
+
+
+@rule
+def it_grasps_a_cube(trial: RobotTrial) -> None:
+    """It picks a cube up from the table, from above, and holds it for a second."""
+    grasp = trial.grasp
+    size = f"a cube of {1000 * grasp.size:.0f} mm"
+    words = {"reach": f"{size} was not reached", "close": f"{size} was not gripped", "lift": f"{size} was not lifted"}
+    assert not grasp.step, f"{words[grasp.step]}: {grasp.why}"
+
+
+@rule
+def it_reaches_what_the_tasks_grasp(trial: RobotTrial) -> None:
+    """Most of what the default suite's tasks take hold of is reached, from above or from the front."""
+    tasks = trial.task_reach
+    total = sum(one.grasped for one in tasks)
+    if not total:
+        return
+    missed = [(one.task, name) for one in tasks for name in one.unreached]
+    share = 1.0 - len(missed) / total
+    if share < LEAST_TASKS:
+        some = ", ".join(f"the {name} of {task}" for task, name in missed[:3])
+        problem = f"{len(missed)} of {total} things that the {len(tasks)} tasks grasp are out of reach ({some}, …)"
+        raise Limited(
+            f"{problem}: the tasks are laid out for an arm of 0.86 m, this one reaches {trial.robot.reach:.2f} m"
+        )
+
+
+# -- diagnoses ---------------------------------------------------------------------------------------------------------
+
+
+def _followed(trial: RobotTrial, number: int, tracked: Tracked) -> tuple[str, str] | None:
+    """(the cause in words that joints share, what is particular to this joint), or None."""
+    joint, inertia = trial.robot.joints[number], float(trial.inertias[number])
+    lag = joint.kv / joint.kp
+    if tracked.problem or tracked.ripple > MOST_RIPPLE:
+        return _hard(trial, number), joint.name
+    if lag > MOST_LAG:
+        cause = f"the servo lags {1000 * lag:.0f} ms behind its target, which is kv/kp: kv = kp / 10 lags 100 ms"
+        return cause, f"{joint.name} (kv {joint.kv:g}, kp {joint.kp:g})"
+    if tracked.error <= MOST_TRAILING * tracked.amplitude:
+        return None
+    behind = f"{joint.name}, {tracked.error:.2f} rad behind in a swing of {tracked.amplitude:.2f}"
+    able = joint.effort / inertia
+    if joint.kp < _WEAK * _usual(joint):
+        return _weak(joint, inertia), behind
+    if able < joint.acceleration:
+        stated = f"{joint.effort:g} Nm on {inertia:.2g} kg m2 are {able:.1f} rad/s2, not {joint.acceleration:g}"
+        return f"the torque does not suffice for the stated acceleration: {stated}", behind
+    return "something holds it back near home", behind
+
+
+def _grouped(problems: list[tuple[str, str]]) -> list[str]:
+    """One line a cause, however many joints have it."""
+    found: dict[str, list[str]] = {}
+    for cause, joint in problems:
+        found.setdefault(cause, []).append(joint)
+    return [f"{', '.join(joints)}: {cause}" for cause, joints in found.items()]
+
+
+def _usual(joint: JointDescription) -> float:
+    return round(min(4500.0, 160 * joint.effort))
+
+
+def _weak(joint: JointDescription, inertia: float) -> str:
+    rate = math.sqrt(joint.kp / inertia) / (2 * math.pi)
+    gain = f"kp {joint.kp:g} Nm/rad on {inertia:.2g} kg m2 ({rate:.1f} Hz)"
+    return f"the servo is weak, {gain}: about {_usual(joint):g} is usual"
+
+
+def _hard(trial: RobotTrial, number: int) -> str:
+    joint, inertia = trial.robot.joints[number], float(trial.inertias[number])
+    damping = joint.kv / (2 * math.sqrt(joint.kp * inertia))
+    if joint.kp < _WEAK * _usual(joint):
+        return _weak(joint, inertia)
+    if damping < 0.3 and joint.kp <= 3 * _usual(joint):
+        return (
+            f"the servo is hardly damped, kv {joint.kv:g} for kp {joint.kp:g} ({damping:.2f} of critical): kv = kp / 10"
+        )
+    if joint.kp > 3 * _usual(joint):
+        gain = f"kp {joint.kp:g} Nm/rad with {joint.effort:g} Nm at most"
+        return f"the servo is too hard, {gain}: about {_usual(joint):g} is usual"
+    return f"the servo does not come to rest (kp {joint.kp:g}, kv {joint.kv:g}, {inertia:.2g} kg m2)"
+
+
+def _hardest(trial: RobotTrial) -> str:
+    """Of the joint whose servo is hardest for its torque."""
+    hardness = [joint.kp / joint.effort for joint in trial.robot.joints]
+    number = int(np.argmax(hardness))
+    return f"{trial.robot.joints[number].name}: {_hard(trial, number)}"
+
+
+def _narrow(trial: RobotTrial) -> str:
+    """The joint with the narrowest limits."""
+    joint = min(trial.robot.joints, key=lambda one: one.upper - one.lower)
+    return f"the narrowest limits are those of {joint.name}, {joint.lower:.2f} to {joint.upper:.2f} rad"
