@@ -173,6 +173,9 @@ class _Reading:
             except (yaml.YAMLError, ValueError) as error:
                 self._issue(node, path, f"not YAML: {getattr(error, 'problem', None) or error}")
                 return None
+            except AttributeError:  # what PyYAML raises for `!!timestamp soon`
+                self._issue(node, path, f"not YAML: it does not fit its tag {node.tag}")
+                return None
         finally:
             self._open.discard(id(node))
 

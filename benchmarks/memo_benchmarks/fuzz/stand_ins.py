@@ -6,7 +6,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from importlib.metadata import entry_points
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
@@ -69,7 +68,7 @@ def stood_in() -> Iterator[None]:
             patches.enter_context(patch.object(module, "sandbox_of", sandbox_of))
         patches.enter_context(patch.object(factories, "environment_of", environment_of))
         patches.enter_context(patch.object(Choice, "create", created))
-        patches.enter_context(patch.object(app, "entry_points", functools.cache(entry_points)))
+        patches.enter_context(patch.object(app, "installed", functools.cache(app.installed)))
         registry = Registry()
         patches.enter_context(patch.object(options, "load_registry", lambda: registry))
         try:
