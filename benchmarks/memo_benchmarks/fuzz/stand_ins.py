@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
+from memo_core.entry_points import installed
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.testing.fake_embedder import FakeEmbedder
@@ -68,7 +69,7 @@ def stood_in() -> Iterator[None]:
             patches.enter_context(patch.object(module, "sandbox_of", sandbox_of))
         patches.enter_context(patch.object(factories, "environment_of", environment_of))
         patches.enter_context(patch.object(Choice, "create", created))
-        patches.enter_context(patch.object(app, "installed", functools.cache(app.installed)))
+        patches.enter_context(patch.object(app, "installed", functools.cache(installed)))
         registry = Registry()
         patches.enter_context(patch.object(options, "load_registry", lambda: registry))
         try:
