@@ -31,11 +31,9 @@ def load(
 ) -> Experiment:
     """Read and check an experiment.
 
-    Args:
-        file: an experiment file; without one, the defaults of the installed plugins.
-        overrides: single values as after ``--set``, for instance ``"llm.backend=offline"``.
-        task: name of the task; wins over the file.
-        seed: seed of the scene and of everything drawn; wins over the file.
+    Args: file: an experiment file; without one, the defaults of the installed plugins. overrides: single values as
+    after ``--set``, for instance ``"llm.backend=offline"``. task: name of the task; takes precedence over the file.
+    seed: seed of the scene and of all random numbers; takes precedence over the file.
 
     Raises:
         ConfigErrors: with everything that is wrong, each with file, line and path.
@@ -76,7 +74,8 @@ def open_book(book: str | Path | Experiment, read_only: bool = True) -> Skillboo
 
 
 def make_environment(experiment: Experiment, task: str | None = None, seed: int | None = None) -> SimulatedEnvironment:
-    """An open environment of a task, the robot at its home posture. Use it as a context manager, or ``close`` it.
+    """An open environment of a task, with the robot in its home configuration. Use it as a context manager, or
+    ``close`` it.
 
     It has ``look``, ``step``, ``render``, ``checkpoint``, ``restore``, ``check``, and ``control`` for the skills.
 
@@ -85,9 +84,7 @@ def make_environment(experiment: Experiment, task: str | None = None, seed: int 
         task: name of the task; by default the experiment's.
         seed: of the scene; by default the experiment's.
 
-    Raises:
-        UnknownName: for a task that does not exist.
-        BackendUnavailable: where something that a backend needs is missing.
+    Raises: UnknownName: for a task that does not exist. BackendUnavailable: if a requirement of a backend is missing.
     """
     name = task or experiment.task
     if name is None:
@@ -99,5 +96,5 @@ def make_environment(experiment: Experiment, task: str | None = None, seed: int 
 
 @functools.cache
 def registry() -> Registry:
-    """The installed plugins, loaded once a process."""
+    """The installed plugins, loaded once per process."""
     return Registry()

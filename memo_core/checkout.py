@@ -1,8 +1,7 @@
 """Plugins in the source checkout that are not installed, so that an error can say what to install.
 
-A plugin of the checkout says in its ``pyproject.toml``, under ``[tool.memo]``, what it offers
-(``offers = ["robot my-arm"]``, kind and name). Only that is read: nothing is imported of a plugin that is not
-installed.
+A plugin of the checkout declares in its ``pyproject.toml``, under ``[tool.memo]``, what it offers (``offers = ["robot
+my-arm"]``, kind and name). Only that file is read; a plugin that is not installed is never imported.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import attrs
 
 @attrs.frozen
 class Uninstalled:
-    """A distribution, its folder, and the (kind, name) of the backends that it would bring."""
+    """A distribution, its folder, and the (kind, name) of the backends that it offers."""
 
     distribution: str
     folder: Path

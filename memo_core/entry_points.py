@@ -1,8 +1,8 @@
 """The entry points of installed distributions, one distribution at a time: damaged metadata is that distribution's
 problem only.
 
-``importlib.metadata.entry_points`` gives up on all distributions where one has an ``entry_points.txt`` that it cannot
-read. This module imports nothing beyond the standard library, since ``memo --help`` waits for it.
+``importlib.metadata.entry_points`` fails for all distributions if one of them has an unreadable ``entry_points.txt``.
+This module imports nothing beyond the standard library, since ``memo --help`` waits for it.
 """
 
 from __future__ import annotations
@@ -56,6 +56,6 @@ def summary_of(point: EntryPoint) -> str:
 
 
 def _folder(dist: Distribution) -> str:
-    """What a distribution with unreadable metadata can be called: the folder it is in."""
+    """A name for a distribution with unreadable metadata: the folder it is in."""
     path = getattr(dist, "_path", None)
     return str(getattr(path, "name", "") or "unknown distribution")

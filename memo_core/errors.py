@@ -1,7 +1,8 @@
-"""Errors that MEMO raises on purpose: one base class, structured fields, one line a user can act on.
+"""Errors that MEMO raises deliberately: one base class, structured fields, and a one-line message that a user can act
+on.
 
-Subclasses carry their data as fields, so nobody has to parse a message; ``str(error)`` is the line shown to people.
-Rooms add their own subclasses next to the code that raises them; the ones below are those several rooms share.
+Subclasses carry their data as fields, so that no code has to parse a message; ``str(error)`` is the line shown to
+people. Rooms define their own subclasses next to the code that raises them; those below are shared by several rooms.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ class BackendUnavailable(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class RobotFault(MemoError):
-    """A real robot that can no longer be commanded. It ends the program and the run: no code may go on, and nothing is
-    recovered unasked. ``fault`` is a word for programs, such as ``reflex`` or ``user-stop``; ``remedy`` says what a
+    """A real robot no longer accepts commands. This ends the program and the run: no code may continue, and MEMO does
+    not recover automatically. ``fault`` is an identifier such as ``reflex`` or ``user-stop``; ``remedy`` says what a
     person has to do."""
 
     robot: str
@@ -83,7 +84,7 @@ class InvalidArgument(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class Stopped(MemoError):
-    """The latched stop was set. Never shown to model-written code: the sandbox is killed instead."""
+    """The latched stop was set. Generated code never sees this error: the sandbox is killed instead."""
 
     where: str = ""
 
@@ -95,7 +96,7 @@ class Stopped(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class SkillError(MemoError):
-    """A skill could not do what was asked. It is context for the next attempt, not the end of the run.
+    """A skill failed. The error is context for the next attempt and does not end the run.
 
     ``skill`` is the skill's name, ``problem`` one sentence with numbers and units.
     """
@@ -112,8 +113,8 @@ class MotionError(SkillError):
     """A motion that cannot be made (before anything moved) or did not arrive (``reached`` says by how much).
 
     ``cause`` is one of ``unreachable``, ``joint-limit``, ``self-collision``, ``collision``, ``workspace``,
-    ``no-branch`` (no continuous arm configuration along the path), ``not-arrived``, ``no-contact`` (nothing was felt
-    where something should have been) and ``force`` (more was felt than the arm may press with).
+    ``no-branch`` (no continuous arm configuration along the path), ``not-arrived``, ``no-contact`` (an expected contact
+    was missing) and ``force`` (the measured force exceeded the allowed one).
     """
 
     cause: str = "unreachable"

@@ -1,6 +1,5 @@
-"""What can be observed of a run: plain attrs classes, no logic.
-
-They are written to ``events.jsonl`` and sent to hooks.
+"""Everything that can be observed during a run, as plain attrs classes. Events are written to ``events.jsonl`` and sent
+to hooks.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class ModelCalled(Event):
 
 @attrs.frozen
 class EntryServed:
-    """One retrieved entry: why it was served."""
+    """One retrieved entry and the reason why it was served."""
 
     entry: int
     kind: str  # "correction", "general", "template"

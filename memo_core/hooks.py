@@ -1,9 +1,9 @@
 """All hook specifications. Plugins import ``hookimpl`` from here and are found through the entry-point group ``memo``.
 
 Registration hooks are called once, when the registry is built, and return a sequence of ``Backend`` (kind, name,
-summary, factory, config class); ``factory(settings)`` makes the backend. ``docs/plugins`` has a whole example of each.
-The event hook is called in the thread that caused the event; an implementation that raises is reported once and
-detached, never the end of a run.
+summary, factory, config class); ``factory(settings)`` makes the backend. ``docs/plugins`` has a complete example of
+each. The event hook is called in the thread that caused the event; an implementation that raises is reported once and
+detached, and the run continues.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def memo_robot_drivers() -> Iterable[Backend]:  # since 0.1
 
 @hookspec
 def memo_gripper_drivers() -> Iterable[Backend]:  # since 0.1
-    """Grippers with a connection of their own (kind ``gripper_driver``). The factory makes a ``GripperDriver``.
+    """Grippers with their own connection (kind ``gripper_driver``). The factory makes a ``GripperDriver``.
 
     ``return [Backend("gripper_driver", "patient", "a slow gripper", PatientGripper)]``
     """

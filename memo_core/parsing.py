@@ -1,4 +1,4 @@
-"""Reading files and JSON that others wrote: bounded, and ``ValueError`` is the worst that comes of what they hold."""
+"""Reading untrusted files and JSON: bounded in size, and invalid content only ever raises ``ValueError``."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def read_at_most(file: Path, most: int) -> bytes:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The value. Raises ``ValueError`` for everything that cannot be read, also what is nested too deeply for Python,
-    bytes that are no text, and numbers too long for it."""
+    """The value. Raises ``ValueError`` for everything that cannot be read, including nesting too deep for Python, bytes
+    that are not text, and numbers that are too long."""
     try:
         return json.loads(text)
     except RecursionError:
@@ -34,8 +34,8 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def read_as(cls: type[T], record: Any) -> T:
-    """An attrs class from the value of its JSON, nothing converted but whole numbers to floats. Raises ``ValueError``
-    naming what is wrong."""
+    """An attrs class from the value of its JSON. Nothing is converted except whole numbers to floats. Raises
+    ``ValueError``, which names what is wrong."""
     import cattrs
 
     try:

@@ -1,7 +1,7 @@
-"""Loading one plugin: whatever goes wrong in it becomes one line, and nothing else of MEMO notices.
+"""Loading one plugin: any failure in it becomes one line and does not affect the rest of MEMO.
 
 A plugin is broken when its entry point raises or exits, misspells a hook, or returns something that is not a usable
-descriptor. It is reported, but works, where it is slow to import or prints while it is imported.
+descriptor. A plugin that is slow to import or prints while it is imported works and is reported.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class EntryPoint(Protocol):
 
 @attrs.frozen
 class Plugin:
-    """One entry point and what became of it. ``error`` is empty for a plugin that works; ``remarks`` are what its
-    author should mend although it works, one line each."""
+    """One entry point and the result of loading it. ``error`` is empty for a plugin that works; ``remarks`` are
+    non-fatal problems for its author, one line each."""
 
     name: str
     distribution: str
@@ -112,7 +112,7 @@ def plugin_manager() -> pluggy.PluginManager:
 
 
 def one_line(error: BaseException) -> str:
-    """An error in one line of bounded length, also where it cannot be turned into text."""
+    """An error as one line of bounded length, even if its ``str`` raises."""
     try:
         said = _shortened(str(error), LONGEST_ERROR)
     except Exception:  # the plugin's own __str__
@@ -127,7 +127,7 @@ def _shortened(text: str, longest: int) -> str:
 
 @contextlib.contextmanager
 def _told_if_endless(plugin: Plugin) -> Iterator[None]:
-    """While the block runs for long, say once on the terminal what everything waits for."""
+    """If the block takes long, say once on the terminal which plugin is being waited for."""
     stderr = sys.stderr
     said = f"memo: still loading plugin {plugin.name!r} of {plugin.distribution} ({plugin.module})"
     timer = threading.Timer(STILL_LOADING_S, lambda: print(said, file=stderr, flush=True))
@@ -140,7 +140,7 @@ def _told_if_endless(plugin: Plugin) -> Iterator[None]:
 
 
 def _check_hooks(loaded: Any) -> None:
-    """Raise ``TypeError`` for a hook that does not exist, or that looks like one and lacks the marker."""
+    """Raise ``TypeError`` for a hook that does not exist, or that looks like one but lacks the marker."""
     manager = plugin_manager()
     for name in dir(loaded):
         function = inspect.getattr_static(loaded, name)

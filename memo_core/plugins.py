@@ -28,8 +28,8 @@ SLOW_LISTENER_S = 1.0  # a listener that takes longer than this over one event i
 
 @attrs.define(auto_exc=True, eq=False)
 class UnknownBackend(UnknownName):
-    """A backend nobody offers. ``broken`` are the plugins that might have offered it, had they loaded, ``absent`` those
-    that would, were they installed."""
+    """A backend that no plugin offers. ``broken``: plugins that failed to load and might have offered it; ``absent``:
+    plugins of the checkout that offer it and are not installed."""
 
     broken: tuple[Plugin, ...] = ()
     absent: tuple[Uninstalled, ...] = ()
@@ -113,7 +113,7 @@ class Registry:
 
     # -- backends ------------------------------------------------------------------------------------------------------
     def backends(self, kind: str) -> tuple[Backend, ...]:
-        """The backends of a kind that can be selected, by name. Raises ``UnknownName`` for a kind that is none."""
+        """The backends of a kind that can be selected, by name. Raises ``UnknownName`` for an unknown kind."""
         if kind not in KINDS:
             raise UnknownName("kind of backend", kind, KINDS)
         return tuple(
@@ -179,7 +179,7 @@ class Registry:
 
     @property
     def ambiguous(self) -> tuple[tuple[str, str], ...]:
-        """(kind, name) of what two plugins declare."""
+        """(kind, name) of the backends that two plugins declare."""
         return tuple(key for key, owners in sorted(self._declared.items()) if len(owners) > 1)
 
     @property
@@ -250,8 +250,8 @@ class Missing:
 
 
 def missing_needs(needs: Needs, environment: Mapping[str, str] | None = None) -> tuple[Missing, ...]:
-    """What of ``needs`` is absent here, without importing any of it. System packages cannot be looked up portably and
-    are left out."""
+    """The requirements in ``needs`` that are missing on this machine, found without importing any of them. System
+    packages cannot be looked up portably and are left out."""
     environment = os.environ if environment is None else environment
     missing = []
     for module, distribution in needs.modules.items():

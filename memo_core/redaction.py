@@ -1,7 +1,7 @@
 """Removing secrets from everything that is written, shown or stored.
 
-Secrets come from the environment only. A server may still send one back (in an error that quotes the request, say), so
-whatever comes from outside passes through a ``Redactor`` before it is kept or shown.
+Secrets come from the environment only. A server may still send one back (for instance in an error that quotes the
+request), so all text from outside passes through a ``Redactor`` before it is stored or shown.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Redactor:
         return _PASSWORD_IN_URL.sub("[password]", text) if "://" in text else text
 
     def pieces(self, receive: Callable[[str], None]) -> PieceRedactor:
-        """For streamed text, whose pieces may end within a secret."""
+        """For streamed text, where a secret may be split over two pieces."""
         return PieceRedactor(self, receive)
 
 

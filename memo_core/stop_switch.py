@@ -1,4 +1,4 @@
-"""The stop switch of a run, observed by everything that takes time."""
+"""The stop switch of a run, polled by everything that takes time."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def clear_abandoned() -> None:
 
 
 def _locked(folder: Path) -> int | None:
-    """A file handle that holds the folder's lock, None where somebody else has it or the folder is not ours."""
+    """A file handle that holds the folder's lock; None if another process has it or the folder is not ours."""
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except OSError:

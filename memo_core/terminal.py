@@ -1,8 +1,8 @@
 """Printing untrusted text to a terminal: control characters are shown, never interpreted.
 
 Text of people, models, books, files and servers may hold escape sequences that clear the screen, write the clipboard or
-reorder what is read. Everything printed passes ``printable``: through ``guarded`` streams, which the command line puts
-in the place of stdout and stderr, or, where colours are wanted, through ``console``.
+reorder what is read. All output passes through ``printable``: either in ``guarded`` streams, with which the command
+line replaces stdout and stderr, or, for coloured output, in ``console``.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _OF_STYLE = re.compile("(\x1b\\[[0-9;?]*[mKAJGhl])")  # what Rich writes: colour
 
 
 def printable(text: str) -> str:
-    """``text`` with its control characters spelt out: ``\\x1b``, and ``\\u009b`` beyond ASCII. JSON stays the same
-    JSON: its own texts hold only characters of the second kind, and that is how JSON spells them."""
+    """``text`` with its control characters escaped: ``\\x1b``, and ``\\u009b`` beyond ASCII. JSON text keeps its
+    meaning, since its strings contain only characters of the second kind, which JSON escapes in the same way."""
     return _CONTROL.sub(_spelt, text)
 
 
@@ -62,7 +62,7 @@ class _Guarded:
             self._stream.flush()
 
     def styled(self, text: str) -> int:
-        """Write text of Rich, whose colours a terminal is to see."""
+        """Write Rich text whose colour codes are not escaped."""
         text = self._redact(text)
         parts = _OF_STYLE.split(text) if self._stream.isatty() else [text]
         with self._maybe_gone():
@@ -121,8 +121,8 @@ def _may_be_secret(name: str) -> bool:
 
 
 def console(**options: Any) -> Console:
-    """A Rich console that shows control characters in what it is given, and raises ``BrokenPipeError`` when nobody
-    reads it any more (Rich's own ends the process). ``options`` are those of Rich."""
+    """A Rich console that escapes control characters and raises ``BrokenPipeError`` when its reader is gone (Rich's own
+    ends the process). ``options`` are passed to Rich."""
     from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderResult
     from rich.segment import Segment
 

@@ -1,1 +1,1 @@
-"""What a backend of each kind must provide, one file a kind."""
+"""What a backend of each kind must provide, one file per kind."""

@@ -29,8 +29,8 @@ KINDS: tuple[str, ...] = get_args(Kind)
 class Needs:
     """What a backend needs beyond its distribution, for ``memo doctor`` and error messages.
 
-    ``modules``: importable modules and the distribution that brings each; ``system``: system packages, each with what
-    it is for; ``keys``: environment variables that hold secrets.
+    ``modules``: importable modules and the distribution that provides each; ``system``: system packages and their
+    purpose; ``keys``: environment variables that hold secrets.
     """
 
     modules: dict[str, str] = attrs.field(factory=dict)
@@ -40,7 +40,7 @@ class Needs:
 
 @attrs.frozen
 class NoSettings:
-    """The config class of a backend that has nothing to set."""
+    """The config class of a backend without settings."""
 
 
 @attrs.frozen
@@ -48,10 +48,10 @@ class Demo:
     """The tasks of a suite for ``memo demo``: one that is taught, and one that is never corrected and shows whether the
     lesson transfers. Both are names of the suite's tasks.
 
-    ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds what a real model said in this
-    story on ``seed``, for ``memo demo --replay``; empty where there is none. ``settings``: overrides that the story
-    needs, as after ``--set``; what the user sets wins. ``replay_suite``: the suite whose recording
-    ``memo demo --replay`` plays unless one is named; empty: this one."""
+    ``recording``: a file in the suite's package, ``PACKAGE/path/in/it``, that holds a real model's answers in this demo
+    on ``seed``, for ``memo demo --replay``; empty if there is none. ``settings``: overrides that the demo needs, as
+    after ``--set``; the user's settings take precedence. ``replay_suite``: the suite whose recording ``memo demo
+    --replay`` plays unless one is named; empty: this one."""
 
     taught: str
     transfer: str

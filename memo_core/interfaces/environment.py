@@ -22,7 +22,7 @@ class Environment(Protocol):
 
     @property
     def goal(self) -> tuple[str, ...]:
-        """What a person wants to see when the task is done (``Task.goal``); empty where nobody said."""
+        """What a person wants to see when the task is done (``Task.goal``); empty if not stated."""
 
     @property
     def robot(self) -> RobotDescription: ...
@@ -37,23 +37,23 @@ class Environment(Protocol):
         """Seconds on the robot's clock."""
 
     def look(self) -> SceneGraph:
-        """A fresh look, which is also what the skills see from now on."""
+        """Take a new look with the robot's perception. Skills use its result from now on."""
 
     def settle(self, seconds: float) -> None:
-        """Let things come to rest. Raises ``Stopped``."""
+        """Let objects come to rest. Raises ``Stopped``."""
 
     def checkpoint(self) -> bytes: ...
 
     def restore(self, checkpoint: bytes) -> None: ...
 
     def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:
-        """Begin to keep what a person in the room would see; ``seen``: go on after these."""
+        """Begin to record what a person in the room would see; ``seen``: continue after these sightings."""
 
     def stop_watching(self) -> tuple[Sighting, ...]:
-        """What was kept since ``start_watching``, with a last glance at this moment."""
+        """The sightings since ``start_watching``, the last one of this moment."""
 
     def sightings(self) -> tuple[Sighting, ...]:
-        """What was kept so far. Touches nothing, so that it may be asked while another thread still moves the robot."""
+        """The sightings so far. Reads only stored values, so another thread may still move the robot."""
 
     def glance(self) -> SceneGraph:
         """What a person in the room sees now."""

@@ -1,4 +1,4 @@
-"""The link between the arm and whatever moves: a simulator or hardware. Everything above it is the same code.
+"""The link between the arm and the simulator or hardware that moves. Everything above it is the same code.
 
 The link owns the latched stop: ``stop`` may be called from any thread or signal handler; from then on
 ``send`` refuses (raises ``Stopped``) until ``release``.
@@ -18,7 +18,8 @@ from memo_core.scene.pose import Array
 
 @attrs.frozen
 class Health:
-    """Whether a device can be commanded now, and if not, why and what to do. ``measures`` in SI units, for logs."""
+    """Whether a device accepts commands now; if not, the reason and the remedy. ``measures`` are in SI units, for
+    logs."""
 
     ready: bool
     problem: str = ""
@@ -43,7 +44,7 @@ class Link(ABC):
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self) -> None:
-        """Connect. Raises ``BackendUnavailable`` with what to do about it. A simulator's link has nothing to open."""
+        """Connect. Raises ``BackendUnavailable`` with the remedy. A simulator's link has nothing to open."""
 
     def close(self) -> None:
         """Disconnect, the robot at rest. Idempotent; allowed before ``open``."""
@@ -70,8 +71,8 @@ class Link(ABC):
             raise Stopped(where)
 
     def recover(self) -> None:
-        """Take the robot out of an error, for a person who has looked; nothing moves. Allowed while closed; the link
-        stays so. Raises ``RobotFault`` where the error stays, ``BackendUnavailable`` where nothing can be done."""
+        """Clear an error of the robot, after a person has inspected it; nothing moves. Allowed while closed, and leaves
+        the link closed. Raises ``RobotFault`` if the error persists, ``BackendUnavailable`` if nothing can be done."""
         problem = "its driver cannot take it out of an error"
         raise BackendUnavailable("robot", self.description.name, problem, "see the robot's own manual")
 
@@ -91,17 +92,17 @@ class Link(ABC):
 
     @abstractmethod
     def holding(self) -> bool:
-        """Whether something is between the fingers and pressed."""
+        """Whether the fingers press on an object."""
 
     def contact_wrench(self) -> Array:
-        """Force (N) over torque (Nm) that the world, gravity on what is held included, exerts on the tool at its
-        centre, base axes, shape (6,); the arm's own weight and motion are taken off. A slowly drifting bias is
-        allowed. Raises ``BackendUnavailable`` for a robot that feels no forces."""
+        """Force (N), then torque (Nm), that the environment exerts on the tool at its centre, in base axes, shape (6,).
+        It includes the weight of a held object and excludes the arm's own weight and motion. A slowly drifting bias is
+        allowed. Raises ``BackendUnavailable`` for a robot that does not measure forces."""
         raise BackendUnavailable("robot", self.description.name, "its link feels no forces", "one that does")
 
     def check(self, skill: str, targets: Array) -> None:
-        """Raise ``MotionError`` in the name of ``skill`` before anything moves where the motion along ``targets``,
-        shape (T, n), one a control period, would be refused half-way."""
+        """Raise ``MotionError`` on behalf of ``skill``, before anything moves, if the motion along ``targets`` (shape
+        (T, n), one per control period) would be refused half-way."""
 
     @abstractmethod
     def send(self, targets: Array) -> None:

@@ -15,14 +15,14 @@ from memo_core.errors import MemoError
 
 @attrs.frozen
 class Image:
-    """A picture in a message: encoded bytes and their media type."""
+    """An image in a message: encoded bytes and their media type."""
 
     data: bytes = attrs.field(repr=False)
     media_type: str = "image/png"
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the encoded bytes, in hex: what a record calls the picture by."""
+        """SHA-256 of the encoded bytes, in hex: the name of the image in records."""
         return hashlib.sha256(self.data).hexdigest()
 
 
@@ -45,8 +45,8 @@ class Usage:
 
 @attrs.frozen
 class Request:
-    """One question. ``phase`` names the prompt it was made from (plan, code, feedback, template, cluster), for logs and
-    recordings only; backends answer from ``messages`` alone."""
+    """One question. ``phase`` names the prompt from which it was rendered (plan, code, feedback, template, cluster),
+    for logs and recordings only; backends use ``messages`` alone."""
 
     phase: str
     messages: tuple[Message, ...]
@@ -56,8 +56,8 @@ class Request:
 
     @property
     def digest(self) -> str:
-        """SHA-256 in hex of what a backend may answer from: messages with their pictures, schema, seed. Not the phase.
-        Two requests with one digest are the same question."""
+        """SHA-256 in hex of everything that a backend may use: messages with their images, schema and seed, but not the
+        phase. Two requests with the same digest are the same question."""
         messages = [[m.role, m.text, [image.digest for image in m.images]] for m in self.messages]
         asked = json.dumps([messages, self.response_schema, self.seed], sort_keys=True, ensure_ascii=False)
         return hashlib.sha256(asked.encode("utf-8", "surrogatepass")).hexdigest()
@@ -67,7 +67,7 @@ class Request:
 class Answer:
     """The text as the model wrote it, why it ended, and what it cost.
 
-    ``not_understood`` lists words of the prompt that the backend says it could not make sense of (offline backend).
+    ``not_understood`` lists words of the prompt that the backend reports as not understood (offline backend).
     """
 
     text: str
@@ -100,16 +100,16 @@ class LanguageModel(ABC):
         stream; ``cancelled`` is polled by backends that can give up early. Raises ``LanguageModelError``."""
 
     def unpriced(self) -> str:
-        """Why the cost of calls will not be known, and what would make it known; empty where it will be. Asked after
-        ``open`` by runs that have a limit in dollars."""
+        """Why the cost of calls will not be known, and the remedy; empty if it will be known. Called after ``open`` by
+        runs with a limit in dollars."""
         return ""
 
 
 @attrs.define(auto_exc=True, eq=False)
 class LanguageModelError(MemoError):
     """A language backend could not answer: ``problem`` says why, ``retryable`` whether asking again may help, and
-    ``retry_after_s`` the delay that the server asks for. ``usage`` is what the call probably cost where the question
-    was sent and the answer lost; None where nothing was spent."""
+    ``retry_after_s`` the delay that the server asks for. ``usage`` is the probable cost of a call whose question was
+    sent and whose answer was lost; None if nothing was spent."""
 
     backend: str
     problem: str

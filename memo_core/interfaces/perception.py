@@ -29,7 +29,7 @@ class PerceptionContext:
 
 
 class Perception(ABC):
-    """Looks at the scene. ``start`` binds it to a world; ids stay the same over looks."""
+    """Observes the scene. ``start`` binds it to an environment; object ids stay the same from look to look."""
 
     def open(self) -> None: ...
 
@@ -43,15 +43,15 @@ class Perception(ABC):
         """The scene graph as seen now. May take time."""
 
     def state(self) -> bytes:
-        """What must be restored with a checkpoint (random generator, memory of ids)."""
+        """State that belongs to a checkpoint (random generator, known ids)."""
         return b""
 
     def restore(self, state: bytes) -> None: ...
 
     def glance(self) -> SceneGraph:
-        """What a person beside the robot sees now, for teachers: true poses without noise or dropout where the backend
-        can say so. Nothing is remembered and no random number drawn, so that watching changes nothing. By default a
-        look whose state is put back."""
+        """What a person beside the robot sees now, for teachers: true poses without noise or dropout, if the backend
+        knows them. No state changes and no random number is drawn, so that watching has no effect. The default takes a
+        look and restores the state."""
         state = self.state()
         try:
             return self.look()

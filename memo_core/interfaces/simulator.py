@@ -1,4 +1,4 @@
-"""What a physics simulator must provide: build, step, checkpoint and restore, a joint-level link, states, pictures.
+"""What a physics simulator must provide: build, step, checkpoint and restore, a joint-level link, states, images.
 
 All poses are in the robot's base frame. One *tick* is one control period (``control_period`` seconds, at most 0.01):
 targets may change, the stop is polled and tick listeners (monitors, video) run between ticks; the simulator may take
@@ -23,7 +23,8 @@ from memo_core.scene.pose import Array, Pose
 
 @attrs.frozen
 class Contact:
-    """Two touching bodies (scene bodies by name, robot links as ``robot/LINK``), where, and the normal force (N)."""
+    """Two touching bodies (scene bodies by name, robot links as ``robot/LINK``), the contact point and the normal force
+    (N)."""
 
     first: str
     second: str
@@ -32,7 +33,7 @@ class Contact:
 
 
 class WorldState(ABC):
-    """Reading the world: what monitors and success checks get. True state, never shown to models or participants."""
+    """Read access to the true state, for monitors and success checks. Never shown to models or teachers."""
 
     @property
     @abstractmethod
@@ -60,8 +61,8 @@ class WorldState(ABC):
         """Contacts now, of one body (children included) or all."""
 
     def pressing(self, body: str) -> float:
-        """Normal force (N) with which that robot link presses on a body (children included) that presses hardest, all
-        its contacts together; 0 when none touches it."""
+        """Normal force (N) of the robot link that presses hardest on a body (children included), summed over that
+        link's contacts; 0 if no link touches it."""
         links: dict[str, float] = {}
         for contact in self.contacts(body):
             for name in (contact.first, contact.second):
@@ -113,8 +114,8 @@ class Simulator(WorldState):
 
     @abstractmethod
     def joint_torques(self) -> Array:
-        """Torques the actuators apply now (Nm), gravity compensation included, shape (n,). What they do beyond
-        carrying and moving the arm itself is what the hand feels."""
+        """Torques that the actuators apply now (Nm), gravity compensation included, shape (n,). Contact forces are
+        estimated from the part that is not needed to hold and move the arm itself."""
 
     @abstractmethod
     def joint_accelerations(self) -> Array:
@@ -126,7 +127,7 @@ class Simulator(WorldState):
 
     @abstractmethod
     def gripper_effort(self) -> float:
-        """Force with which the fingers press on what is between them (N); 0 when nothing is."""
+        """Force with which the fingers press on the object between them (N); 0 without an object."""
 
     @abstractmethod
     def command_joints(self, targets: Array) -> None:
@@ -135,7 +136,7 @@ class Simulator(WorldState):
 
     @abstractmethod
     def command_gripper(self, width: float, force: float) -> None:
-        """Opening to go to (m, 0 to close) and the force to press with at most (N), held until changed."""
+        """Target opening (m, 0 to close) and largest force (N), held until changed."""
 
     @abstractmethod
     def tick(self) -> None:
@@ -169,11 +170,12 @@ class Simulator(WorldState):
     # -- pictures ------------------------------------------------------------------------------------------------------
     @abstractmethod
     def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """RGB, uint8, shape (H, W, 3). Raises ``BackendUnavailable`` where no renderer works, naming the package."""
+        """RGB, uint8, shape (H, W, 3). Raises ``BackendUnavailable`` if no renderer works, naming the missing
+        package."""
 
     @abstractmethod
     def render_depth(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """Metres along the camera's forward axis, float32, shape (H, W); inf where nothing is."""
+        """Metres along the camera's forward axis, float32, shape (H, W); inf for the background."""
 
     @abstractmethod
     def render_segmentation(
@@ -182,7 +184,7 @@ class Simulator(WorldState):
         """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links ``robot/LINK``."""
 
     def view(self) -> None:
-        """Open an interactive window where there is a display. Raises ``BackendUnavailable`` otherwise."""
+        """Open an interactive window. Raises ``BackendUnavailable`` without a display."""
         from memo_core.errors import BackendUnavailable
 
         raise BackendUnavailable("viewer", type(self).__name__, "this simulator has no window")

@@ -13,7 +13,8 @@ from memo_core.scene.description import SceneDescription
 
 
 class Monitor(ABC):
-    """Observes every tick and keeps a state. The state is part of a checkpoint, so a retry inherits nothing."""
+    """Observes every tick and keeps a state. The state is part of a checkpoint, so a retry does not inherit what
+    happened in the attempt before."""
 
     name: str
 
@@ -26,7 +27,7 @@ class Monitor(ABC):
 
     @abstractmethod
     def memory(self) -> dict[str, Any]:
-        """JSON values that ``recall`` takes back."""
+        """The state as JSON values, for ``recall``."""
 
     @abstractmethod
     def recall(self, memory: dict[str, Any]) -> None: ...
@@ -34,7 +35,7 @@ class Monitor(ABC):
 
 @attrs.frozen
 class Outcome:
-    """The verdict of a success check: what a person would call done, and why (not). ``measures`` in SI units."""
+    """The verdict of a success check, with its reason. ``measures`` are in SI units."""
 
     success: bool
     reason: str
@@ -67,7 +68,8 @@ class Task(ABC):
         """Whether the task is done in this world state."""
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        """Whether a subtask such as ``OPEN(microwave)`` is done, for reports only; None where the task cannot say."""
+        """Whether a subtask such as ``OPEN(microwave)`` is done, for reports only; None if the task has no check for
+        it."""
         return None
 
     @property
@@ -77,6 +79,6 @@ class Task(ABC):
 
     @property
     def plain_attempt(self) -> str:
-        """For a task with a property that only a person can tell: robot code of what one would try first without
+        """For a task with a property that only a person can tell: robot code for what anybody would try first without
         knowing it. It must fail. Used by tests and ``memo tasks verify --plain`` only."""
         return ""

@@ -1,10 +1,10 @@
 """What a teacher must provide: somebody who watches and may give feedback.
 
-A teacher is asked five things: whether a subtask worked (``judge``), whether the whole task is done (``judge_task``),
-whether what was made of their words is what they meant (``read_back``), and, where they want to be asked, whether the
-planned next subtask makes sense (``judge_plan``), and with a real robot whether a program may move it (``permit``).
-Only ``judge`` has no default: whoever does not answer the others accepts what was noted, permits nothing, approves
-nothing and finds fault with nothing.
+A teacher is asked five things: whether a subtask worked (``judge``); whether the whole task is done (``judge_task``);
+whether the notes made of their words are what they meant (``read_back``); if they want to be asked, whether the planned
+next subtask makes sense (``judge_plan``); and with a real robot, whether a program may move it (``permit``). Only
+``judge`` has no default. The defaults of the others accept the notes, permit no program, and neither approve nor
+correct anything.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from memo_core.scene.graph import SceneGraph
 
 @attrs.frozen
 class Sighting:
-    """What a person in the room saw at one moment: the visible scene and the hand, no joint values, no code."""
+    """What a person in the room saw at one moment: the visible scene and the hand, but no joint values and no code."""
 
     time: float  # s
     scene: SceneGraph
@@ -27,7 +27,7 @@ class Sighting:
 
 @attrs.frozen(eq=False)
 class Episode:
-    """What a teacher is asked about: the task, the subtask, and what was seen from its start to its end."""
+    """The attempt that a teacher is asked about: the task, the subtask, and what was seen from its start to its end."""
 
     task: str  # instruction
     subtask: str  # e.g. "OPEN(microwave)"
@@ -78,8 +78,8 @@ class Program:
 class Verdict:
     """``approve``: it worked. ``correct``: ``words`` say what was wrong. ``silent``: nobody watched.
 
-    ``about_plan``: the person said explicitly that the words are about which subtasks are done, or in which order, and
-    not about how this one was done. False means unknown, too.
+    ``about_plan``: the person said explicitly that the words are about the choice or order of subtasks and not about
+    how this one was done. False also means unknown.
     """
 
     kind: Literal["approve", "correct", "silent"]
@@ -97,7 +97,7 @@ class Note:
 
 @attrs.frozen
 class Noted:
-    """What was made of somebody's words. Without ``notes`` nothing could be learnt; ``question`` may say why."""
+    """The notes made of somebody's words. Without ``notes`` nothing could be learnt; ``question`` may say why."""
 
     words: str  # verbatim
     subtask: str  # what they were said about
@@ -107,10 +107,9 @@ class Noted:
 
 @attrs.frozen
 class ReadBack:
-    """What became of a read-back.
-
-    ``accepted``: the notes stay. ``reworded``: ``words`` say it anew; they replace what was said, and what was noted of
-    it goes. ``struck``: the notes with the indices in ``struck`` go (0 is the first), all where it is empty.
+    """A person's reaction to a read-back. ``accepted``: the notes stay. ``reworded``: ``words`` replace what was said,
+    and the notes made of it are removed. ``struck``: the notes with the indices in ``struck`` are removed (0 is the
+    first), or all if it is empty.
     """
 
     kind: Literal["accepted", "reworded", "struck"]
@@ -138,48 +137,48 @@ class Teacher(ABC):
 
     def judge_task(self, episode: TaskEpisode) -> Verdict:
         """Asked when the planner says that the whole task is done. ``correct`` ("you forgot the napkin") is feedback
-        like any other. By default nobody says anything."""
+        like any other. Silent by default."""
         return Verdict("silent")
 
     def judge_plan(self, proposal: Proposal) -> Verdict:
         """Asked before a planned subtask begins. ``correct`` ("open the door first") is feedback on the plan;
-        ``approve`` and ``silent`` let the robot begin. By default nobody says anything."""
+        ``approve`` and ``silent`` let the robot begin. Silent by default."""
         return Verdict("silent")
 
     @property
     def reads_back(self) -> bool:
-        """Whether anybody is there to whom notes can be read back. Where not, ``read_back`` need not be asked and the
-        notes stay."""
+        """Whether notes can be read back to this teacher. If not, ``read_back`` is not called and the notes stay."""
         return False
 
     def read_back(self, noted: Noted) -> ReadBack:
-        """Shows what was made of somebody's words, who accept it, reword it or strike it. By default it is accepted."""
+        """Show a person the notes made of their words, to accept, reword or strike them. Accepts by default."""
         return ReadBack("accepted")
 
     @property
     def permits(self) -> bool:
-        """Whether anybody is there who reads programs before they move a real robot."""
+        """Whether this teacher reads programs before they move a real robot."""
         return False
 
     def permit(self, program: Program) -> Verdict:
-        """Asked before each program where a person at a real robot releases them: ``approve`` lets it run. ``correct``
-        ("do not come near the lamp") is feedback on it and ``silent`` gives the subtask up; neither runs it. Nobody
-        permits anything by default."""
+        """Asked before each program when a person has to release programs for a real robot. ``approve`` lets it run.
+        ``correct`` ("do not come near the lamp") is feedback on it and ``silent`` gives up the subtask; neither runs
+        it. Silent by default."""
         return Verdict("silent")
 
     def put_back(self, episode: Episode) -> bool:
-        """Asked where the robot cannot undo what it did (hardware): put things back as they were in
-        ``episode.before``. True when that was done. Nobody is there to do it by default."""
+        """Asked if the environment cannot restore the scene (hardware): put the objects back as they were in
+        ``episode.before``. Returns True when that was done. False by default."""
         return False
 
     def confirm(self, episode: Episode) -> bool:
-        """Asked where a run on hardware was cut off and what the robot did last is in doubt: True when somebody has
-        looked and the robot may go on from the scene as it is now. Nobody is there to do it by default."""
+        """Asked if a run on hardware was interrupted and it is unknown what the robot did last. Returns True when a
+        person has looked and the robot may continue from the present scene. False by default."""
         return False
 
     def state(self) -> str:
-        """What a resumed run needs to go on with the same person: a simulated one's random generator. JSON text."""
+        """State that a resumed run needs to continue with the same teacher, such as a simulated teacher's random
+        generator. JSON text."""
         return ""
 
     def restore(self, state: str) -> None:
-        """Takes back what ``state`` gave."""
+        """Restore the result of ``state``."""

@@ -1,4 +1,4 @@
-"""What a vector store must provide: the largest inner products.
+"""What a vector store must provide: search for the largest inner products.
 
 The store is derived data; the database is authoritative.
 """
@@ -22,7 +22,7 @@ class VectorStore(ABC):
 
     @abstractmethod
     def reset(self, dimension: int) -> None:
-        """Forget everything; vectors of this dimension follow."""
+        """Remove all vectors and set the dimension of those to come."""
 
     @abstractmethod
     def add(self, ids: Sequence[int], vectors: np.ndarray) -> None:
@@ -41,7 +41,7 @@ class VectorStore(ABC):
     def __len__(self) -> int: ...
 
     def ids(self) -> np.ndarray | None:
-        """All ids held (int64, in no order); None where the store cannot tell."""
+        """All stored ids (int64, in any order); None if the store cannot list them."""
         return None
 
     def generation(self) -> int | None:

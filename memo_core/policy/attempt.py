@@ -20,7 +20,7 @@ class Tried:
 
 @attrs.define
 class Attempt:
-    """The current attempt, possibly interrupted."""
+    """The current attempt, which may have been interrupted."""
 
     number: int
     scene: SceneGraph  # as the robot saw it at the start

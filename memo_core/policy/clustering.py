@@ -1,8 +1,8 @@
 """Offline clustering of what people taught: a language model proposes for each cluster, the book accepts or refuses.
 
-Each cluster commits on its own. What a model may do to one is enforced by ``memo_core.skillbook.clusters``: an answer
-that breaks it is asked for again with the reason, then the cluster stays as it was. After a stop or a crash the book is
-valid, and a second call continues where the first one ended."""
+Each cluster commits on its own. ``memo_core.skillbook.clusters`` enforces what a model may change: an invalid answer is
+asked for again with the reason, and after that the cluster stays as it was. After a stop or a crash the book is valid,
+and a second call continues where the first one ended."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ class ClusteringSettings:
 
 @attrs.frozen
 class Outcome:
-    """What became of one cluster. ``left``: no usable answer came, and it stayed as it was; ``changed``: it had changed
-    since it was read. ``proposal`` is what was or, in a dry run, would be committed; it is about ``cluster``, which is
-    what the model was shown: of words that were there several times, one."""
+    """The result for one cluster. ``left``: there was no usable answer and it stayed as it was; ``changed``: it had
+    changed since it was read. ``proposal`` is what was committed, or in a dry run would be. It refers to ``cluster``,
+    which is what the model was shown: each distinct text once."""
 
     cluster: Cluster
     status: Status
@@ -76,7 +76,7 @@ class Outcome:
 
     @property
     def duplicates(self) -> int:
-        """Entries that were the same words as another."""
+        """Number of entries with the same text as another."""
         return self.entries_before - len(self.cluster.members)
 
     @property
@@ -101,7 +101,7 @@ class Clustering:
         emit: Callable[[Event], None] = lambda event: None,
         seed: int = 0,
     ) -> None:
-        """``model`` is the name that is kept with what it made."""
+        """``model`` is the name that is stored with its results."""
         self._book = book
         self._calls = calls
         self._model = model
@@ -115,19 +115,20 @@ class Clustering:
         return self._model
 
     def near_keys(self) -> list[NearKeys]:
-        """Keys that would be joined; none where the settings say so."""
+        """Pairs of keys that would be merged; none if the settings turn this off."""
         return self._book.near_keys() if self._settings.join_keys else []
 
     def join(self, near: NearKeys) -> None:
-        """Keep one key's entries under the other, now and from now on."""
+        """Move one key's entries under the other, and store future entries there too."""
         self._book.add_alias(near.spelling, near.key)
 
     def clusters(self, unchanged: bool = False) -> Clusters:
-        """What there is to condense; with ``unchanged`` also what was condensed and has not changed since."""
+        """The clusters to condense; with ``unchanged`` also those that have not changed since they were last
+        condensed."""
         return self._book.each_cluster(unchanged, self._limits)
 
     def condense_all(self, unchanged: bool = False) -> Iterator[Outcome]:
-        """Join near keys, then condense every cluster there is to condense. Raises as ``condense``."""
+        """Merge near-identical keys, then condense every cluster that needs it. Raises as ``condense``."""
         for near in self.near_keys():
             self.join(near)
         for cluster in self.clusters(unchanged):
@@ -176,7 +177,7 @@ class Clustering:
 
 
 def prompt_context(cluster: Cluster, book: Skillbook) -> dict[str, Any]:
-    """What the prompt of a cluster is filled with."""
+    """The values for the placeholders of a cluster's prompt."""
     own = next((n for n, t in enumerate(cluster.templates, start=1) if t.entry.key == cluster.key), 0)
     records = {version.entry.id: version for t in cluster.templates for version in book.versions(t.entry.key)}
     return {

@@ -1,7 +1,7 @@
 """Every effect of a run on its environment and every input from it, one method each, recorded in the run's log.
 
-Between these the loop only computes, so that it can be run again and answered from the log (``memo_core.runlog``). A
-new effect is a kind (one line) and a method that calls ``RunLog.effect``.
+Between effects the loop only computes, so that it can be run again with the effects answered from the log
+(``memo_core.runlog``). A new effect is a kind (one line) and a method that calls ``RunLog.effect``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from memo_core.stop_switch import Leaving
 
 @attrs.frozen(eq=False)
 class Executed:
-    """What became of code: how it ended, and how long it took: on the robot's clock, and on that on the wall (s)."""
+    """How code ended, and how long it took on the robot's clock and in wall-clock time (s)."""
 
     execution: Execution
     took_s: float
@@ -47,7 +47,7 @@ class Executed:
 
 @attrs.frozen
 class Heard:
-    """A verdict. ``feedback``: the id of the words in the book; 0 where they are not kept there."""
+    """A verdict. ``feedback``: the id of the words in the book; 0 if they are not stored there."""
 
     kind: Literal["approve", "correct", "silent"]
     words: str = ""
@@ -55,30 +55,30 @@ class Heard:
 
     @property
     def stays(self) -> bool:
-        """Whether the world stays as the attempt left it (nobody found fault with it)."""
+        """Whether the world stays as the attempt left it, because the attempt was not corrected."""
         return self.kind != "correct"
 
 
 @attrs.frozen
 class Answered:
-    """What became of a read-back. ``feedback``: the id of a rewording's words; 0 where there are none."""
+    """A reaction to a read-back. ``feedback``: the id of the words of a rewording; 0 if there are none."""
 
     answer: ReadBack
     feedback: int = 0
 
 
 class Words(Protocol):
-    """Where the words of one verdict are kept, once; the run's log refers to them by their number."""
+    """The single place where the words of one verdict are stored; the run's log refers to them by their number."""
 
     def keep(self, words: str, entry: int, state: str) -> int:
-        """Keep words that are the result of this entry of the log, with the state of the teacher after them, in one
-        transaction. On disk when this returns; their number."""
+        """Store words that are the result of this log entry, together with the teacher's state after them, in one
+        transaction. On disk when this returns. Returns their number."""
 
     def kept(self, entry: int) -> tuple[int, str, str] | None:
-        """Number, words and state of the entry, if they were kept."""
+        """Number, words and state stored for the entry, if any."""
 
     def read(self, number: int) -> str:
-        """The words. Raises ``InvalidArgument`` where they are gone."""
+        """The words. Raises ``InvalidArgument`` if they were removed."""
 
 
 class Effects:
@@ -102,7 +102,7 @@ class Effects:
 
     @property
     def exact(self) -> bool:
-        """Whether the world can be put back to the last bit."""
+        """Whether the world can be restored exactly."""
         return self._environment.link.can_restore
 
     @property
@@ -111,11 +111,11 @@ class Effects:
         return self._time
 
     def catch_up(self) -> None:
-        """Bring the world to where the run left it, also where everything was answered from the log."""
+        """Bring the world to the state in which the run left it, even if every effect was answered from the log."""
         self._log.go_live()
 
     def close(self) -> None:
-        """Wait for work that was abandoned: whoever closes the world must be the last to use it."""
+        """Wait for abandoned work, since nothing may use the world while it is being closed."""
         self._leaving.wait()
 
     # -- seeing --------------------------------------------------------------------------------------------------------
@@ -125,13 +125,13 @@ class Effects:
         self.scene = self._log.effect(kind, self._environment.instruction, lambda _: self._environment.control.scene())
 
     def look(self) -> SceneGraph:
-        """A fresh look of the robot, which is also what the skills see from now on."""
+        """Take a new look with the robot's perception. Skills use its result from now on."""
         kind: Effect[SceneGraph] = Effect("look", self._keep_look, self._read_look, world=True)
         self.scene = self._log.effect(kind, "", lambda _: self._environment.look())
         return self.scene
 
     def glance(self) -> SceneGraph:
-        """What a person in the room sees now; while the robot is still busy stopping, what was seen last."""
+        """What a person in the room sees now, or saw last while the robot is still stopping."""
         kind: Effect[SceneGraph] = Effect("glance", scene_record, scene_of)
         return self._log.effect(
             kind, "", lambda _: self._last_seen() if self._leaving.busy else self._environment.glance()
@@ -154,28 +154,29 @@ class Effects:
         return seen
 
     def _stop_watching(self) -> tuple[Sighting, ...]:
-        """Nothing is observed while another thread still moves the robot: a simulator allows one user at a time."""
+        """Nothing is observed while another thread still moves the robot, because a simulator allows one user at a
+        time."""
         return self._environment.sightings() if self._leaving.busy else self._environment.stop_watching()
 
     # -- acting --------------------------------------------------------------------------------------------------------
     def execute(self, code: str, wall_seconds: float) -> Executed:
-        """Run code in the sandbox, for ``wall_seconds`` by the clock on the wall at most. A stop is a result here:
+        """Run code in the sandbox, for at most ``wall_seconds`` of wall-clock time. A stop is a normal result here:
         ``Executed.stopped``."""
         kind: Effect[Executed] = Effect("execute", self._keep_executed, self._read_executed, outside=True, world=True)
         return self._log.effect(kind, str(len(code)), lambda _: self._execute(code, wall_seconds))
 
     def settle(self, seconds: float) -> None:
-        """Let things come to rest. Raises ``Stopped``."""
+        """Let objects come to rest. Raises ``Stopped``."""
         kind: Effect[None] = Effect("settle", self._keep_moved, self._read_moved, world=True)
         self._log.effect(kind, f"{seconds:g} s", lambda _: self._environment.settle(seconds))
 
     def checkpoint(self) -> bytes:
-        """The whole world; empty where it cannot be put back exactly."""
+        """The state of the whole world; empty if it cannot be restored exactly."""
         kind: Effect[bytes] = Effect("checkpoint", self._keep_world, self._read_world)
         return self._log.effect(kind, "", lambda _: self._environment.checkpoint()) if self.exact else b""
 
     def restore(self, checkpoint: bytes) -> None:
-        """The world as it was, to the last bit."""
+        """Restore the state of the world exactly."""
         kind: Effect[None] = Effect("restore", lambda _: {"time": self._now()}, self._read_time, outside=True)
         self._log.effect(kind, "", lambda _: self._environment.restore(checkpoint))
         self._world, self._looks = checkpoint, []
@@ -203,8 +204,8 @@ class Effects:
 
     # -- people --------------------------------------------------------------------------------------------------------
     def hear(self, episode: Episode, after_a_stop: bool, words: Words) -> Heard:
-        """What whoever watches says about an episode. What they find fault with is kept in ``words`` before anything
-        is made of it. Raises ``Stopped``."""
+        """The teacher's verdict on an episode. A correction is stored in ``words`` before it is processed. Raises
+        ``Stopped``."""
         name = "feedback after a stop" if after_a_stop else "feedback"
         teacher = self._session.teacher
         about = f"{episode.subtask}, attempt {episode.attempt}"
@@ -217,21 +218,21 @@ class Effects:
         )
 
     def judge_task(self, episode: TaskEpisode, words: Words) -> Heard:
-        """What whoever watches says about the whole task. Raises ``Stopped``."""
+        """The teacher's verdict on the whole task. Raises ``Stopped``."""
         ask = self._session.judge_task
         if ask is None:
             return Heard("silent")
         return self._heard("verdict on the task", "", lambda: ask(episode), words)
 
     def judge_plan(self, proposal: Proposal, words: Words) -> Heard:
-        """What whoever watches says about the subtask that is planned. Raises ``Stopped``."""
+        """The teacher's verdict on the planned subtask. Raises ``Stopped``."""
         ask = self._session.judge_plan
         if ask is None:
             return Heard("silent")
         return self._heard("verdict on the plan", proposal.subtask, lambda: ask(proposal), words)
 
     def permit(self, program: Program, words: Words) -> Heard:
-        """Whether a program may run: ``approve`` where nobody has to be asked. Raises ``Stopped``."""
+        """Whether a program may run; ``approve`` if no person has to be asked. Raises ``Stopped``."""
         ask = self._session.permit
         if ask is None:
             return Heard("approve")
@@ -239,8 +240,8 @@ class Effects:
         return self._heard("release of a program", about, lambda: ask(program), words)
 
     def read_back(self, noted: Noted, feedback: int, words: Words) -> Answered:
-        """What the person says to the notes made of their words (``feedback``); accepted where nobody is asked. A
-        rewording is kept in ``words``. Raises ``Stopped``."""
+        """The person's reaction to the notes made of their words (``feedback``); accepted if nobody is asked. A
+        rewording is stored in ``words``. Raises ``Stopped``."""
         put = self._session.read_back
         kind: Effect[Answered] = Effect(
             "read back", self._keep_answered, lambda record: self._read_answered(record, words), outside=True
@@ -288,7 +289,7 @@ class Effects:
         return self._log.effect(kind, about, ask, found)
 
     def _kept(self, words: Words, entry: int) -> tuple[int, str] | None:
-        """Number and words that were kept before a crash; the teacher goes on from there."""
+        """Number and words that were stored before a crash; the teacher's state is restored with them."""
         kept = words.kept(entry)
         if kept is None:
             return None
@@ -301,7 +302,7 @@ class Effects:
         return self._log.effect(Effect[bool]("ending?"), "", lambda _: self._session.ending())
 
     def release(self) -> None:
-        """After a stop was answered: let the robot move again."""
+        """Let the robot move again after a stop was answered."""
 
         def release(_: int) -> None:
             self._leaving.wait()
@@ -311,14 +312,14 @@ class Effects:
         self._log.effect(Effect[None]("release", outside=True), "", release)
 
     def put_back(self, episode: Episode) -> bool:
-        """Have whoever is there put the world back as it was in ``episode.before``; False where nobody did."""
+        """Ask the teacher to put the scene back as it was in ``episode.before``; False if that was not done."""
         kind: Effect[bool] = Effect("put back by hand", outside=True, confirms=True)
         ask = self._session.put_back
         return ask is not None and self._log.effect(kind, episode.subtask, lambda _: ask(episode))
 
     def confirm(self, episode: Episode) -> None:
-        """Have whoever is there confirm that the robot may go on from the scene as it is now. Raises
-        ``InvalidArgument`` where nobody does."""
+        """Ask the teacher to confirm that the robot may continue from the present scene. Raises ``InvalidArgument``
+        without confirmation."""
         kind: Effect[bool] = Effect("confirm the scene", outside=True, confirms=True)
         ask = self._session.confirm
         if ask is None or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
@@ -327,8 +328,8 @@ class Effects:
 
     # -- the world of a resumed run ------------------------------------------------------------------------------------
     def _catch_up(self) -> None:
-        """Bring the world to where the log ends: the newest checkpoint, and the looks since, which a simulator answers
-        as it did. Raises ``LogMismatch`` where it does not."""
+        """Bring the world to the state at the end of the log: restore the newest checkpoint and repeat the looks since.
+        Raises ``LogMismatch`` if a look shows something else than it did."""
         if self.exact:
             if self._world:
                 self._environment.restore(self._world)
@@ -358,7 +359,7 @@ class Effects:
         return look
 
     def _keep_moved(self, _: object = None) -> dict[str, Any]:
-        """The world as an effect left it; not while another thread is still at it after a stop."""
+        """Record the world as an effect left it, unless another thread is still using it after a stop."""
         record = {"time": self._now(), "seen": self._keep_seen()}
         return record | ({} if self._leaving.busy else self._keep_world())
 
@@ -394,7 +395,7 @@ class Effects:
         self._time = record["time"]
 
     def _keep_seen(self, seen: Sequence[Sighting] | None = None) -> dict[str, Any] | None:
-        """What was seen since it was kept last."""
+        """The sightings since they were last stored."""
         if self._seen is None:
             return None
         new = (self._environment.sightings() if seen is None else seen)[len(self._seen) :]

@@ -1,4 +1,5 @@
-"""Phase 3: from what a person said to notes in the book. The words are on disk before any model is asked about them."""
+"""Phase 3: turn what a person said into notes in the book. The words are on disk before any model is asked about
+them."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ NOT_NOW = (LanguageModelError, BudgetExceeded)  # a model cannot be asked; anoth
 
 
 class Ask(Protocol):
-    """Puts one phase's question, as ``memo_core.policy.model_questions.Questions.ask``."""
+    """Asks one phase's question, as ``memo_core.policy.model_questions.Questions.ask``."""
 
     def __call__(
         self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], Any], **context: Any
@@ -36,7 +37,7 @@ class Ask(Protocol):
 
 
 class Notebook(Protocol):
-    """What notes are written to: a ``Skillbook``, or one whose writes are in a run's log."""
+    """What notes are written to: a ``Skillbook``, or one whose writes go through a run's log."""
 
     def add_notes(self, feedback_id: int, notes: Sequence[Note], scene: str = "") -> tuple[Entry, ...]: ...
 
@@ -45,7 +46,7 @@ class Notebook(Protocol):
 
 @attrs.frozen
 class Earlier:
-    """A remark that was made before, and the notes made of it (each with ``key`` and ``text``)."""
+    """An earlier remark and the notes made of it (each with ``key`` and ``text``)."""
 
     words: str
     notes: Sequence[Any] = ()
@@ -53,9 +54,9 @@ class Earlier:
 
 @attrs.frozen
 class Circumstances:
-    """What a run knows of a remark beyond what the book keeps: what the code printed and how it ended, what was said of
-    the same subtask before, and the run's other subtasks. ``asked``: the question that the words answer, and the words
-    that it was asked about."""
+    """What a run knows about a remark beyond what the book stores: what the code printed and how it ended, earlier
+    remarks about the same subtask, and the run's other subtasks. ``asked``: the question that the words answer, and the
+    words that prompted the question."""
 
     printed: str = ""
     ended: str = "a person found fault with it"
@@ -66,8 +67,9 @@ class Circumstances:
 
 @attrs.frozen
 class Noted:
-    """What became of one feedback: ``learnt`` with its entries; ``set aside`` (parked) or ``pending``, and why.
-    ``question`` is what the model would have to know. ``away``: the model cannot be asked about any other either."""
+    """The result of processing one feedback: ``learnt`` with its entries, or ``set aside`` (parked) or ``pending`` with
+    the reason. ``question`` is what the model would have to know. ``away``: the model cannot be reached, so other
+    feedback cannot be processed either."""
 
     feedback: int
     outcome: Literal["learnt", "set aside", "pending"]
@@ -78,7 +80,7 @@ class Noted:
 
 
 class Noting:
-    """Has notes made of feedback and keeps them in the book."""
+    """Has a model make notes of feedback and stores them in the book."""
 
     def __init__(
         self, ask: Ask, book: Notebook, emit: Callable[[Event], None], teaching: TeachingSettings | None = None
@@ -89,8 +91,9 @@ class Noting:
         self._teaching = teaching or TeachingSettings()
 
     def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> Noted:
-        """Ask a model what can be learnt, and keep it. What cannot be read, or says that nothing can be learnt, sets
-        the feedback aside with the reason; a model that cannot be asked leaves it as it is. Raises ``Stopped``."""
+        """Ask a model what can be learnt, and store it. If the answer cannot be read, or says that nothing can be
+        learnt, the feedback is set aside with the reason; if the model cannot be asked, the feedback stays as it is.
+        Raises ``Stopped``."""
         about = circumstances or Circumstances()
         try:
             key = Key.parse(feedback.subtask)
@@ -144,7 +147,7 @@ class Noting:
 
 
 def _answered(asked: tuple[str, str], words: str) -> str:
-    """A remark with what was asked about it and answered."""
+    """A remark together with the question asked about it and its answer."""
     before, question = asked
     return f"{before.strip()}\n(asked back: {question})\n{words.strip()}" if before else words
 
@@ -152,7 +155,7 @@ def _answered(asked: tuple[str, str], words: str) -> str:
 def asking_without_a_run(
     calls: ModelCalls, prompts: Prompts, robot: RobotDescription, reasks: int, seed: int = 0
 ) -> Ask:
-    """Questions of a command that has a robot's description and no world, such as ``memo skillbook retry``."""
+    """Questions for a command that has a robot description but no environment, such as ``memo skillbook retry``."""
 
     def ask(
         phase: str, scene: SceneGraph | str | None, read: Callable[[str], Any], **context: Any
@@ -165,8 +168,8 @@ def asking_without_a_run(
 
 def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None) -> list[Noted]:
     """Process all feedback that is parked or pending again, oldest first; ``done`` is called for each when it is
-    finished. What a model cannot be asked about stays as it is; ends early when it cannot be asked at all. Raises
-    ``Stopped``."""
+    finished. Feedback about which the model cannot be asked stays as it is; ends early if the model cannot be reached
+    at all. Raises ``Stopped``."""
     results: list[Noted] = []
     for feedback in book.pending_feedback(parked=True):
         if feedback.kind != "correction":

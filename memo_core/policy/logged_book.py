@@ -1,7 +1,7 @@
 """The skillbook as a run uses it: each read and each write is an effect in the run's log.
 
 A write commits the number of its entry in the same transaction, so that after a crash the book itself says whether it
-happened. The log holds ids, never what people said or what was made of it.
+happened. The log contains ids, never what people said or what was derived from it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LoggedBook:
 
     # -- reading -------------------------------------------------------------------------------------------------------
     def pending_feedback(self) -> list[Feedback]:
-        """Feedback that nothing was made of yet, oldest first."""
+        """Feedback that was not processed yet, oldest first."""
         kind: Effect[list[Feedback]] = Effect("pending feedback", _ids, self._feedback)
         return self._log.effect(kind, "", lambda _: self._book.pending_feedback())
 
@@ -42,7 +42,7 @@ class LoggedBook:
         return self._log.effect(kind, about, lambda entry: self._write(entry, lambda _: record()), self._recorded)
 
     def add_notes(self, feedback_id: int, notes: Sequence[Note], scene: str = "") -> tuple[Entry, ...]:
-        """As ``Skillbook.add_notes``, which done twice changes nothing."""
+        """As ``Skillbook.add_notes``, which is idempotent."""
         kind: Effect[tuple[Entry, ...]] = Effect("add notes", _ids, self._entries, outside=True)
         return self._log.effect(
             kind,
@@ -51,7 +51,7 @@ class LoggedBook:
         )
 
     def read_back(self, feedback_id: int, said: Sequence[ReadBack]) -> tuple[Entry, ...]:
-        """As ``Skillbook.read_back``, which done twice changes nothing."""
+        """As ``Skillbook.read_back``, which is idempotent."""
         kind: Effect[tuple[Entry, ...]] = Effect("apply a read-back", _ids, self._entries, outside=True)
         return self._log.effect(
             kind,
@@ -60,7 +60,7 @@ class LoggedBook:
         )
 
     def add_template(self, approval: int, key: Key | str, code: str, scene: str, derived_from: Sequence[int]) -> Entry:
-        """As ``Skillbook.add_template``, which done twice changes nothing."""
+        """As ``Skillbook.add_template``, which is idempotent."""
         kind: Effect[Entry] = Effect(
             "add a template", lambda entry: [entry.id], lambda ids: self._entries(ids)[0], outside=True
         )
@@ -71,7 +71,7 @@ class LoggedBook:
         )
 
     def park(self, feedback_id: int, reason: str) -> None:
-        """As ``Skillbook.park``, which done twice changes nothing."""
+        """As ``Skillbook.park``, which is idempotent."""
         kind: Effect[None] = Effect("set feedback aside", outside=True)
         self._log.effect(
             kind,
@@ -135,7 +135,7 @@ class BookWords:
 
 
 def feedback_of(book: Skillbook, number: int) -> Feedback:
-    """Feedback that a run's log refers to. Raises ``InvalidArgument`` where it is gone."""
+    """Feedback that a run's log refers to. Raises ``InvalidArgument`` if it was removed."""
     try:
         return book.feedback(number)
     except UnknownName:
@@ -144,7 +144,7 @@ def feedback_of(book: Skillbook, number: int) -> Feedback:
 
 
 def entries_of(book: Skillbook, ids: Sequence[int]) -> tuple[Entry, ...]:
-    """Entries that a run's log refers to. Raises ``InvalidArgument`` where one is gone."""
+    """Entries that a run's log refers to. Raises ``InvalidArgument`` if one was removed."""
     try:
         return tuple(book.entry(number) for number in ids)
     except UnknownName as error:

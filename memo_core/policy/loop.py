@@ -1,10 +1,11 @@
 """The loop of the method: plan, retrieve, write code, execute, take feedback, make a template; one function each.
 
-Whatever touches the world, people, the book or a model is an effect in the run's log (``memo_core.policy.effects``), so
-a run that was cut off is this same loop run again, answered from the log until it ends.
+Everything that involves the world, people, the book or a model is an effect in the run's log
+(``memo_core.policy.effects``). An interrupted run is therefore resumed by running this same loop again, with effects
+answered from the log until it ends.
 
-Whenever somebody presses stop, the phase at hand is abandoned within milliseconds (``Stopped``), the person is asked
-what was wrong, and the loop goes on from the start of the subtask.
+When somebody presses stop, the current phase is abandoned within milliseconds (``Stopped``), the person is asked what
+was wrong, and the loop continues from the start of the subtask.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from memo_core.skills.contract import documentation
 
 @attrs.define
 class _Subtask:
-    """The subtask at hand, over all its attempts."""
+    """The current subtask, over all its attempts."""
 
     key: Key
     start: bytes  # checkpoint; empty where the world cannot be put back exactly
@@ -51,7 +52,7 @@ class _Subtask:
     approved: bytes = b""  # checkpoint of what was approved, while it is done again with merged code
 
     def judged(self) -> Judged:
-        """The attempt at hand, for whoever keeps what is said about it."""
+        """The current attempt, for storing what is said about it."""
         attempt, served = self.attempt, self.attempt.served
         worked = attempt.succeeded and attempt.whole
         return Judged(
@@ -81,7 +82,7 @@ class _Subtask:
 
     @property
     def unapproved(self) -> Status:
-        """How it ends where nobody approves."""
+        """The status of the subtask if nobody approves it."""
         return "corrected" if self.corrected else "unobserved"
 
     @property
@@ -94,7 +95,7 @@ _SUBTASK_LIMIT = "- All programs for this subtask together may take {:g} s by th
 
 @attrs.frozen
 class _Planned:
-    """What the planner says; ``key`` None: DONE."""
+    """The planner's answer; ``key`` None: DONE."""
 
     key: Key | None
 
@@ -118,7 +119,7 @@ class Loop:
         self._planning_remarks = self._planning_stops = 0
 
     def run(self) -> RunResult:
-        """Until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
+        """Run until the planner says DONE or a limit is reached. Raises ``LanguageModelError``, ``Unreadable`` (after
         having asked again) for the plan; ``Stopped`` when a person ends the run."""
         try:
             result = self._run()
@@ -160,8 +161,8 @@ class Loop:
         return self._ended(reason)
 
     def _subtask(self, at: _Subtask) -> SubtaskResult:
-        """Attempt after attempt, until somebody approves, nobody speaks up, or there were enough. Raises
-        ``LanguageModelError``; ``Stopped`` when a person ends the run."""
+        """Repeat attempts until one is approved, nobody comments, or a limit is reached. Raises ``LanguageModelError``;
+        ``Stopped`` when a person ends the run."""
         while True:
             heard: Heard | None = None
             try:
@@ -209,8 +210,8 @@ class Loop:
 
     # -- phase 1: plan -------------------------------------------------------------------------------------------------
     def _plan(self) -> _Planned:
-        """The next subtask, or that the planner says DONE. Raises ``LanguageModelError``, ``Unreadable``, ``Stopped``
-        when a person ends the run."""
+        """The next subtask, or DONE. Raises ``LanguageModelError``, ``Unreadable``, ``Stopped`` when a person ends the
+        run."""
         start = self._effects.checkpoint()
         while True:
             at = _Subtask(self._planning, start, self._effects.glance(), Attempt(1, self._effects.scene))
@@ -244,12 +245,12 @@ class Loop:
         return [PlanNote(one.entry.key.objects[0], one.text) for one in served if one.entry.id not in noted]
 
     def _open_remarks(self) -> list[Corrected]:
-        """What was said of the plan, the whole task, and of subtasks that have not been approved since."""
+        """Remarks about the plan, the whole task, and subtasks that have not been approved since."""
         last = {result.subtask: result.status for result in self._results}
         return [one for one in self._teaching.corrected() if last.get(one.subtask) != "approved"]
 
     def _plan_approved(self, key: Key) -> bool:
-        """Whether nobody who is asked about plans finds fault with this one; what they say is kept. Raises
+        """Whether the plan is not corrected by a teacher who is asked about plans; corrections are stored. Raises
         ``Stopped``."""
         if self._session.judge_plan is None:
             return True
@@ -262,7 +263,7 @@ class Loop:
         return heard.kind != "correct"
 
     def _judge_task(self) -> Heard:
-        """What whoever watches says about the whole task, now that the planner says DONE. Raises ``Stopped``."""
+        """The teacher's verdict on the whole task after the planner said DONE. Raises ``Stopped``."""
         if not self._extensions.judge_task or self._session.judge_task is None:
             return Heard("silent")
         at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
@@ -278,8 +279,8 @@ class Loop:
         return self._asked_about_the_plan(at, lambda: self._effects.judge_task(episode, self._words(at)))
 
     def _asked_about_the_plan(self, at: _Subtask, ask: Callable[[], Heard]) -> Heard:
-        """An answer about the plan or the whole task; a stop pressed meanwhile is answered first. Raises ``Stopped``
-        when the run is to end."""
+        """An answer about the plan or the whole task; a stop pressed in the meantime is handled first. Raises
+        ``Stopped`` when the run is to end."""
         try:
             heard = ask()
             if heard.kind == "correct":
@@ -303,7 +304,7 @@ class Loop:
 
     # -- phase 2: code -------------------------------------------------------------------------------------------------
     def _code(self, at: _Subtask, tried: list[Tried], repair: int) -> str:
-        """Code for the subtask. ``tried``: what was tried before and how it ended."""
+        """Write code for the subtask. ``tried``: earlier code and how it ended."""
         attempt, served = at.attempt, at.attempt.served
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
@@ -331,17 +332,17 @@ class Loop:
         return code
 
     def _retry_context(self, key: Key) -> list[Corrected]:
-        """What was said of this subtask in this run, with what it was said of."""
+        """The remarks about this subtask in this run, each with the attempt it refers to."""
         return self._teaching.corrected(key) if self._extensions.retry_context or not self._memory.any else []
 
     @property
     def _restarts(self) -> bool:
-        """Whether code that is written anew after an error begins at the subtask's start."""
+        """Whether code that is rewritten after an error begins at the subtask's start."""
         return self._settings.repairs_from == "start" and self._effects.exact
 
     def _code_and_execute(self, at: _Subtask) -> Heard | None:
-        """Write and execute, again after errors; what a person said who did not release a program. Raises ``Stopped``,
-        ``LanguageModelError``, ``Unreadable``."""
+        """Write and execute code, again after errors. Returns the words of a person who did not release a program.
+        Raises ``Stopped``, ``LanguageModelError``, ``Unreadable``."""
         tried, moved = at.attempt.tried, False
         for repair in range(self._settings.repairs + 1):
             if repair and self._restarts:
@@ -363,7 +364,7 @@ class Loop:
 
     # -- execute -------------------------------------------------------------------------------------------------------
     def _refused(self, at: _Subtask) -> Heard | None:
-        """What a person said who did not release the code; None where it may run. Raises ``Stopped``."""
+        """The words of a person who did not release the code; None if it may run. Raises ``Stopped``."""
         attempt = at.attempt
         program = Program(self._session.environment.instruction, str(at.key), attempt.number, attempt.code)
         judged = at.judged()
@@ -376,7 +377,7 @@ class Loop:
         return heard
 
     def _execute(self, at: _Subtask) -> bool:
-        """Run the code; whether anything moved. Raises ``Stopped``."""
+        """Run the code. Returns whether anything moved. Raises ``Stopped``."""
         attempt = at.attempt
         attempt.moved = True
         executed = self._effects.execute(attempt.code, self._settings.subtask_limit_s - at.busy_s)
@@ -392,7 +393,7 @@ class Loop:
 
     # -- phase 3: feedback ---------------------------------------------------------------------------------------------
     def _feedback(self, at: _Subtask, after_a_stop: bool = False) -> Heard:
-        """What whoever watches says; a correction is on disk before anything is made of it. Raises ``Stopped``."""
+        """The teacher's verdict on the attempt; a correction is on disk before it is processed. Raises ``Stopped``."""
         judged = at.judged()
         heard = self._effects.hear(self._episode(at), after_a_stop, self._teaching.words(judged))
         if heard.kind == "correct":
@@ -401,16 +402,16 @@ class Loop:
 
     # -- phase 4: template ---------------------------------------------------------------------------------------------
     def _template(self, at: _Subtask, heard: Heard) -> None:
-        """Of code that a person approved. Raises ``Stopped``."""
+        """Make a template of code that a person approved. Raises ``Stopped``."""
         judged = at.judged()
         if not judged.worked and at.attempt.succeeded and self._teaching.makes_templates and self._extensions.merge:
             judged = self._merged(at, judged)
         self._teaching.approve(judged, heard)
 
     def _merged(self, at: _Subtask, judged: Judged) -> Judged:
-        """The programs of the attempt made into one, done again from the subtask's start and approved by itself; else
-        ``judged``, with the world as it was approved. Where the world cannot be put back the program is kept and never
-        tried. Raises ``Stopped``."""
+        """Merge the programs of the attempt into one, run it again from the subtask's start, and return it if it is
+        approved; otherwise return ``judged``, with the world as it was when approved. If the world cannot be restored,
+        the merged program is stored and never run. Raises ``Stopped``."""
         attempt = at.attempt
         programs = [*attempt.tried, Tried(attempt.code, attempt.printed.rstrip("\n"), "")]
         code = self._teaching.merge(judged, programs, self._restarts)
@@ -435,7 +436,7 @@ class Loop:
     # -- what happens around the phases --------------------------------------------------------------------------------
     @contextlib.contextmanager
     def _attempt(self, at: _Subtask, merged: bool = False) -> Iterator[None]:
-        """An attempt that whoever is there watches, on the robot's clock."""
+        """Begin an attempt that the teacher watches; its time is that of the robot's clock."""
         attempt = at.attempt
         if not merged:
             self._session.emit(SubtaskStarted(str(at.key), self._number, attempt.number, attempt.take))
@@ -449,12 +450,12 @@ class Loop:
             self._count_time(attempt)
 
     def _count_time(self, attempt: Attempt) -> None:
-        """On the robot's clock, which goes back with the world."""
+        """Add up time on the robot's clock, which is reset when the world is restored."""
         self._robot_s += max(0.0, self._effects.time - attempt.began)
 
     def _answer_stop(self, at: _Subtask) -> Heard:
-        """Ask the person who pressed stop, keep what they say, and let the robot move again. A stop pressed while they
-        are asked is answered the same way. Raises ``Stopped`` when the run is to end."""
+        """Ask the person who pressed stop, store what they say, and let the robot move again. A stop pressed while they
+        are asked is handled in the same way. Raises ``Stopped`` when the run is to end."""
         while True:
             if self._effects.ending():
                 raise Stopped("ending the run")
@@ -468,8 +469,8 @@ class Loop:
             return heard
 
     def _put_back(self, at: _Subtask) -> bool:
-        """The world as it was at the subtask's start: exactly where the link can, else by whoever is there, and looked
-        at anew. False where nobody did."""
+        """Restore the world to the subtask's start: exactly if the link can, otherwise by a person and with a new look.
+        False if nobody did."""
         if self._effects.exact:
             self._effects.restore(at.start)
             return True
@@ -491,11 +492,11 @@ class Loop:
         )
 
     def _done(self) -> list[str]:
-        """What the prompts say of earlier subtasks."""
+        """What the prompts say about earlier subtasks."""
         return [done_line(result) for result in self._results]
 
     def _names(self) -> list[str]:
-        """Of the subtasks that were done and not taken back."""
+        """Names of the subtasks that were done and not undone."""
         return [result.subtask for result in self._results if not result.taken_back]
 
     def _keys(self) -> list[Key]:
@@ -503,12 +504,12 @@ class Loop:
 
     @property
     def _number(self) -> int:
-        """Of the subtask at hand; 1 is the first."""
+        """Number of the current subtask; 1 is the first."""
         return len(self._results) + 1
 
     # -- limits and the end --------------------------------------------------------------------------------------------
     def _limit(self, began: float) -> str:
-        """Why nothing more is begun; empty where something may be."""
+        """Why no further subtask may begin; empty if one may."""
         settings, last = self._settings, self._results[-1:]
         if last and last[0].problem:
             return last[0].problem
@@ -523,7 +524,7 @@ class Loop:
         return ""
 
     def _corrected_enough(self, at: _Subtask | None = None) -> bool:
-        """Whether people have found fault as often as a task may take."""
+        """Whether the task has reached its limit of corrections."""
         most = self._settings.max_feedback
         return most is not None and self._corrections + (at.corrected if at is not None else 0) >= most
 

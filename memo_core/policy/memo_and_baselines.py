@@ -7,7 +7,7 @@ import attrs
 
 @attrs.frozen
 class Memory:
-    """Which kinds of entries a language method makes and retrieves. Feedback is stored in any case."""
+    """The kinds of entries that a language method makes and retrieves. Feedback is always stored."""
 
     summary: str = ""
     corrections: bool = True

@@ -22,9 +22,8 @@ class Method(ABC):
 
     @abstractmethod
     def run(self, session: Session) -> RunResult:
-        """Do the task. Called in a worker thread; returns when the task is done or given up.
-
-        Raises ``Stopped`` only when the run is to end; anything else a person can act on as a ``MemoError``."""
+        """Do the task. Called in a worker thread; returns when the task is done or given up. Raises ``Stopped`` only
+        when the run is to end, and a ``MemoError`` for errors that a person can act on."""
 
 
 class LanguageMethod(Method):

@@ -63,7 +63,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
 
 
 def schema_of(phase: str, context: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The JSON Schema of the answer that a question asks for; None where no JSON is wanted."""
+    """The JSON Schema of the expected answer; None if the answer is not JSON."""
     if phase != "feedback":
         return SCHEMAS.get(phase)
     lists = {"corrections": _STRINGS, "general": _STRINGS}
@@ -80,7 +80,7 @@ def schema_of(phase: str, context: Mapping[str, Any]) -> dict[str, Any] | None:
 
 @attrs.frozen
 class Asked:
-    """How often a question was put and what the prompts' files are called; for events."""
+    """How often a question was asked, and the names of the prompt files; for events."""
 
     calls: int
     file: str
@@ -105,8 +105,9 @@ class Questions:
     def ask(
         self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], T], **context: Any
     ) -> tuple[T, Asked]:
-        """The answer to one phase's prompt, as ``read`` reads it. Asked again with the reason when that raises
-        ``Unreadable``, then that is raised. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
+        """The answer to one phase's prompt, parsed by ``read``. While ``read`` raises ``Unreadable`` the question is
+        asked again with the reason, at most a set number of times; then ``Unreadable`` is raised. Raises
+        ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
         session = self._session
         messages = prompting.messages(phase, session.environment.robot, scene, session.prompts, **context)
         stamp = session.prompts.stamp(phase)
@@ -124,8 +125,8 @@ def put(
     stamp: str = "",
     schema: dict[str, Any] | None = None,
 ) -> tuple[T, Asked]:
-    """Put a question, and again with the reason, at most ``reasks`` times, while ``read`` raises ``Unreadable``. Raises
-    as ``Questions.ask``."""
+    """Ask a question, and up to ``reasks`` times again with the reason while ``read`` raises ``Unreadable``. Raises as
+    ``Questions.ask``."""
     asked = 0
     while True:
         asked += 1

@@ -13,20 +13,20 @@ LONGEST = 70  # characters of the instruction that are kept
 
 
 def for_plans(task: str) -> Key:
-    """The key of what is said about the plan of a task: ``PLAN(set the table)``. Its object is the instruction, so that
-    remarks about like tasks are found by the same score as any others."""
+    """The key for remarks about the plan of a task: ``PLAN(set the table)``. Its object is the instruction, so that
+    remarks about similar tasks are found with the usual score."""
     words = " ".join(re.sub(r"[^\w\s'-]", " ", task.casefold()).split())
     return Key.make(PLANNING, words[:LONGEST].strip() or "task")
 
 
 def is_of_plans(key: Key) -> bool:
-    """Whether a key stands for plans and not for a subtask."""
+    """Whether a key belongs to plans and not to a subtask."""
     return key.action == PLANNING
 
 
 @attrs.frozen
 class PlanNote:
-    """A note as the prompt for plans shows it."""
+    """A note as shown in the planning prompt."""
 
     task: str  # the instruction it was said of
     text: str

@@ -1,8 +1,8 @@
 """Rebuilding the book of any method from the feedback in another book, in the same order.
 
-What a model made of the words when they were said is in the source book and is taken from there; a model is asked only
-about words that nothing was made of yet, and to condense. Its answers are kept in the source book, so that the same log
-makes the same book again, without asking.
+Notes that a model made of the feedback at the time are copied from the source book; a model is asked only about
+feedback without notes, and for condensing. Its answers are stored in the source book, so that rebuilding again gives
+the same book without asking.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ LEAST_ALIKE = 0.5  # share of the words that two notes have in common, of all th
 
 
 class AnswersOfBook(LanguageModel):
-    """Gives the answers that are kept in a book to the questions they were given to, and keeps new ones of ``inner``.
-    ``inner`` is opened when it is first needed."""
+    """Answers questions from the answers stored in a book, and stores new answers of ``inner``. ``inner`` is opened
+    when it is first needed."""
 
     def __init__(self, inner: LanguageModel, book: Skillbook) -> None:
         self.name = inner.name
@@ -76,7 +76,7 @@ class AnswersOfBook(LanguageModel):
 
 @attrs.define
 class Rebuilt:
-    """What came of it. ``unmatched``: read-backs of notes that the rebuilt book has none like."""
+    """The result. ``unmatched``: read-backs of notes for which the rebuilt book has no similar note."""
 
     feedback: int = 0
     entries: int = 0
@@ -91,7 +91,7 @@ class Rebuilding:
     """One book made from one log."""
 
     def __init__(self, log: RawLog, target: Skillbook, memory: Memory, method: str) -> None:
-        """``target`` is an open, empty book; its identity becomes one of the log's and the method's."""
+        """``target`` is an open, empty book; its identity is derived from the source book's and the method."""
         self._log, self._target, self._memory = log, target, memory
         self._here: dict[int, int] = {}  # feedback: number in the log -> in the target
         self.result = Rebuilt()
@@ -100,8 +100,8 @@ class Rebuilding:
         target.rename(hashlib.sha256(identity.encode()).hexdigest()[:32], last.time if last else 0.0)
 
     def replay(self, model: AnswersOfBook, noting: Noting, template_of: Callable[[Feedback], str | None]) -> None:
-        """Process all feedback again, in its order. ``template_of`` makes a template of approved code, or None. Raises
-        ``Stopped``, ``BudgetExceeded``."""
+        """Process all feedback again, in its original order. ``template_of`` makes a template of approved code, or
+        None. Raises ``Stopped``, ``BudgetExceeded``."""
         left = list(self._log.read_backs)
         for place, said in enumerate(self._log.feedback):
             following = self._log.feedback[place + 1].time if said is not self._log.feedback[-1] else math.inf
@@ -214,7 +214,7 @@ class Rebuilding:
 
 
 def _most_alike(text: str, entries: Iterable[Entry]) -> Entry | None:
-    """The entry with these words; else the one that shares most of them, if that is enough."""
+    """The entry with these words, or the one that shares most of them, if it shares enough."""
     wanted = _words(text)
     best, most = None, 0.0
     for entry in entries:

@@ -11,7 +11,8 @@ Status = Literal["approved", "corrected", "unobserved"]
 
 @attrs.frozen
 class SubtaskResult:
-    """How one subtask ended. ``code`` is the last that was tried; ``problem`` why it was given up, if it was."""
+    """How one subtask ended. ``code`` is the last program that was tried; ``problem`` says why the subtask was given
+    up, if it was."""
 
     subtask: str
     status: Status
@@ -27,7 +28,7 @@ class SubtaskResult:
 
 @attrs.frozen
 class RunResult:
-    """How a run ended. ``reason`` is one sentence; whether the task is done only the success check says."""
+    """How a run ended. ``reason`` is one sentence; only the success check decides whether the task is done."""
 
     reason: str
     finished: bool  # the planner said DONE

@@ -45,7 +45,7 @@ class Served:
 
 
 def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> Served:
-    """Entries for a subtask in a scene; nothing where there is no book. Emits ``Retrieved``. Raises ``Stopped``."""
+    """Entries for a subtask in a scene; none without a book. Emits ``Retrieved``. Raises ``Stopped``."""
     found = _found(session, memory, key, SubtaskContext.of(key, scene))
     if found is None:
         return Served()
@@ -56,7 +56,7 @@ def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> S
 
 
 def retrieve_for_plans(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> tuple[retrieval.Served, ...]:
-    """What people said about the plans of this and like tasks, best first. Emits ``Retrieved`` where there is
+    """What people said about the plans of this and similar tasks, best first. Emits ``Retrieved`` if there is
     something. Raises ``Stopped``."""
     found = _found(session, memory, key, SubtaskContext.of(key, scene))
     notes = tuple(one for one in found.served.corrections if is_of_plans(one.entry.key)) if found is not None else ()
@@ -92,8 +92,8 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
 @attrs.frozen
 class Shown:
-    """An entry as a prompt shows it. ``origin``: who said it, when compared with the others, how alike that was, and
-    whether it is only a hint."""
+    """An entry as shown in a prompt. ``origin``: who said it, when in relation to the others, how similar its key is,
+    and whether it is only a hint."""
 
     key: str
     text: str
@@ -101,8 +101,8 @@ class Shown:
 
 
 def shown(served: Sequence[retrieval.Served], teaching: TeachingSettings) -> list[Shown]:
-    """Corrections for the code prompt. What one person said under one key stands with the newest first, in the places
-    that the ranking gave these."""
+    """Corrections for the code prompt. Those of one person under one key are sorted newest first, within the positions
+    that the ranking gave them."""
     ordered = _newer_first(served) if teaching.newer_first else list(served)
     if not teaching.competing:
         return [Shown(one.key, one.text) for one in ordered]

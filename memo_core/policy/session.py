@@ -1,4 +1,4 @@
-"""What a method is given for a run. What it returns: ``memo_core.policy.results``."""
+"""The arguments of a method's run. Its results: ``memo_core.policy.results``."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from memo_core.stop_switch import StopSwitch
 
 
 class AskTeacher(Protocol):
-    """Puts an episode to whoever watches, in the thread that owns the terminal."""
+    """Asks the teacher about an episode, in the thread that owns the terminal."""
 
     def __call__(self, episode: Episode, interrupted: bool) -> Verdict: ...
 
 
 class PutBack(Protocol):
-    """Asks whoever is there to put the world back as it was in ``episode.before``; False where nobody did."""
+    """Asks the teacher to put the scene back as it was in ``episode.before``; False if that was not done."""
 
     def __call__(self, episode: Episode) -> bool: ...
 
 
 @attrs.frozen(eq=False)
 class Session:
-    """Everything of one run. ``book`` is None if nothing is stored; ``teacher`` is None if nobody watches.
-    Whatever the method does to the world, to people or to the book goes through ``log``."""
+    """Everything that belongs to one run. ``book`` is None if nothing is stored; ``teacher`` is None if nobody watches.
+    All of the method's effects on the world, people and the book go through ``log``."""
 
     run: str
     environment: Environment
@@ -69,6 +69,6 @@ class Session:
     on_text: Callable[[str, str], None] | None = None  # hears (phase, piece) while an answer is written
 
     def release(self) -> None:
-        """After a stop was answered: let the robot move again."""
+        """Let the robot move again after a stop was answered."""
         self.stop.release()
         self.environment.link.release()

@@ -1,5 +1,5 @@
-"""The sections ``run`` and ``teaching`` of an experiment: limits of the loop, what is kept of a run, and how it is
-taught."""
+"""The sections ``run`` and ``teaching`` of an experiment: limits of the loop, what is recorded, and how feedback is
+used."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class RunSettings:
 
 @attrs.frozen
 class TeachingSettings:
-    """Extensions of the paper's use of feedback: one switch each, all off in ``preset: paper``."""
+    """Extensions of the paper's method of using feedback, one switch each; ``preset: paper`` turns all of them off."""
 
     retry_context: bool = attrs.field(
         default=True,

@@ -1,1 +1,1 @@
-"""The durable log of a run: every effect before and after it happens. A run that was cut off runs again from it."""
+"""The durable log of a run: every effect before and after it happens. An interrupted run is resumed from it."""

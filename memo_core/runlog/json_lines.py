@@ -13,8 +13,8 @@ from memo_core.parsing import parse_json
 
 
 def read_lines(file: Path) -> Iterator[tuple[int, Any]]:
-    """(line number, value) of each line; None for one that is no JSON. An incomplete line of a killed process is left
-    out, wherever it is in the file. Raises ``OSError``."""
+    """(line number, value) of each line; None for a line that is not JSON. An incomplete line of a killed process is
+    skipped, wherever it is in the file. Raises ``OSError``."""
     for number, line in enumerate(file.read_bytes().split(b"\n"), 1):
         if not line:
             continue
@@ -32,12 +32,12 @@ def append_line(file: Path, value: Any) -> None:
 
 
 def make_writable(file: Path) -> None:
-    """Make an empty file where there is none. Raises ``OSError`` where none can be written."""
+    """Make an empty file if there is none. Raises ``OSError`` if none can be written."""
     _append(file, b"")
 
 
 def _append(file: Path, data: bytes) -> None:
-    """Add bytes in a line of their own. Raises ``OSError``."""
+    """Append bytes as a separate line. Raises ``OSError``."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("ab+") as lines:
         if lines.tell():

@@ -23,15 +23,15 @@ _OPTION = "--resume"
 
 @attrs.frozen(eq=False)
 class Lines:
-    """The lines of a log file, and how many bytes at its end belong to a line that was never finished."""
+    """The lines of a log file, and the number of bytes at its end that belong to an incomplete line."""
 
     records: tuple[dict[str, Any], ...]
     torn: int = 0
 
 
 def read_lines(folder: Path) -> Lines:
-    """Read a run's log. An unfinished last line is left out. Raises ``InvalidArgument``: no run, a run of a version
-    without a log or of another version of it, a damaged line."""
+    """Read a run's log. An incomplete last line is left out. Raises ``InvalidArgument`` if there is no run, its log is
+    missing or has another version, or a line is damaged."""
     file = folder / FILE
     if not folder.is_dir():
         raise InvalidArgument(_OPTION, f"{folder} is no folder", "the folder of a run, e.g. runs/…")
@@ -68,7 +68,7 @@ def _record(file: Path, number: int, line: bytes) -> dict[str, Any]:
 
 
 def damaged(file: Path, number: int, why: str) -> InvalidArgument:
-    """The error of a line that is no record of a run log."""
+    """The error for a line that is not a record of a run log."""
     return InvalidArgument(_OPTION, f"{file}, line {number} is damaged ({why})", "the file as the run wrote it")
 
 
@@ -76,7 +76,7 @@ class LogFile:
     """Appends to a run's log. Safe to use from several threads."""
 
     def __init__(self, folder: Path) -> None:
-        """Begins the file, or goes on in it; an unfinished last line is cut off (``cut``: its bytes)."""
+        """Creates the file or continues it; an incomplete last line is removed (``cut``: its number of bytes)."""
         self._lock = threading.Lock()
         self._redact = Redactor.of_environment()
         self._path = path = folder / FILE
@@ -85,8 +85,8 @@ class LogFile:
             self._file = path.open("ab")
 
     def append(self, record: dict[str, Any], sync: bool) -> None:
-        """Add one line with the time. With the operating system when this returns; ``sync``: on the disk, with all
-        lines before it. Nothing is written after ``close``."""
+        """Add one line with the time. When this returns the operating system has it; with ``sync`` it is on disk with
+        all lines before it. Nothing is written after ``close``."""
         line = self._redact(json.dumps(record | {"t": round(time.time(), 3)}, ensure_ascii=False)) + "\n"
         with self._lock:
             if self._file.closed:

@@ -1,4 +1,4 @@
-"""Reading a run log: the effects in order, and which of them answer a resumed run."""
+"""Reading a run log: the effects in order, and which of them are replayed in a resumed run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from memo_core.runlog.log_file import FILE, damaged
 
 @attrs.define(eq=False)
 class Entry:
-    """One effect. ``value`` or ``raised`` is set once it ended; ``begun`` counts how often it was begun."""
+    """One effect. ``value`` or ``raised`` is set once it has ended; ``begun`` counts how often it was begun."""
 
     number: int
     name: str
@@ -42,12 +42,12 @@ class History:
 
     @property
     def replayed(self) -> tuple[Entry, ...]:
-        """The effects that a resumed run is answered from; the last may have begun and not ended."""
+        """The effects that are replayed in a resumed run; the last one may have no end."""
         return tuple(entry for entry in self.effects if not entry.cut)
 
 
 def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
-    """The history that the lines of a log tell. Raises ``InvalidArgument`` naming a line that does not fit."""
+    """The history in the lines of a log. Raises ``InvalidArgument``, which names an inconsistent line."""
     head, effects, parts = records[0], dict[int, Entry](), list[dict[str, Any]]()
     ended, wall, first, last = "", 0.0, 0.0, 0.0
     book: tuple[int | None, float] = (None, 0.0)
@@ -100,8 +100,8 @@ def _cut(effects: Iterable[Entry], number: int) -> None:
 
 
 def _first_not_replayed(effects: list[Entry]) -> int | None:
-    """Of a run that was killed: what followed an effect that never ended, a stop that nobody had answered yet, and an
-    error that was the last thing that happened, are done anew."""
+    """For a killed run, these are repeated: effects after one that never ended, a stop that no person had answered, and
+    an error that was the last entry."""
     for index, entry in enumerate(effects):
         if not entry.ended:
             stop = unanswered_stop(effects[:index])
@@ -114,7 +114,7 @@ def _first_not_replayed(effects: list[Entry]) -> int | None:
 
 
 def unanswered_stop(effects: Sequence[Entry]) -> int | None:
-    """The first effect that was stopped after the last stop that a person answered; None where none is open."""
+    """The first effect that was stopped after the last answered stop; None if every stop was answered."""
     found = None
     for entry in effects:
         if entry.answered:

@@ -1,8 +1,8 @@
-"""The durable log of a run, through which a run does everything that is not a pure computation.
+"""The durable log of a run. Everything in a run that is not pure computation goes through it.
 
-``RunLog.effect`` writes an entry when an effect begins and an entry when it ended. A run that was cut off is resumed by
+``RunLog.effect`` writes one entry when an effect begins and one when it has ended. An interrupted run is resumed by
 running *the same code again*: every effect is answered from the log, in order, until the log ends; from then on effects
-happen. So the code of a run needs no special case for resuming (durable execution).
+take place. So the code of a run needs no special case for resuming (durable execution).
 """
 
 from __future__ import annotations
@@ -33,13 +33,11 @@ def _same(value: Any) -> Any:
 
 @attrs.frozen
 class Effect(Generic[T]):
-    """One kind of effect: its name in the log, and how its result is kept as JSON and read back.
-
-    ``outside``: it changes something outside of this process (money, motion, people, the book), so both entries are on
-    the disk before the run goes on. ``world``: it needs the world as the run left it; where that cannot be restored and
-    is not confirmed by a person, the effect is in doubt; ``confirms``: its result True is such a confirmation.
-    ``answers_stop``: a person said what a stop was about.
-    ``errors``: what it may raise that is a result like any other.
+    """One kind of effect: its name in the log, and how its result is converted to JSON and back. ``outside``: it
+    changes something outside this process (money, motion, people, the book), so both entries are flushed to disk before
+    the run continues. ``world``: it needs the world in the state in which the run left it; if that cannot be restored
+    and no person confirms it, the effect is in doubt. ``confirms``: its result True is such a confirmation.
+    ``answers_stop``: a person said why they pressed stop. ``errors``: exceptions that are logged like results.
     """
 
     name: str
@@ -54,7 +52,7 @@ class Effect(Generic[T]):
 
 @attrs.define(auto_exc=True, eq=False)
 class LogMismatch(MemoError):
-    """A resumed run wanted another effect than the one that its log has at this place."""
+    """A resumed run requested a different effect than the one in its log at this position."""
 
     log: str
     entry: int
@@ -70,7 +68,7 @@ class LogMismatch(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class InDoubt(MemoError):
-    """What an effect did to a world that cannot be restored is unknown, so it is not repeated."""
+    """It is unknown what an effect did to a world that cannot be restored, so it is not repeated."""
 
     entry: int
     effect: str
@@ -87,8 +85,8 @@ class RunLog:
     def __init__(
         self, folder: Path | None = None, history: History | None = None, seen: frozenset[str] = frozenset()
     ) -> None:
-        """``folder`` None: in memory, for work that is never resumed. ``history``: what a run that was cut off did,
-        and ``seen`` the places of the events that it sent (``place``)."""
+        """``folder`` None: in memory, for work that is never resumed. ``history``: the log of an interrupted run;
+        ``seen``: the positions of the events that it sent (``place``)."""
         self.folder = folder
         self.history = history
         self.world_known = history is None  # whether the world is as the log says it is; else a person must look
@@ -107,8 +105,8 @@ class RunLog:
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def begin(self, head: dict[str, Any], part: dict[str, Any]) -> int:
-        """Open the file and write how this part of the run begins: ``head`` once, ``part`` each time. Bytes of an
-        unfinished last line that were cut off."""
+        """Open the file and write the header lines: ``head`` once per run, ``part`` for each process. Returns the
+        number of bytes of an incomplete last line that were removed."""
         if self.folder is None:
             return 0
         self._file = LogFile(self.folder)
@@ -134,8 +132,8 @@ class RunLog:
         self._append({"ended": reason}, sync=True)
 
     def cut_off(self) -> None:
-        """The run broke off and may be resumed: the stop that nobody answered, or else the effect that failed last, is
-        then done anew."""
+        """The run was interrupted and may be resumed. The unanswered stop, or else the effect that failed last, is then
+        repeated."""
         number = unanswered_stop(self._done)
         if number is None:
             number = next((entry.number for entry in reversed(self._done) if entry.raised is not None), None)
@@ -144,7 +142,7 @@ class RunLog:
 
     @property
     def begun(self) -> bool:
-        """Whether anything was done."""
+        """Whether the log has any effect."""
         return bool(self._done or self._replay)
 
     # -- effects -------------------------------------------------------------------------------------------------------
@@ -154,11 +152,12 @@ class RunLog:
         return bool(self._replay) and self._replay[0].ended
 
     def before_live(self, action: Callable[[], None]) -> None:
-        """Do this once, right before the first effect of a resumed run that is not answered from the log."""
+        """Register a function to be called once, right before the first effect of a resumed run that is not answered
+        from the log."""
         self._before_live = action if self.history is not None else None
 
     def go_live(self) -> None:
-        """What ``before_live`` asked for, unless it was done."""
+        """Call the function registered with ``before_live``, unless it was called already."""
         action, self._before_live = self._before_live, None
         if action is not None:
             action()
@@ -170,10 +169,9 @@ class RunLog:
         do: Callable[[int], T],
         recover: Callable[[int], T | None] | None = None,
     ) -> T:
-        """``do(number of the entry)`` with an entry before and after it, or what it gave when it was done before.
-
-        ``about`` says which of its kind it is: no secrets, no words of people; a resumed run must say the same.
-        ``recover`` finds out whether an effect that began and has no end took place all the same: its result, or None.
+        """Call ``do(entry number)`` with an entry before and after it, or return the logged result. ``about``
+        identifies the effect within its kind, without secrets or words of people; it must be the same when resumed.
+        ``recover`` finds out whether an effect without an end in the log took place nevertheless: its result, or None.
         Raises ``LogMismatch``, ``InDoubt``, and what ``do`` raises.
         """
         self._thread = threading.get_ident()
@@ -245,24 +243,25 @@ class RunLog:
 
     # -- results outside of the order ----------------------------------------------------------------------------------
     def late(self, number: int, value: dict[str, Any]) -> None:
-        """What an effect that was abandoned came to after all. From any thread."""
+        """Log the late result of an effect that had been abandoned. From any thread."""
         self._append({"late": number, "value": value}, sync=True)
 
     def kept(self, about: str) -> Any:
-        """The value of a finished effect that a resumed run could not be answered with in order (it was abandoned or
-        cut), once; None where there is none."""
+        """The value of a finished effect that could not be replayed in order because it was abandoned or cut; each
+        value is returned once. None if there is none."""
         values = self._kept.get(about)
         return values.popleft() if values else None
 
     def leave_order(self) -> None:
-        """From here on nothing is answered in order any more: what is left of the log is ``kept``."""
+        """Stop replaying in order; the remaining logged values are available through ``kept``."""
         for entry in self._replay:
             _keep_answer(self._kept, entry)
         self._replay.clear()
 
     # -- files beside the log ------------------------------------------------------------------------------------------
     def write(self, name: str, text: str) -> str:
-        """A whole file in the run's folder, on disk when this returns, secrets taken out; its name ("" in memory)."""
+        """Write a complete file into the run's folder, with secrets removed; on disk when this returns. Returns its
+        name ("" in memory)."""
         if self.folder is None:
             return ""
         write_whole(self.folder / name, self._redact(text))
@@ -270,8 +269,9 @@ class RunLog:
 
     # -- events --------------------------------------------------------------------------------------------------------
     def place(self) -> str | None:
-        """Where in the run the next event belongs, so that it is sent once however often the run is resumed: after
-        which entry, and which event there. None within an effect, or from another thread; "" where it was sent."""
+        """Position of the next event in the run (the entry it follows, and its index after that entry), so that it is
+        sent once however often the run is resumed. None within an effect or from another thread; "" if it was sent
+        already."""
         if self._inside or threading.get_ident() != self._thread:
             return None
         place = f"{self._last}.{self._since}"
@@ -279,7 +279,7 @@ class RunLog:
         return "" if place in self._seen else place
 
     def note_book(self, generation: int) -> None:
-        """The skillbook's generation as the run knows it, so that a resumed run can tell what others did to it."""
+        """Log the skillbook's generation as known to the run, so that a resumed run can detect changes by others."""
         self._append({"book": generation}, sync=False)
 
     def _append(self, record: dict[str, Any], sync: bool) -> None:

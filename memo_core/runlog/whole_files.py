@@ -18,7 +18,7 @@ _UNFINISHED = ".unfinished"
 
 @attrs.define(auto_exc=True, eq=False)
 class CannotWrite(MemoError):
-    """A file that a run needs cannot be written: the disk is full, something else is in its place."""
+    """A file that a run needs cannot be written, for example because the disk is full or a folder has its name."""
 
     file: Path
     problem: str
@@ -29,7 +29,7 @@ class CannotWrite(MemoError):
 
 @contextlib.contextmanager
 def writing(file: Path) -> Iterator[None]:
-    """Raises ``CannotWrite`` for what the system says within the block."""
+    """Raise ``CannotWrite`` in place of an ``OSError`` within the block."""
     try:
         yield
     except OSError as error:
@@ -45,8 +45,8 @@ def write_whole(path: Path, content: str | bytes) -> Path:
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to write to that takes the place of ``path``, on disk, when the block ends, and is gone when the block
-    raises. Raises ``CannotWrite``."""
+    """A file to write to. It replaces ``path`` on disk when the block ends and is deleted when the block raises. Raises
+    ``CannotWrite``."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}{_UNFINISHED}")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -63,7 +63,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Remove what processes that were killed in ``write_whole`` left in ``folder`` and the folders in it; nobody may
-    be writing there."""
+    """Remove the temporary files that processes killed in ``write_whole`` left in ``folder`` and its subfolders. No
+    process may be writing there."""
     for file in folder.rglob(f".*{_UNFINISHED}"):
         file.unlink(missing_ok=True)

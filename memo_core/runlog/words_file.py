@@ -1,8 +1,8 @@
-"""What people said in a run that writes to no book: one file a person in the run's folder, named in docs/run-log.md.
+"""What people said in a run that writes to no book: one file per person in the run's folder, see docs/run-log.md.
 
     words/NAME.jsonl: {"number": 1, "entry": 14, "who": "ana", "words": "…", "state": "…", "time": 1763781123.4}
 
-The log refers to words by their number only, so that withdrawing a person is rewriting one file.
+The log refers to words by their number only, so that a person's words can be withdrawn by rewriting one file.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FOLDER = "words"
 
 
 class WordsFile:
-    """The words of one person in one run; in memory where there is no folder."""
+    """The words of one person in one run; kept in memory if there is no folder."""
 
     def __init__(self, folder: Path | None, who: str) -> None:
         self._who = who
@@ -29,7 +29,7 @@ class WordsFile:
         self._lines: list[dict[str, Any]] | None = None
 
     def keep(self, words: str, entry: int, state: str) -> int:
-        """Keep words that are the result of this entry of the log. On disk when this returns; their number."""
+        """Store words that are the result of this log entry and return their number. On disk when this returns."""
         lines = self._read()
         number = max((int(line["number"]) for line in lines), default=0) + 1
         line = {"number": number, "entry": entry, "who": self._who, "words": words, "state": state}
@@ -39,12 +39,12 @@ class WordsFile:
         return number
 
     def kept(self, entry: int) -> tuple[int, str, str] | None:
-        """Number, words and state of the entry, if they were kept."""
+        """Number, words and state stored for the entry, if any."""
         found = [line for line in self._read() if line["entry"] == entry]
         return (found[-1]["number"], found[-1]["words"], found[-1]["state"]) if found else None
 
     def read(self, number: int) -> str:
-        """Raises ``InvalidArgument`` where the words are gone."""
+        """Raises ``InvalidArgument`` if the words were removed."""
         for line in self._read():
             if line["number"] == number:
                 return str(line["words"])
