@@ -20,6 +20,7 @@ COMMANDS = {
     "demo": "Teach the simulated arm once and watch the lesson carry over.",
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
     "study": "Participants teach the robot in sessions.",
+    "evaluate": "Compare methods on tasks that nobody taught.",
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
     "new": "Begin a plugin of your own, of any kind: one that works.",

@@ -2,7 +2,8 @@
 
 A benefit that survives a lesion which should destroy it is a bug in the set-up. Lesions of the book that should
 destroy it: ``keys-shuffled``, ``nonsense``, ``opposite``, ``arc-reversed``; parts alone: ``corrections-only``,
-``general-only``, ``templates-only``. Lesions of the scene that should not: ``mirrored``, ``handle_moved``.
+``general-only``, ``templates-only``; all but a part: ``no-templates``, ``no-general``. Lesions of the scene that should
+not: ``mirrored``, ``handle_moved``.
 """
 
 from __future__ import annotations
@@ -88,6 +89,13 @@ def _only(kind: str) -> Lesion:
     return keep
 
 
+def _without(kind: str) -> Lesion:
+    def keep(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+        return [one for one in taught if one.kind != kind]
+
+    return keep
+
+
 def intact(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
     """No lesion: the effect of copying alone."""
     return list(taught)
@@ -102,6 +110,8 @@ LESIONS: dict[str, Lesion] = {
     "corrections-only": _only("correction"),
     "general-only": _only("general"),
     "templates-only": _only("template"),
+    "no-templates": _without("template"),
+    "no-general": _without("general"),
 }
 
 

@@ -82,6 +82,7 @@ class LanguageModel(ABC):
     """Answers requests. Constructors touch no network; ``open`` may import."""
 
     name: str
+    deterministic: bool = False  # the same request always has the same answer, in every process
 
     @abstractmethod
     def open(self) -> None: ...

@@ -99,9 +99,16 @@ class Rebuilding:
         identity = f"{log.book} {method} {last.id if last else 0} {len(log.feedback)}"
         target.rename(hashlib.sha256(identity.encode()).hexdigest()[:32], last.time if last else 0.0)
 
-    def replay(self, model: AnswersOfBook, noting: Noting, template_of: Callable[[Feedback], str | None]) -> None:
-        """Process all feedback again, in its original order. ``template_of`` makes a template of approved code, or
-        None. Raises ``Stopped``, ``BudgetExceeded``."""
+    def replay(
+        self,
+        model: AnswersOfBook,
+        noting: Noting,
+        template_of: Callable[[Feedback], str | None],
+        after: Callable[[Feedback], None] = lambda said: None,
+    ) -> None:
+        """Process all feedback again, in its order. ``template_of`` makes a template of approved code, or None;
+        ``after`` is called when all that a feedback and its read-backs brought is in the book. Raises ``Stopped``,
+        ``BudgetExceeded``."""
         left = list(self._log.read_backs)
         for place, said in enumerate(self._log.feedback):
             following = self._log.feedback[place + 1].time if said is not self._log.feedback[-1] else math.inf
@@ -113,12 +120,15 @@ class Rebuilding:
             for one in due:
                 with self._at(one.time):
                     self._read_back(one)
+            after(said)
         self._sum_up(model)
 
-    def condense(self, clustering: Clustering, model: AnswersOfBook) -> None:
-        """Cluster the rebuilt book. Raises as ``Clustering.condense``."""
+    def condense(self, clustering: Clustering, model: AnswersOfBook, when: float | None = None) -> None:
+        """Cluster the rebuilt book, as if at the time ``when`` (s since the epoch; None: of the last feedback). Raises
+        as ``Clustering.condense``."""
         there = {here: number for number, here in self._here.items()}
-        with self._at(self._log.feedback[-1].time if self._log.feedback else 0.0):
+        last = self._log.feedback[-1].time if self._log.feedback else 0.0
+        with self._at(last if when is None else when):
             for near in clustering.near_keys():
                 clustering.join(near)
             for cluster in clustering.clusters():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +34,34 @@ class _Opened:
 
 
 def rebuild_book(
-    experiment: Experiment, source: Skillbook, out: Path, method: str, until: int | float | None, stop: StopSwitch
+    experiment: Experiment,
+    source: Skillbook,
+    out: Path,
+    method: str,
+    until: int | float | None,
+    stop: StopSwitch,
+    read_backs: bool = True,
+    condense_after: Collection[int] = (),
 ) -> Rebuilt:
     """Make the book of ``method`` in the new file ``out`` from the log of ``source``, which is open for writing: it
-    keeps the answers. Nothing is left in ``out`` when it fails. Raises ``MemoError``, ``Stopped``."""
+    keeps the answers. Nothing is left in ``out`` when it fails. ``read_backs`` False: as if nothing had been read back.
+    ``condense_after``: feedback after which the book is clustered, too, where the method clusters; it always is at the
+    end. Raises ``MemoError``, ``Stopped``."""
     memory = METHODS[method]
     log = source.log(until)
+    if not read_backs:
+        log = attrs.evolve(log, read_backs=())
     target = book_of(experiment, str(out), read_only=False)
     try:
         with target:
             rebuilding = Rebuilding(log, target, memory, method)
-            _replay(experiment, source, target, rebuilding, stop)
+            marks = condense_after if memory.clusters else ()
+
+            def after(said: Feedback) -> None:
+                if said.id in marks and said is not log.feedback[-1]:
+                    _condense(experiment, source, target, rebuilding, stop, said.time)
+
+            _replay(experiment, source, target, rebuilding, stop, after)
             if memory.clusters:
                 _condense(experiment, source, target, rebuilding, stop)
         source.note_place("book", out)
@@ -56,7 +74,12 @@ def rebuild_book(
 
 
 def _replay(
-    experiment: Experiment, source: Skillbook, target: Skillbook, rebuilding: Rebuilding, stop: StopSwitch
+    experiment: Experiment,
+    source: Skillbook,
+    target: Skillbook,
+    rebuilding: Rebuilding,
+    stop: StopSwitch,
+    after: Callable[[Feedback], None],
 ) -> None:
     model = AnswersOfBook(experiment.choice("llm").create(), source)
     with calls_without_a_run(experiment, _Opened(model), _ignore, stop, "rebuild") as calls:
@@ -70,18 +93,23 @@ def _replay(
                 return None
             return code
 
-        rebuilding.replay(model, Noting(ask, target, _ignore), template_of)
+        rebuilding.replay(model, Noting(ask, target, _ignore), template_of, after)
 
 
 def _condense(
-    experiment: Experiment, source: Skillbook, target: Skillbook, rebuilding: Rebuilding, stop: StopSwitch
+    experiment: Experiment,
+    source: Skillbook,
+    target: Skillbook,
+    rebuilding: Rebuilding,
+    stop: StopSwitch,
+    when: float | None = None,
 ) -> None:
     settings = experiment.section("clustering")
     choice: Any = settings.llm if settings.llm is not None else experiment.choice("llm")
     model = AnswersOfBook(choice.create(), source)
     with calls_without_a_run(experiment, _Opened(model), _ignore, stop, "rebuild") as calls:
         clustering = Clustering(target, calls, calls.model, settings, prompts_of(experiment), _ignore, experiment.seed)
-        rebuilding.condense(clustering, model)
+        rebuilding.condense(clustering, model, when)
 
 
 def _ignore(event: Event) -> None:

@@ -8,7 +8,7 @@ history-0/journal.jsonl skillbook.db runs/0001-TASK/…
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from memo_core.study.participants import Load, order_of, participants_of, teache
 from memo_core.study.settings import StudySettings
 
 CONFIG = "config.yaml"
-LEDGER = "study.ledger"
+LEDGER = "experiment.ledger"  # in the experiment's folder
 
 
 def loader(registry: Registry, file: Path | None, sections: dict[str, type], overrides: Sequence[str] = ()) -> Load:
@@ -41,8 +41,8 @@ def loader(registry: Registry, file: Path | None, sections: dict[str, type], ove
 
 
 def shared_settings(folder: Path) -> tuple[str, ...]:
-    """What holds for every run of a study or an evaluation in ``folder``: one ledger, no video."""
-    return (f"run.study_ledger={folder / LEDGER}",)
+    """What holds for every run of a study or an evaluation in ``folder``: one ledger for all of the experiment."""
+    return (f"run.study_ledger={folder.parent / LEDGER}",)
 
 
 def open_study(
@@ -129,6 +129,3 @@ def status(experiment: Experiment, folder: Path) -> dict[str, Any]:
             }
         )
     return {"folder": str(folder), "clock": settings.clock, "histories": shown}
-
-
-Progress = Callable[[str], None]

@@ -21,6 +21,7 @@ class OfflineModel(LanguageModel):
     """A deterministic, rule-based reader of MEMO's prompts. It looks at nothing but the messages' text."""
 
     name = "offline"
+    deterministic = True
 
     def __init__(self, settings: OfflineSettings | None = None) -> None:
         self._settings = settings or OfflineSettings()

@@ -1,0 +1,86 @@
+"""``memo evaluate``: methods and books compared on held-out tasks."""
+
+from __future__ import annotations
+
+from json import dumps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from memo_core.cli.options import Json, Overrides
+from memo_core.cli.output import note, print_json, progress_bar
+from memo_core.cli.signal_handling import INTERRUPTED, stopping
+from memo_core.errors import Stopped
+
+if TYPE_CHECKING:
+    from memo_core.evaluation.evaluating import Evaluated
+    from memo_core.study.participants import Load
+
+Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Trials at once.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder of the experiment; default: experiments/FILE.")
+]
+
+
+def command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Experiment file with a section `evaluation`.")],
+    out: Out = None,
+    overrides: Overrides = None,
+    ablation: Annotated[
+        list[str] | None,
+        typer.Option("--ablation", help="Also memo's largest book changed so; `all` for every change."),
+    ] = None,
+    book: Annotated[
+        list[Path] | None, typer.Option("--book", "-b", help="Also this book, of another study or simulator.")
+    ] = None,
+    engine: Annotated[str | None, typer.Option("--engine", help="joblib, or ray for a cluster.")] = None,
+    jobs: Jobs = None,
+    json: Json = False,
+) -> None:
+    """Compare methods on tasks that nobody taught, with the book that each would have after some hours of teaching.
+
+    Every trial leaves a folder like that of any run, and a row in evaluation/trials.jsonl and .parquet. Killed or
+    stopped at any moment, the same command goes on.
+    """
+    from memo_core.cli.options import load_registry
+    from memo_core.cli.study import experiment_folder
+    from memo_core.evaluation.sections import ALL_SECTIONS
+    from memo_core.evaluation.settings import ABLATIONS
+    from memo_core.study.study import loader, shared_settings
+
+    given = list(overrides or ())
+    if ablation:
+        given.append(f"evaluation.ablations={dumps(list(ABLATIONS) if 'all' in ablation else ablation)}")
+    if book:
+        given.append(f"evaluation.books={dumps([str(one.resolve()) for one in book])}")
+    given += [f"evaluation.engine={engine}"] if engine else []
+    given += [f"evaluation.jobs={jobs}"] if jobs else []
+    folder = experiment_folder(file, out)
+    load = loader(load_registry(), file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
+    shown = run_evaluation(load, folder).summary()
+    if json:
+        print_json(shown)
+    else:
+        print(
+            f"{shown['successes']} of {shown['trials']} trials succeeded; {shown['runs']} runs, {shown['wall_s']:.0f} s"
+        )
+        print(f"kept in {folder / 'evaluation'}; the report: memo report {folder}")
+
+
+def run_evaluation(load: Load, folder: Path) -> Evaluated:
+    """The evaluation with a progress bar. Exits with 130 when it was stopped."""
+    from memo_core.evaluation.evaluating import Standing, evaluate
+
+    with progress_bar() as bar, stopping() as stop:
+        task: Any = bar.add_task("trials", total=None)
+
+        def show(standing: Standing) -> None:
+            left = "" if standing.left_s is None else f", about {standing.left_s / 60:.0f} min left"
+            bar.update(task, total=standing.planned, completed=standing.done, description=f"trials{left}")
+
+        try:
+            return evaluate(load, folder, stop, note, show)
+        except Stopped as stopped:
+            note(f"memo: {stopped}")
+            raise typer.Exit(INTERRUPTED) from None

@@ -1,0 +1,212 @@
+"""A whole evaluation in an experiment's folder: its books, its trials, its table. Going on is the same call again.
+
+study/                   what was taught (memo_core.study)
+books/                   the book of each method after each hour
+evaluation/config.yaml   the resolved experiment, which workers read
+evaluation/trials/ID/    each trial
+evaluation/trials.jsonl  the table, and trials.parquet
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.config import Experiment
+from memo_core.errors import InvalidArgument, Stopped
+from memo_core.evaluation.books import contents, make_books
+from memo_core.evaluation.engines import Group, Problem, do_here, on_joblib, on_ray
+from memo_core.evaluation.grid import Trial, trials_of
+from memo_core.evaluation.settings import EvaluationSettings
+from memo_core.evaluation.table import rows_of, write_table
+from memo_core.evaluation.trial import Place, experiment_of
+from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.factories import environment_of, task_of
+from memo_core.runs.folder import nested
+from memo_core.runs.resuming import check_config
+from memo_core.stop_switch import StopSwitch
+from memo_core.study.journal import Journal
+from memo_core.study.participants import Load
+from memo_core.study.study import CONFIG, journals_of
+
+_GRID = ("study.", "books.", "evaluation.", "report.")  # sections whose values may change: the grid may grow
+POLL_S = 1.0
+
+
+@attrs.frozen
+class Standing:
+    """How far an evaluation is. ``left_s``: an estimate from the pace so far; None before there is a pace."""
+
+    done: int
+    planned: int
+    left_s: float | None
+
+
+@attrs.frozen(eq=False)
+class Evaluated:
+    """What came of it."""
+
+    folder: Path
+    rows: tuple[dict[str, Any], ...]
+    planned: int
+    books: tuple[dict[str, Any], ...]
+    wall_s: float
+
+    def summary(self) -> dict[str, Any]:
+        """As ``memo evaluate --json`` prints it."""
+        ran = sum(row["same_as"] == row["trial"] for row in self.rows)
+        return {
+            "folder": str(self.folder),
+            "trials": len(self.rows),
+            "planned": self.planned,
+            "runs": ran,
+            "shared": len(self.rows) - ran,
+            "successes": sum(row["success"] for row in self.rows),
+            "wall_s": round(self.wall_s, 1),
+        }
+
+
+def evaluate(
+    load: Load,
+    folder: Path,
+    stop: StopSwitch,
+    note: Callable[[str], None] = lambda line: None,
+    progress: Callable[[Standing], None] = lambda standing: None,
+) -> Evaluated:
+    """Do what is left of the evaluation in ``folder``. Raises ``Stopped``, and ``MemoError`` for what is wrong before
+    anything begins or ends all of it; trials that are over stay."""
+    started, experiment = time.monotonic(), load()
+    settings: EvaluationSettings = experiment.section("evaluation")
+    journals = _journals(experiment, settings, folder, note)
+    trials = trials_of(experiment, len(journals))
+    place = Place(folder)
+    _check(load, experiment, trials)
+    _keep_config(experiment, folder / "evaluation")
+    make_books(experiment, journals, place.books, trials, stop, note)
+    problems: list[Problem] = []
+    try:
+        with _watched(place, trials, progress):
+            for problem in _done(experiment, settings, folder, place, trials, note):
+                if problem is not None:
+                    problems.append(problem)
+                    note(problem.text)
+                if stop.pressed or (problem is not None and problem.stopped):
+                    raise Stopped("evaluating; the same command goes on")
+    finally:
+        rows = rows_of(place, trials)
+        write_table(folder / "evaluation", rows)
+    if problems:
+        raise InvalidArgument("evaluation", f"{len(problems)} groups of trials broke off: {problems[0].text}")
+    books = tuple(contents(place.books))
+    return Evaluated(folder, tuple(rows), len(trials), books, time.monotonic() - started)
+
+
+def _done(
+    experiment: Experiment,
+    settings: EvaluationSettings,
+    folder: Path,
+    place: Place,
+    trials: Sequence[Trial],
+    note: Callable[[str], None],
+) -> Iterator[Problem | None]:
+    groups = _groups(experiment, settings, folder, place, trials)
+    if settings.engine == "ray":
+        return on_ray(groups, settings.ray_address, note)
+    if settings.jobs > 1:
+        return on_joblib(groups, settings.jobs, note)
+    return (do_here(group) for group in groups)
+
+
+def _groups(
+    experiment: Experiment, settings: EvaluationSettings, folder: Path, place: Place, trials: Sequence[Trial]
+) -> list[Group]:
+    """What is left to do, by scene where runs may be shared, else trial by trial."""
+    config = folder / "evaluation" / CONFIG
+    shared = settings.reuse and experiment.create("llm").deterministic
+    groups: dict[Any, list[Trial]] = {}
+    for trial in trials:
+        alone = not shared or trial.mode == "corrected"
+        groups.setdefault(trial.id if alone else trial.group, []).append(trial)
+    left = [group for group in groups.values() if any(place.row(trial) is None for trial in group)]
+    return [Group(folder, config, tuple(group)) for group in left]
+
+
+def _journals(
+    experiment: Experiment, settings: EvaluationSettings, folder: Path, note: Callable[[str], None]
+) -> list[Journal]:
+    """The histories that were taught; none where only given books are evaluated."""
+    if not settings.hours:
+        return []
+    journals = journals_of(experiment, folder / "study")
+    for number, journal in enumerate(journals):
+        if not journal.runs:
+            problem = f"{folder / 'study'} has no history {number}"
+            raise InvalidArgument("evaluation.hours", problem, "memo study run first, or hours: [] with `books`")
+        if journal.active_s / 3600 < max(settings.hours):
+            taught = f"{journal.active_s / 3600:.2f} h of teaching"
+            note(f"history {number} has {taught}: books of more hours hold what there is")
+    return journals
+
+
+def _check(load: Load, experiment: Experiment, trials: Sequence[Trial]) -> None:
+    """Raises ``MemoError`` for what would go wrong in every trial."""
+    if not trials:
+        raise InvalidArgument("evaluation", "no trials", "hours, books, or a method without memory")
+    if twice := len(trials) - len({trial.id for trial in trials}):
+        raise InvalidArgument("evaluation", f"{twice} trials twice", "each method, task, hour and book once")
+    for trial in {(trial.mode, trial.ablation): trial for trial in trials}.values():
+        checked = experiment_of(load, trial)
+        environment_of(checked, task_of(checked, trial.task), trial.scene)
+
+
+def _keep_config(experiment: Experiment, folder: Path) -> None:
+    """For workers, and to refuse another experiment in this folder."""
+    values = experiment.public()
+    if (folder / CONFIG).exists():
+        fixed = {path: value for path, value in values.items() if not path.startswith(_GRID)}
+        _check_same(folder, fixed)
+    write_whole(folder / CONFIG, yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True))
+
+
+def _check_same(folder: Path, fixed: dict[str, Any]) -> None:
+    before = yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))
+    kept = {name: section for name, section in before.items() if f"{name}." not in _GRID}
+    write_whole(folder / "fixed" / CONFIG, yaml.safe_dump(kept, sort_keys=False, allow_unicode=True))
+    try:
+        check_config(folder / "fixed", fixed)
+    except InvalidArgument as error:
+        problem = f"{folder.parent} holds an evaluation with {error.problem}"
+        raise InvalidArgument("--out", problem, "another folder, or the same experiment") from None
+
+
+@contextmanager
+def _watched(place: Place, trials: Sequence[Trial], progress: Callable[[Standing], None]) -> Iterator[None]:
+    """Tell how far it is, once a second. The estimate is by the pace so far, shared runs included."""
+    planned, over = len(trials), threading.Event()
+    left = [trial for trial in trials if place.row(trial) is None]
+    before, started = planned - len(left), time.monotonic()
+
+    def watch() -> None:
+        nonlocal left
+        while True:
+            left = [trial for trial in left if not (place.trials / trial.id / "row.json").exists()]
+            done, took = planned - len(left), time.monotonic() - started
+            pace = (done - before) / took if done > before else None
+            progress(Standing(done, planned, None if pace is None else len(left) / pace))
+            if over.wait(POLL_S):
+                return
+
+    thread = threading.Thread(target=watch, name="memo-progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -1,0 +1,43 @@
+"""The table of an evaluation: a row a trial, as JSON lines and as Parquet."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from memo_core.evaluation.grid import Trial
+from memo_core.evaluation.trial import Place
+from memo_core.runlog.json_lines import read_lines
+from memo_core.runlog.whole_files import write_whole
+
+VARYING = ("wall_s", "cost")  # columns that a repeated evaluation may have other values in
+NUMBERS = ("hours", "robot_s", "wall_s", "cost")
+
+
+def rows_of(place: Place, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """The rows of the trials that are over, in the grid's order."""
+    return [row for trial in trials if (row := place.row(trial)) is not None]
+
+
+def write_table(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """``trials.jsonl`` and, where pyarrow is installed, ``trials.parquet``."""
+    text = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+    write_whole(folder / "trials.jsonl", text)
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return
+    if rows:
+        floats = [row | {name: None if row[name] is None else float(row[name]) for name in NUMBERS} for row in rows]
+        part = folder / "trials.parquet.part"
+        pyarrow.parquet.write_table(pyarrow.Table.from_pylist(floats), part)
+        part.rename(folder / "trials.parquet")
+
+
+def read_table(folder: Path) -> list[dict[str, Any]]:
+    """The rows in ``trials.jsonl``; none where there is no such file."""
+    file = folder / "trials.jsonl"
+    return [line for _, line in read_lines(file) if line is not None] if file.exists() else []

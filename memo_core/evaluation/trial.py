@@ -1,0 +1,212 @@
+"""Doing one trial: a run in a folder of its own, and its row of the table.
+
+trials/ID/row.json        the row; missing until the trial is over
+trials/ID/run/…           the folder of the run, as of any run; missing where it shares another's
+trials/ID/questions.json  what the book was asked and served, where nobody watched
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import attrs
+
+from memo_core.config import Experiment
+from memo_core.errors import Stopped
+from memo_core.evaluation.books import book_key
+from memo_core.evaluation.grid import Trial
+from memo_core.evaluation.served import (
+    observed_book,
+    read_questions,
+    same_answers,
+    served_in,
+    write_questions,
+)
+from memo_core.evaluation.settings import PRESET, EvaluationSettings
+from memo_core.parsing import parse_json
+from memo_core.plugins import Registry
+from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.factories import book_of, environment_of, task_of
+from memo_core.runs.folder import json_text
+from memo_core.runs.one_of_many import do_one
+from memo_core.runs.run import components_of
+from memo_core.skillbook.book import Skillbook
+from memo_core.study.history import public
+from memo_core.study.participants import Load, teacher_of
+from memo_core.study.settings import Participant
+
+ROW, QUESTIONS, RUN = "row.json", "questions.json", "run"
+EMPTY = "sqlite://"  # a book in memory that nobody writes to
+WATCHER = "E1"  # id of who corrects in an evaluation
+
+
+@attrs.frozen(eq=False)
+class Place:
+    """Where an evaluation's files are: the experiment's folder."""
+
+    folder: Path
+
+    @property
+    def trials(self) -> Path:
+        return self.folder / "evaluation" / "trials"
+
+    @property
+    def books(self) -> Path:
+        return self.folder / "books"
+
+    def row(self, trial: Trial) -> dict[str, Any] | None:
+        """The row of a trial that is over."""
+        file = self.trials / trial.id / ROW
+        return parse_json(file.read_text(encoding="utf-8")) if file.exists() else None
+
+    def book(self, trial: Trial) -> str:
+        """The file of a trial's book; empty for none."""
+        key = book_key(trial)
+        return trial.given or (str(self.books / key.file) if key is not None else "")
+
+
+def do_group(
+    load: Load,
+    registry: Registry,
+    place: Place,
+    trials: Sequence[Trial],
+    report: Callable[[str], None] = lambda line: None,
+) -> None:
+    """The trials of one scene, in order; what is over already is not done again, and what would come out the same as
+    another shares its run. Raises ``Stopped`` when a person or a limit ends a run, ``MemoError``."""
+    for trial in trials:
+        if place.row(trial) is None:
+            row = _shared(load, place, trial, trials) or _done(load, registry, place, trial)
+            write_whole(place.trials / trial.id / ROW, json_text(row))
+            report(f"{trial.id}: {'done' if row['success'] else 'not done'}")
+
+
+def experiment_of(load: Load, trial: Trial) -> Experiment:
+    """The experiment as this trial changes it."""
+    settings: EvaluationSettings = load().section("evaluation")
+    given = [f"method={trial.method}", "run.video=off"]
+    if trial.ablation == PRESET:
+        given.append("preset=paper")
+    if trial.mode == "corrected":
+        limit = settings.corrected.corrections
+        given += [f"teacher={json.dumps(settings.corrected.teacher)}", f"run.max_feedback={limit}"]
+        given.append(f"run.attempts={limit + 1}")
+    return load(*given, task=trial.task, seed=trial.model_seed)
+
+
+def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[str, Any]:
+    experiment, folder = experiment_of(load, trial), place.trials / trial.id
+    task = task_of(experiment, trial.task)
+    observed = None
+    teacher = None
+    book: Skillbook
+    if trial.mode == "zero-shot":
+        memory = METHODS[trial.method]
+        book = observed = observed_book(experiment, place.book(trial) or EMPTY, memory)
+    else:
+        private = folder / "skillbook.db"
+        if not private.exists():
+            _copy(place.book(trial), private)
+        book = book_of(experiment, str(private), read_only=False)
+        watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
+        teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
+    components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, teacher)
+    summary = do_one(components, task, trial.model_seed, folder / RUN, registry, public(experiment))
+    if summary["resumable"]:
+        raise Stopped(f"{folder / RUN}: {summary['problem'] or summary['ended']}")
+    if trial.mode == "corrected":
+        for left in folder.glob("skillbook.db*"):
+            left.unlink()  # what people said stays in the books that `forget` knows of
+    if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
+        write_questions(folder / QUESTIONS, observed.questions)
+    return _row(trial, summary, served_in(folder / RUN), place, trial.id)
+
+
+def _copy(file: str, to: Path) -> None:
+    """A private copy of a book, or none where there is none: the run makes a new one."""
+    to.parent.mkdir(parents=True, exist_ok=True)
+    part = to.with_suffix(".part")
+    part.unlink(missing_ok=True)
+    if not file:
+        return
+    with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as source, closing(sqlite3.connect(part)) as copy:
+        source.backup(copy)
+    part.rename(to)
+
+
+def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> dict[str, Any] | None:
+    """The row of a trial that has been run and would come out the same; None where there is none."""
+    experiment = experiment_of(load, trial)
+    settings: EvaluationSettings = experiment.section("evaluation")
+    deterministic: bool = experiment.create("llm").deterministic
+    if not settings.reuse or not deterministic or trial.mode != "zero-shot" or trial.ablation == PRESET:
+        return None
+    memory = METHODS[trial.method]
+    with book_of(experiment, place.book(trial) or EMPTY, read_only=True) as book:
+        for other in group:
+            row = place.row(other)
+            if row is None or row["same_as"] != other.id or other.mode != trial.mode or other.ablation == PRESET:
+                continue
+            if not METHODS[other.method].any:
+                continue  # it asked nothing, which says nothing about what it would have been served
+            try:
+                questions = read_questions(place.trials / other.id / QUESTIONS)
+            except (OSError, ValueError):
+                continue
+            if same_answers(book, memory, questions):
+                return row | _about(trial, place) | {"same_as": other.id, "wall_s": 0.0}
+    return None
+
+
+def _about(trial: Trial, place: Place) -> dict[str, Any]:
+    return {
+        "trial": trial.id,
+        "method": trial.method,
+        "ablation": trial.ablation,
+        "mode": trial.mode,
+        "task": trial.task,
+        "scene": trial.scene,
+        "number": trial.number,
+        "history": trial.history,
+        "hours": trial.hours,
+        "given": trial.given,
+    }
+
+
+def _row(trial: Trial, summary: dict[str, Any], served: dict[str, int], place: Place, same_as: str) -> dict[str, Any]:
+    at, why = _failure(summary)
+    kept = ("reason", "ended", "corrections", "planning_remarks", "wall_s", "robot_s", "calls")
+    tokens = {name: summary[name] for name in ("prompt_tokens", "completion_tokens", "cost")}
+    return (
+        _about(trial, place)
+        | {"success": bool(summary["success"])}
+        | {name: summary[name] for name in kept}
+        | tokens
+        | {
+            "attempts": sum(one["attempts"] for one in summary["subtasks"]),
+            "subtasks": len(summary["subtasks"]),
+            "failed_at": at,
+            "why": why,
+            "problem": summary["problem"] or "",
+            "same_as": same_as,  # the trial whose run this is: its own, or one that it would repeat
+        }
+        | served
+    )
+
+
+def _failure(summary: dict[str, Any]) -> tuple[str, str]:
+    """The first subtask whose last code ended with an error, and that error; else the last subtask and what the success
+    check says. Empty for a success."""
+    if summary["success"]:
+        return "", ""
+    for one in summary["subtasks"]:
+        if one["error"]:
+            return one["subtask"], one["error"].splitlines()[0]
+    last = summary["subtasks"][-1]["subtask"] if summary["subtasks"] else ""
+    return last, summary["problem"] or summary["reason"]

@@ -1,0 +1,79 @@
+"""An evaluation that was cut off gives the same table; every row has a folder that opens like any run's."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from memo_core.errors import InvalidArgument
+from memo_core.evaluation.evaluating import evaluate
+from memo_core.evaluation.sections import ALL_SECTIONS
+from memo_core.evaluation.table import VARYING, read_table
+from memo_core.plugins import Registry
+from memo_core.runs.story import read_story
+from memo_core.stop_switch import StopSwitch
+from memo_core.study.running import run_study
+from memo_core.study.study import loader, open_study, shared_settings
+
+FILE = """
+llm: offline
+suite: quirks
+run: {video: "off"}
+study: {tasks: [open-the-cupboard], rounds: 1}
+evaluation:
+  methods: [memo, droc-v, memo-s]
+  tasks: [open-the-nightstand]
+  hours: [0, 1]
+  scenes: 1
+  ablations: [no-general]
+"""
+
+
+def load_of(tmp_path: Path, text: str = FILE):
+    (tmp_path / "experiment.yaml").write_text(text)
+    settings = shared_settings(tmp_path / "evaluation")
+    return loader(Registry(), tmp_path / "experiment.yaml", ALL_SECTIONS, settings)
+
+
+def table(folder: Path) -> list[dict]:
+    return [{key: row[key] for key in row if key not in VARYING} for row in read_table(folder / "evaluation")]
+
+
+@pytest.mark.slow
+def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
+    load = load_of(tmp_path)
+    with pytest.raises(InvalidArgument, match="memo study run first"):
+        evaluate(load, tmp_path, StopSwitch())
+    registry = Registry()
+    study = open_study(registry, tmp_path / "experiment.yaml", ALL_SECTIONS, (), tmp_path / "study")
+    run_study(study, registry, tmp_path / "study")
+
+    evaluated = evaluate(load, tmp_path, StopSwitch())
+    rows = table(tmp_path)
+    assert len(rows) == evaluated.planned == 9  # 2 methods x (2 books + 1 watched), memo-s twice, 1 ablated
+    alike = {(row["method"], row["hours"], row["mode"]): row["same_as"] for row in rows if not row["ablation"]}
+    assert alike["droc-v", 0.0, "zero-shot"] == alike["memo", 0.0, "zero-shot"] == alike["memo-s", None, "zero-shot"]
+    for row in rows:
+        run = tmp_path / "evaluation" / "trials" / row["same_as"] / "run"
+        assert read_story(run).summary["success"] == row["success"]
+        assert bool(row["why"]) != row["success"]
+    assert (tmp_path / "evaluation" / "trials.parquet").exists()
+    assert not list((tmp_path / "evaluation").rglob("skillbook.db"))  # private copies are gone
+    taught = next(row for row in rows if (row["method"], row["hours"], row["mode"]) == ("memo", 1.0, "zero-shot"))
+    assert taught["served"] > 0
+
+    # As a killed process leaves it: trials without their rows, one of them cut off in the middle of its run.
+    trials = tmp_path / "evaluation" / "trials"
+    for row in (rows[0], taught):
+        (trials / row["trial"] / "row.json").unlink()
+    log = trials / rows[0]["same_as"] / "run" / "log.jsonl"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[: len(lines) // 2]) + '{"n": 99')
+    shutil.rmtree(trials / taught["same_as"])
+    evaluate(load, tmp_path, StopSwitch())
+    assert table(tmp_path) == rows
+
+    with pytest.raises(InvalidArgument, match=r"run\.repairs was 2, is 0"):
+        evaluate(load_of(tmp_path, FILE.replace('"off"', '"off", repairs: 0')), tmp_path, StopSwitch())

@@ -1,0 +1,85 @@
+"""Another book is found to serve the same exactly when a prompt could not tell."""
+
+from __future__ import annotations
+
+import pytest
+
+from memo_core.evaluation.served import ObservedBook, read_questions, same_answers, write_questions
+from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.keys import Key
+from memo_core.testing.fake_embedder import FakeEmbedder
+from memo_core.testing.fake_store import FakeStore
+
+SAID = [("A", 100.0, "Pull the handle in an arc."), ("B", 200.0, "Grasp the bar in its middle.")]
+
+
+def filled(book, said=SAID, template=""):
+    for who, when, words in said:
+        with book.clock(lambda when=when: when):
+            feedback = book.record_feedback(words, who, subtask="OPEN(microwave)")
+            book.add_lessons(feedback, Key.parse("OPEN(microwave)"), [words], [])
+    if template:
+        approval = book.record_feedback("", "A", subtask="OPEN(microwave)", kind="approval")
+        book.add_template(approval, "OPEN(microwave)", template)
+    return book
+
+
+@pytest.fixture
+def book():
+    books = []
+
+    def make(observed=False, **content):
+        kind = ObservedBook if observed else Skillbook
+        made = kind("sqlite://", FakeEmbedder(), FakeStore())
+        books.append(made)
+        made.open()
+        return filled(made, **content)
+
+    yield make
+    for one in books:
+        one.close()
+
+
+def questions(book, **content):
+    observed = book(observed=True, **content)
+    observed.observe(METHODS["memo"])
+    for subtask in ("OPEN(microwave)", "OPEN(oven)"):
+        observed.retrieve(Key.parse(subtask))
+    return observed.questions
+
+
+def test_the_same_book_with_other_ids_names_and_dates_serves_the_same(book):
+    other = [("X", 7.0, SAID[0][2]), ("Y", 9.0, SAID[1][2])]
+    assert same_answers(book(said=other), METHODS["memo"], questions(book))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        SAID[:1],
+        [SAID[0], ("B", 200.0, "Grasp the bar at its end.")],
+        [(SAID[0][0], 300.0, SAID[0][2]), SAID[1]],  # the order in time is in the prompt
+        [SAID[0], ("A", 200.0, SAID[1][2])],  # as is whether one person said both
+    ],
+)
+def test_a_book_that_a_prompt_can_tell_apart_does_not(book, said):
+    assert not same_answers(book(said=said), METHODS["memo"], questions(book))
+
+
+def test_a_method_that_uses_less_is_given_less(book):
+    code = 'def open_it(name):\n    """Open it."""\n    move_to(get_position(name))\n'
+    asked = questions(book, template=code)
+    assert same_answers(book(template=code), METHODS["memo-c"], asked)
+    assert not same_answers(book(template=code), METHODS["droc-v"], asked)
+
+
+def test_a_method_without_memory_is_given_what_an_empty_book_gives(book):
+    assert same_answers(book(), METHODS["memo-s"], questions(book, said=()))
+    assert not same_answers(book(), METHODS["memo-s"], questions(book))
+
+
+def test_questions_are_read_as_they_were_written(book, tmp_path):
+    asked = questions(book)
+    write_questions(tmp_path / "questions.json", asked)
+    assert read_questions(tmp_path / "questions.json") == asked
