@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from memo_core.cli.options import Json
 from memo_core.cli.output import note, print_json, print_table
+from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.interfaces.backend import Backend
+    from memo_core.testing.robot_trial import RobotTrial
 
 app = typer.Typer(help="Plugins and their backends.")
 
@@ -70,14 +73,31 @@ def list_plugins(json: Json = False) -> None:
 @app.command()
 def check(
     name: Annotated[str, typer.Argument(help="A backend's name, or kind/name where several kinds share it.")],
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a page about a robot, with pictures.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Run the conformance suite of a backend's kind on it. Exit code 0 when it keeps every rule, else 1."""
+    """Run the conformance suite of a backend's kind on it. Exit code 0 when it keeps every rule, else 1.
+
+    Robots are also tried in the default simulator. What is wrong comes first, a line a cause.
+    """
     from memo_core.plugins import Registry
     from memo_core.testing.plugins import check_backend, find_backends
 
     registry = Registry()
-    results = [result for backend in find_backends(registry, name) for result in check_backend(registry, backend)]
+    backends = find_backends(registry, name)
+    robot = next((backend for backend in backends if backend.kind == "robot"), None)
+    if html is not None and robot is None:
+        raise InvalidArgument("--html", f"{name!r} is no robot", "a robot's name")
+    trials: dict[str, RobotTrial] = {}
+    results = [result for backend in backends for result in check_backend(registry, backend, trials=trials)]
+    if html is not None and robot is not None:
+        from memo_core.testing.robot_page import write_robot_page
+
+        label = f"robot/{robot.name}"
+        own = [result for result in results if result.backend == label]
+        write_robot_page(html, robot.name, robot.summary, own, trials.get(label))
     broken = [result for result in results if result.outcome == "broken"]
     causes = [*broken, *(result for result in results if result.outcome == "limited")]
     if json:

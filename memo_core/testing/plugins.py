@@ -87,8 +87,11 @@ def find_backends(registry: Registry, name: str) -> tuple[Backend, ...]:
     return found
 
 
-def check_backend(registry: Registry, backend: Backend, settings: Any = None) -> Iterator[Result]:
-    """Run the rules for every kind, then the suite of this one, on the backend's default settings or those given."""
+def check_backend(
+    registry: Registry, backend: Backend, settings: Any = None, trials: dict[str, RobotTrial] | None = None
+) -> Iterator[Result]:
+    """Run the rules for every kind, then the suite of this one, on the backend's default settings or those given.
+    ``trials`` receives, under ``KIND/NAME``, what was tried of a robot."""
     name = f"{backend.kind}/{backend.name}"
     for rule, check in GENERAL.items():
         result = _run(name, rule, functools.partial(check, registry, backend))
@@ -115,13 +118,15 @@ def check_backend(registry: Registry, backend: Backend, settings: Any = None) ->
         return backend.factory(settings)
 
     if backend.kind == "robot":
-        yield from check_robot(registry, name, make)
+        yield from check_robot(registry, name, make, trials)
         return
     for rule, conforms in _rules_of(suite, backend.kind).items():
         yield _run(name, rule, functools.partial(conforms, make))
 
 
-def check_robot(registry: Registry, name: str, make: Make) -> Iterator[Result]:
+def check_robot(
+    registry: Registry, name: str, make: Make, trials: dict[str, RobotTrial] | None = None
+) -> Iterator[Result]:
     """The static rules for a robot, and where they hold the dynamic ones, in the default simulator and for the default
     suite's tasks. What only follows from an earlier failure is skipped, so that what is broken is the cause."""
     from memo_core.testing import robot, robot_motion
@@ -139,6 +144,8 @@ def check_robot(registry: Registry, name: str, make: Make) -> Iterator[Result]:
     except MemoError as error:
         yield Result(name, "in motion", "skipped", f"not tried: {error}")
         return
+    if trials is not None:
+        trials[name] = trial
     checks = {rule: functools.partial(check, trial) for rule, check in robot_motion.RULES.items()}
     yield from _in_turn(name, checks, robot_motion.FOLLOWS)
 

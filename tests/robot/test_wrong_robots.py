@@ -18,6 +18,7 @@ from memo_core.plugins import Registry
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.plugins import Result, check_robot
+from memo_core.testing.robot_page import write_robot_page
 
 RIGHT = ur5e()
 UPSIDE_DOWN = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))
@@ -171,3 +172,23 @@ def test_the_command_says_the_cause_in_its_first_line(monkeypatch, capsys):
         main(["plugins", "check", "ur5e", "--json"])
     document = json.loads(capsys.readouterr().out)
     assert document["causes"] == [first.removeprefix("robot/ur5e broken: ")]
+
+
+def test_a_page_shows_the_robot_its_reach_and_its_rules(tmp_path, monkeypatch):
+    registry, trials = Registry(), {}
+    found = list(check_robot(registry, "robot/ur5e", lambda: WRONG["one servo lags"][0], trials))
+    file = tmp_path / "robot.html"
+    write_robot_page(file, "ur5e", "<an arm>", found, trials["robot/ur5e"])
+    page = file.read_text()
+    assert page.index("the servo lags 140 ms") < page.index("<h2>Joints")
+    assert "&lt;an arm&gt;" in page and "elbow_joint" in page
+    assert page.count("data:image/png") == 3 or "No pictures" in page
+    assert page.count("<svg") == 2
+    write_robot_page(file, "ur5e", "an arm", [Result("robot/ur5e", "limits", "broken", "swapped")], None)
+    assert "swapped" in file.read_text() and "<svg" not in file.read_text()
+
+
+def test_only_robots_have_a_page(capsys, tmp_path):
+    with pytest.raises(SystemExit, match="2"):
+        main(["plugins", "check", "mujoco", "--html", str(tmp_path / "x.html")])
+    assert "'mujoco' is no robot" in capsys.readouterr().err
