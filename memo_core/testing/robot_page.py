@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment
-from markupsafe import Markup, escape
 
 from memo_core.errors import BackendUnavailable
 from memo_core.testing.robot_trial import RobotTrial
@@ -32,7 +32,7 @@ figure { display: inline-block; margin: 0 1em 1em 0 } figcaption { color: #666 }
 {% for title, picture in pictures %}
 <figure><img alt="{{ title }}" src="data:image/png;base64,{{ picture }}"><figcaption>{{ title }}</figcaption></figure>
 {% endfor %}{% for title, drawing in drawings %}
-<figure>{{ drawing }}<figcaption>{{ title }}</figcaption></figure>
+<figure>{{ drawing | safe }}<figcaption>{{ title }}</figcaption></figure>
 {% endfor %}{% if no_pictures %}<p>No pictures: {{ no_pictures }}</p>{% endif %}
 <h2>Joints</h2>
 <table><tr><th>joint<th>limits, rad<th>home<th>rad/s<th>rad/s2<th>Nm<th>kp<th>kv<th>kg m2 moved<th>behind in a swing
@@ -108,7 +108,7 @@ def _about(trial: RobotTrial) -> dict[str, Any]:
         "joints": joints,
         "gripper": facts,
         "pictures": pictures,
-        "drawings": [(title, Markup(drawing)) for title, drawing in drawings],
+        "drawings": drawings,
         "no_pictures": problem,
         "tasks": tasks,
         "grasped": grasped,
@@ -157,7 +157,7 @@ def _swings(trial: RobotTrial) -> str:
     for number, one in enumerate(tracked):
         across, up = (width - 140) / one.time[-1], (row - 12) / (2 * max(one.amplitude, 1e-6))
         zero = row * number + row / 2
-        parts.append(f'<text x="0" y="{zero:.0f}" font-size="11">{escape(one.joint)}</text>')
+        parts.append(f'<text x="0" y="{zero:.0f}" font-size="11">{html.escape(one.joint)}</text>')
         for angles, style in ((one.wanted, 'stroke="#bbb" stroke-width="4"'), (one.reached, 'stroke="#14c"')):
             points = " ".join(
                 f"{130 + across * t:.1f},{zero - up * max(-1.2 * one.amplitude, min(1.2 * one.amplitude, angle)):.1f}"
