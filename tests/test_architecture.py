@@ -19,7 +19,7 @@ from memo_core.plugins import Registry
 
 ROOT = Path(__file__).parents[1]
 CORE = sorted((ROOT / "memo_core").rglob("*.py"))
-PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").glob("*/memo_*/plugin.py"))}
+PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").glob("*/memo_*/__init__.py"))}
 
 # Rooms in one line do not know each other either.
 LEVELS = (
