@@ -85,7 +85,7 @@ class TaskEnv(gymnasium.Env[Any, Any]):
         """
         if action not in ("joint", "cartesian"):
             raise InvalidArgument("action", f"{action!r} is none", "'joint' or 'cartesian'")
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+        if render_mode not in (None, "rgb_array"):
             raise InvalidArgument("render_mode", f"{render_mode!r} is none", "'rgb_array' or None")
         chosen = [*overrides] + ([f"suite={json.dumps({'backend': suite})}"] if suite is not None else [])
         self._experiment = memo_core.load(None, *chosen, task=task)
