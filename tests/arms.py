@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from memo_core.arm.control import ArmControl
+from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.urdf_text import Solid, joint_text, link_text, rod_inertia
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.testing.ideal_link import IdealLink
@@ -55,6 +57,21 @@ def six_joint_arm(continuous: tuple[int, ...] = ()) -> RobotDescription:
     return RobotDescription(
         "six", "".join(parts), joints, GripperDescription(finger_joints=()), "tool", home=home, reach=0.85
     )
+
+
+def five_joint_arm() -> RobotDescription:
+    """A small arm as desktop ones are: it turns, leans, bends twice and rolls its hand; described from its URDF."""
+    chain = (((0, 0, 0.06), "0 0 1"), ((0, 0, 0.08), "0 1 0"), ((0, 0, 0.28), "0 1 0"), ((0, 0, 0.26), "0 1 0"))
+    parts, before = ['<robot name="five"><link name="base"/>'], "base"
+    for number, (origin, axis) in enumerate((*chain, ((0, 0, 0.06), "0 0 1")), start=1):
+        length = 0.16 if number in (2, 3) else 0.03
+        shape = Solid("cylinder", (0.025, length), (0.0, 0.0, 0.06 if number in (2, 3) else 0.0))
+        parts.append(link_text(f"link{number}", rod_inertia(0.4, 0.025, 0.2, "z", (0, 0, 0.05)), (), (shape,)))
+        limit = '<limit lower="-2.6" upper="2.6" velocity="2.5" effort="30"/>'
+        names = (f"joint{number}", "revolute", before, f"link{number}")
+        parts.append(joint_text(*names, origin, (0.0, 0.0, 0.0), axis, limit))
+        before = f"link{number}"
+    return describe_urdf("".join(parts) + "</robot>", "five").robot
 
 
 def box(name: str, position, size, kind: str = "fixture", **more) -> Node:

@@ -158,6 +158,8 @@ class RobotShape:
         gripper = description.gripper
         finger_ids = [model.getJointId(name) for name in gripper.finger_joints if model.existJointName(name)]
         self.finger_index = np.array([model.joints[i].idx_q for i in finger_ids], dtype=int)
+        urdf = read_urdf(description.urdf, description.mesh_folder)
+        self._linkage = FingerLinkage(urdf, gripper) if gripper.finger_joints else None
         last = kinematics.joint_ids[-1]
         carriers = {
             model.frames[model.getFrameId(name)].parentFrame for name in gripper.finger_joints if model.existFrame(name)
@@ -184,9 +186,8 @@ class RobotShape:
         description, corners = self.description, self.corners()
         urdf = read_urdf(description.urdf, description.mesh_folder)
         shut: dict[str, float] = {}
-        if description.gripper.finger_joints:
-            linkage = FingerLinkage(urdf, description.gripper)
-            shut = linkage.positions_at(linkage.driver(0.0))
+        if self._linkage is not None:
+            shut = self._linkage.positions_at(self._linkage.driver(0.0))
         poses = link_poses(urdf, shut)
         tool = (poses[description.tool_link] * description.tool_offset).inverse()
         pads = [pad for pad in description.gripper.pads if pad in corners]
@@ -211,8 +212,8 @@ class RobotShape:
 
         q = pin.neutral(self.kinematics.model)
         q[self.arm_index] = joints
-        if len(self.finger_index):
-            q[self.finger_index] = width / len(self.finger_index)
+        if self._linkage is not None:
+            q[self.finger_index] = self._linkage.positions(width)
         return q
 
     def _tool_in_last(self) -> Pose:
@@ -229,13 +230,14 @@ class RobotShape:
         allowed = {frozenset(pair) for pair in self.description.allowed_contacts}
         shapes = self.geometry.geometryObjects
         fingers = {i for i, role in enumerate(self.roles) if role == "finger"}
+        hands = {i for i, role in enumerate(self.roles) if role == "hand"}
         pairs = []
         for a in range(len(shapes)):
             for b in range(a + 1, len(shapes)):
                 first, second = shapes[a].parentJoint, shapes[b].parentJoint
                 if first == second or first == model.parents[second] or second == model.parents[first]:
                     continue
-                if frozenset((self.links[a], self.links[b])) in allowed or {a, b} <= fingers:
+                if frozenset((self.links[a], self.links[b])) in allowed or {a, b} <= fingers | hands:
                     continue
                 pairs.append((a, b))
         probe = self.geometry.copy()

@@ -53,7 +53,7 @@ class Reasons:
                 if blocked.cause == "unreachable"
                 else "would need joints beyond their limits"
             )
-            problem = f"{where} {why} with the hand {_facing(pose)}{self._hint(pose, start, slack)}"
+            problem = f"{where} {why} with the hand {_facing(pose)}{self._few_joints()}{self._hint(pose, start, slack)}"
         elif blocked.cause in ("collision", "self-collision"):
             problem = (
                 f"{where} cannot be reached, because {blocked.hit}"
@@ -66,6 +66,10 @@ class Reasons:
                 problem += f" (other postures are ruled out because {blocked.hit})"
             problem += "; another approach direction or hand orientation may do"
         return MotionError(skill, problem, cause=blocked.cause)
+
+    def _few_joints(self) -> str:
+        count = self._kinematics.count
+        return f"; with {count} joints its place decides which way the hand can point" if count < 6 else ""
 
     def _hint(self, pose: Pose, start: Array, slack: float) -> str:
         """What would work: a turned hand, or else the nearest point that can be reached."""

@@ -6,12 +6,13 @@ import math
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import Urdf
 
 
 def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
-    """Raise ``InvalidArgument`` unless every joint that moves is driven and all names exist; ``BackendUnavailable`` for
-    a gripper that ``simulator`` does not have yet."""
+    """Raise ``InvalidArgument`` unless every joint that moves is driven, fingers are coupled and all names exist;
+    ``BackendUnavailable`` for a gripper that ``simulator`` does not have yet."""
     for name in (*robot.joint_names, *robot.gripper.finger_joints):
         urdf.joint(name)
     check_limits(robot)
@@ -27,6 +28,8 @@ def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
         )
     if robot.gripper.kind == "vacuum":
         raise BackendUnavailable("simulator", simulator, "it has no vacuum grippers yet", "use a parallel gripper")
+    if robot.gripper.finger_joints:
+        FingerLinkage(urdf, robot.gripper)
     if len(robot.home) != len(robot.joints):
         raise InvalidArgument(f"robot {robot.name!r}", f"home has {len(robot.home)} values", f"{len(robot.joints)}")
 

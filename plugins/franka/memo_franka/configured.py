@@ -10,12 +10,13 @@ from attrs.validators import ge, gt, le
 
 from memo_core.errors import InvalidArgument, close_match
 from memo_core.robot.description import JointDescription, RobotDescription
+from memo_core.robot.mounting import Mounting
 from memo_core.scene.pose import Pose
 from memo_franka.description import fr3, panda
 
 
 @attrs.frozen
-class PandaSettings:
+class PandaSettings(Mounting):
     """What can be configured. The names matter only together with ``urdf``; the defaults are Franka's own."""
 
     urdf: str | None = attrs.field(
@@ -80,7 +81,8 @@ def configured(settings: PandaSettings) -> RobotDescription:
         if not joint.lower <= angle <= joint.upper:
             expected = f"{joint.lower:.4f} to {joint.upper:.4f} rad"
             raise InvalidArgument("robot.home", f"{angle:.4f} rad is outside {joint.name}'s limits", expected)
-    return attrs.evolve(description, gripper=gripper, home=home, max_contact_force=settings.max_contact_force)
+    changed = attrs.evolve(description, gripper=gripper, home=home, max_contact_force=settings.max_contact_force)
+    return settings.applied(changed)
 
 
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:

@@ -9,6 +9,7 @@ import mujoco
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription, RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.description import Geom, Material
@@ -20,6 +21,7 @@ FINGER_TENDON = "robot/fingers"
 FINGER_SERVO = "robot/gripper"
 # A finger's drive: its reflected inertia (kg) makes the stiff servo below stable at 2 ms.
 FINGER_ARMATURE = 0.4
+FINGER_LEVER = 0.05  # m, typical length of a hinged finger: its drive's inertia is that of a slide at this distance
 FINGER_STIFFNESS = 8000.0  # N/m of opening
 FINGER_DAMPING = 90.0  # N s/m of opening, critical for two fingers of 0.5 kg
 _LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
@@ -60,7 +62,11 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
             forcerange=(-described.effort, described.effort),
         )
     if robot.gripper.finger_joints:
-        _add_gripper(spec, robot.gripper)
+        linkage = FingerLinkage(urdf, robot.gripper)
+        if linkage.slides:
+            _add_gripper(spec, robot.gripper)
+        else:
+            _add_linkage(spec, robot.gripper, linkage)
 
 
 def _add_link(
@@ -106,8 +112,12 @@ def _add_joint(body: Any, joint: UrdfJoint, robot: RobotDescription) -> None:
     described = {one.name: one for one in robot.joints}.get(joint.name)
     common = {"name": PREFIX + joint.name, "axis": joint.axis, "limited": True, "solref_limit": LIMIT_SOLREF}
     if described is None:
+        hinge = joint.kind == "revolute"
         body.add_joint(
-            type=mujoco.mjtJoint.mjJNT_SLIDE, range=(joint.lower, joint.upper), armature=FINGER_ARMATURE, **common
+            type=mujoco.mjtJoint.mjJNT_HINGE if hinge else mujoco.mjtJoint.mjJNT_SLIDE,
+            range=(joint.lower, joint.upper),
+            armature=FINGER_ARMATURE * (FINGER_LEVER**2 if hinge else 1.0),
+            **common,
         )
         return
     body.add_joint(
@@ -147,6 +157,33 @@ def _add_gripper(spec: mujoco.MjSpec, gripper: GripperDescription) -> None:
         biasprm=[0.0, -FINGER_STIFFNESS, -FINGER_DAMPING] + [0.0] * 7,
         forcelimited=True,
         forcerange=(-gripper.max_force, gripper.max_force),
+    )
+
+
+def _add_linkage(spec: mujoco.MjSpec, gripper: GripperDescription, linkage: FingerLinkage) -> None:
+    """Fingers on hinges: a servo on the driven joint, as stiff and strong at the pads as that of fingers on slides, and
+    a gear to each joint that follows it. ``MujocoSimulator`` sets the torque that a force at the pads means."""
+    driver, *others = linkage.names
+    for name, multiplier, offset in zip(others, linkage.multipliers[1:], linkage.offsets[1:], strict=True):
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=PREFIX + name,
+            name2=PREFIX + driver,
+            data=[offset, multiplier] + [0.0] * 10,
+            solref=(0.005, 1.0),
+        )
+    lever = abs(linkage.lever(linkage.driver(0.0)))
+    spec.add_actuator(
+        name=FINGER_SERVO,
+        target=PREFIX + driver,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        gainprm=[FINGER_STIFFNESS * lever**2] + [0.0] * 9,
+        biasprm=[0.0, -FINGER_STIFFNESS * lever**2, -FINGER_DAMPING * lever**2] + [0.0] * 7,
+        forcelimited=True,
+        forcerange=(-gripper.max_force * lever, gripper.max_force * lever),
     )
 
 

@@ -114,8 +114,9 @@ class MujocoSimulator(Simulator):
         self._arm_ctrl = self._ctrl[self._arm]
         self._fingers = [int(address) for address in world.finger_qpos]
         self._servo = world.finger_servo
+        self._linkage = world.linkage
         gripper = world.robot.gripper
-        self._goal = self._ramp = float(self._ctrl[self._servo]) if self._servo >= 0 else 0.0
+        self._goal = self._ramp = self._set_point()
         self._force = gripper.max_force
         self._ramp_step = gripper.speed * self.control_period
         self._latches = world.latches
@@ -211,6 +212,8 @@ class MujocoSimulator(Simulator):
 
     def gripper_width(self) -> float:
         qpos = self._qpos
+        if self._linkage is not None:
+            return cast(float, self._linkage.opening(float(qpos[self._fingers[0]])))
         return float(sum(qpos[address] for address in self._fingers))
 
     def gripper_effort(self) -> float:
@@ -220,7 +223,7 @@ class MujocoSimulator(Simulator):
         if not data.ncon or not pads:
             return 0.0
         pressed = dict.fromkeys((body for body, _ in pads), 0.0)
-        slides = dict(pads)
+        outwards = self._outwards(pads)
         own = self._world.robot_bodies
         force = np.empty(6)
         for number, (one, other) in enumerate(self.model.geom_bodyid[data.contact.geom].tolist()):
@@ -230,8 +233,17 @@ class MujocoSimulator(Simulator):
             mujoco.mj_contactForce(self.model, data, number, force)
             along = data.contact.frame[number].reshape(3, 3).T @ force[:3]
             sign = -1.0 if pad == one else 1.0
-            pressed[pad] += sign * float(along @ data.xaxis[slides[pad]])
+            pressed[pad] += sign * float(along @ outwards[pad])
         return max(0.0, min(pressed.values()))
+
+    def _outwards(self, pads: Sequence[tuple[int, int]]) -> dict[int, Array]:
+        """Body -> the direction in which each pad opens, world axes."""
+        if self._linkage is None:
+            return {body: self.data.xaxis[slide] for body, slide in pads}
+        first, last = pads[0][0], pads[-1][0]
+        apart = self.data.xpos[first] - self.data.xpos[last]
+        apart = apart / max(float(np.linalg.norm(apart)), 1e-9)
+        return {first: apart, last: -apart}
 
     def command_joints(self, targets: Array) -> None:
         if not math.isfinite(np.dot(targets, targets)):
@@ -256,6 +268,8 @@ class MujocoSimulator(Simulator):
             self._advance_gripper()
         if self._latches:
             self._set_latches()
+        if self._linkage is not None:
+            self._set_force(self._force)  # its torque depends on where the fingers are
         self._step(self.model, self.data, self._steps)
         self._stale = True
         warnings = self._warnings
@@ -280,11 +294,20 @@ class MujocoSimulator(Simulator):
         left = self._goal - self._ramp
         step = self._ramp_step
         self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
-        self._ctrl[self._servo] = self._ramp
+        self._ctrl[self._servo] = self._ramp if self._linkage is None else self._linkage.driver(self._ramp)
+
+    def _set_point(self) -> float:
+        """m of opening that the servo is commanded to."""
+        if self._servo < 0:
+            return 0.0
+        commanded = float(self._ctrl[self._servo])
+        return commanded if self._linkage is None else cast(float, self._linkage.opening(commanded))
 
     def _set_force(self, force: float) -> None:
         self._force = force
         if self._servo >= 0:
+            if self._linkage is not None:
+                force *= abs(self._linkage.lever(float(self._qpos[self._fingers[0]])))
             self.model.actuator_forcerange[self._servo] = (-force, force)
 
     def _set_latches(self) -> None:
@@ -425,7 +448,7 @@ class MujocoSimulator(Simulator):
                 data.ctrl[:] = ctrl
                 step(model, data)
             taken += clock.thread_time() - started
-        self._ramp = float(self._ctrl[self._servo]) if self._servo >= 0 else 0.0
+        self._ramp = self._set_point()
         self._stale = True
         return taken
 

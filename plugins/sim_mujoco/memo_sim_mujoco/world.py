@@ -11,6 +11,8 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.finger_linkage import FingerLinkage
+from memo_core.robot.urdf import read_urdf
 from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
 from memo_sim_mujoco.robot import FINGER_SERVO, PREFIX, add_robot
 from memo_sim_mujoco.scene import add_look, add_scene
@@ -48,6 +50,7 @@ class MujocoWorld:
     arm_dof: np.ndarray
     finger_qpos: np.ndarray
     finger_servo: int  # -1 without a gripper
+    linkage: FingerLinkage | None  # of fingers on hinges
     pad_bodies: tuple[tuple[int, int], ...]  # (body id, id of the joint it slides on)
     robot_bodies: frozenset[int]
     tool_body: int
@@ -127,6 +130,7 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
     ids = {name: index for index, name in enumerate(names)}
     pads = tuple((ids[PREFIX + pad], _slide_of(model, robot, pad, slides)) for pad in robot.gripper.pads)
     servo = model.actuator(FINGER_SERVO).id if fingers else -1
+    linkage = FingerLinkage(read_urdf(robot.urdf, robot.mesh_folder), robot.gripper) if fingers else None
     return MujocoWorld(
         model=model,
         data=data,
@@ -141,6 +145,7 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
         arm_dof=np.array([joint.dofadr[0] for joint in arm], dtype=np.intp),
         finger_qpos=np.array([joint.qposadr[0] for joint in fingers], dtype=np.intp),
         finger_servo=servo,
+        linkage=None if linkage is None or linkage.slides else linkage,
         pad_bodies=pads,
         robot_bodies=frozenset(index for index, name in enumerate(names) if name.startswith(PREFIX)),
         tool_body=ids[PREFIX + robot.tool_link],
@@ -180,9 +185,12 @@ def _start(world: MujocoWorld, scene: SceneDescription) -> None:
     data = world.data
     data.qpos[world.arm_qpos] = world.robot.home
     data.ctrl[: len(world.arm_qpos)] = world.robot.home
-    for address, name in zip(world.finger_qpos, world.robot.gripper.finger_joints, strict=True):
-        data.qpos[address] = world.model.joint(PREFIX + name).range[1]
-    if world.finger_servo >= 0:
+    if world.linkage is not None:
+        data.qpos[world.finger_qpos] = world.linkage.positions(world.linkage.stroke)
+        data.ctrl[world.finger_servo] = data.qpos[world.finger_qpos[0]]
+    elif world.finger_servo >= 0:
+        for address, name in zip(world.finger_qpos, world.robot.gripper.finger_joints, strict=True):
+            data.qpos[address] = world.model.joint(PREFIX + name).range[1]
         data.ctrl[world.finger_servo] = data.qpos[world.finger_qpos].sum()
     for body, _ in scene.walk():
         if isinstance(body.joint, (Hinge, Slide)):

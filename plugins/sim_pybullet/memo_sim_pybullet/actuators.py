@@ -34,7 +34,7 @@ class RobotDrive:
 
         self._client, self._body = client, world.robot_body
         self._velocity, self._torque = pybullet.VELOCITY_CONTROL, pybullet.TORQUE_CONTROL
-        self._arm, self._fingers = world.arm, world.fingers
+        self._arm, self._fingers, self._linkage = world.arm, world.fingers, world.linkage
         self._joints = [*world.arm, *world.fingers]
         self._count = len(world.arm)
         # Bullet numbers degrees of freedom in the order of its links.
@@ -103,7 +103,9 @@ class RobotDrive:
             strength = held if held > damped else damped
             limit.append(strength if strength < effort else effort)
         self._before, self._recalled = speeds, None
-        if self._fingers:
+        if self._linkage is not None:
+            self._push_linkage(states[self._count :], wanted, limit)
+        elif self._fingers:
             gap = self.opening - sum(state[0] for state in states[self._count :])
             share = gap / len(self._fingers) * _FINGER_STIFFNESS / _FINGER_DAMPING
             strength = min(_FINGER_STIFFNESS * abs(gap), self.force)
@@ -111,6 +113,18 @@ class RobotDrive:
             limit += [strength] * len(self._fingers)
         self.sent = (wanted, limit, self._gravity)
         self.send(*self.sent)
+
+    def _push_linkage(self, states: Any, wanted: list[float], limit: list[float]) -> None:
+        """Fingers on hinges: every joint for itself towards where the opening wants it, with its share of the force."""
+        linkage = self._linkage
+        assert linkage is not None
+        lever = abs(linkage.lever(states[0][0])) / len(states)
+        rate = _FINGER_STIFFNESS / _FINGER_DAMPING
+        for state, goal, multiplier in zip(states, linkage.positions(self.opening), linkage.multipliers, strict=True):
+            error = float(goal) - state[0]
+            share = lever / max(abs(multiplier), 1e-6)
+            wanted.append(rate * error)
+            limit.append(min(_FINGER_STIFFNESS * lever * share * len(states) * abs(error), self.force * share))
 
     def send(self, velocities: list[float], limits: list[float], torques: list[float]) -> None:
         """Hand one step's commands to the engine."""

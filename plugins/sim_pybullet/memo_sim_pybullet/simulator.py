@@ -170,6 +170,9 @@ class PybulletSimulator(Simulator):
         return self._arm.accelerations(self.timestep)
 
     def gripper_width(self) -> float:
+        linkage = self._world.linkage
+        if linkage is not None:
+            return float(linkage.opening(float(self._arm.states()[0][len(self._world.arm)])))
         return float(self._arm.states()[0][len(self._world.arm) :].sum())
 
     def gripper_effort(self) -> float:
@@ -182,10 +185,7 @@ class PybulletSimulator(Simulator):
         robot = self._world.robot_body
         forces = []
         for link, slide in self._world.pads:
-            state = self.client.getLinkState(robot, slide, computeForwardKinematics=1)
-            axis = np.array(self.client.getJointInfo(robot, slide)[13])
-            # Bullet tells a joint's axis in the principal axes of the link's inertia.
-            along = np.array(self.client.getMatrixFromQuaternion(state[1])).reshape(3, 3) @ axis
+            along = self._outwards(link, slide)
             total = np.zeros(3)
             for point in self.client.getContactPoints(bodyA=robot, linkIndexA=link) or ():
                 if point[2] == robot:
@@ -196,6 +196,19 @@ class PybulletSimulator(Simulator):
                 )
             forces.append(float(total @ along))
         return max(0.0, min(forces)) if forces else 0.0
+
+    def _outwards(self, pad: int, joint: int) -> Array:
+        """The direction in which a pad opens, world axes; ``joint`` is the finger joint that moves it."""
+        robot, read = self._world.robot_body, self.client.getLinkState
+        if self._world.linkage is not None:
+            [other] = {self._world.pads[0][0], self._world.pads[-1][0]} - {pad}
+            ends = [read(robot, link, computeForwardKinematics=1)[4] for link in (other, pad)]
+            apart = np.subtract(ends[1], ends[0])
+            return apart / max(float(np.linalg.norm(apart)), 1e-9)
+        axis = np.array(self.client.getJointInfo(robot, joint)[13])
+        # Bullet tells a joint's axis in the principal axes of the link's inertia.
+        state = read(robot, joint, computeForwardKinematics=1)
+        return np.array(self.client.getMatrixFromQuaternion(state[1])).reshape(3, 3) @ axis
 
     def command_joints(self, targets: Array) -> None:
         if not math.isfinite(np.dot(targets, targets)):

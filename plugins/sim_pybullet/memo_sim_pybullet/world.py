@@ -11,7 +11,8 @@ import attrs
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import read_urdf
+from memo_core.robot.finger_linkage import FingerLinkage
+from memo_core.robot.urdf import Urdf, read_urdf
 from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, joined_pairs
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
@@ -58,6 +59,7 @@ class BulletWorld:
     joints: dict[str, SceneJoint]
     arm: tuple[int, ...]
     fingers: tuple[int, ...]
+    linkage: FingerLinkage | None  # of fingers on hinges
     pads: tuple[tuple[int, int], ...]  # (link, the finger joint that moves it)
     tool: Place
 
@@ -111,6 +113,7 @@ def build_world(
         },
         arm=tuple(indices[ROBOT + name][1] for name in robot.joint_names),
         fingers=tuple(indices[ROBOT + name][1] for name in robot.gripper.finger_joints),
+        linkage=_linkage(robot, urdf),
         pads=_pads(robot, urdf, places, indices),
         tool=places[ROBOT + robot.tool_link],
     )
@@ -215,6 +218,13 @@ def _pads(robot: RobotDescription, urdf: Any, places: dict, indices: dict) -> tu
     return tuple(found)
 
 
+def _linkage(robot: RobotDescription, urdf: Urdf) -> FingerLinkage | None:
+    if not robot.gripper.finger_joints:
+        return None
+    linkage = FingerLinkage(urdf, robot.gripper)
+    return None if linkage.slides else linkage
+
+
 def _keep_apart(
     client: Any, world: BulletWorld, scene: SceneDescription, settings: PybulletSettings, touching: set
 ) -> None:
@@ -267,8 +277,11 @@ def _set_up_joints(client: Any, pybullet: Any, world: BulletWorld, scene: SceneD
     robot = world.robot_body
     for index, angle in zip(world.arm, world.robot.home, strict=True):
         client.resetJointState(robot, index, angle)
-    for index in world.fingers:
-        client.resetJointState(robot, index, client.getJointInfo(robot, index)[9])
+    for number, index in enumerate(world.fingers):
+        if world.linkage is not None:
+            client.resetJointState(robot, index, world.linkage.positions(world.linkage.stroke)[number])
+        else:
+            client.resetJointState(robot, index, client.getJointInfo(robot, index)[9])
     for index in range(client.getNumJoints(robot)):
         client.setJointMotorControl2(robot, index, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=0.0)
     for joint in world.joints.values():
@@ -280,9 +293,10 @@ def _set_up_joints(client: Any, pybullet: Any, world: BulletWorld, scene: SceneD
             joint.body, joint.index, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=spec.friction
         )
     first, *others = world.fingers or (None,)
-    for other in others:
+    multipliers = (1.0,) * len(others) if world.linkage is None else world.linkage.multipliers[1:]
+    for other, multiplier in zip(others, multipliers, strict=True):
         gear = client.createConstraint(robot, first, robot, other, pybullet.JOINT_GEAR, (0, 1, 0), (0, 0, 0), (0, 0, 0))
-        client.changeConstraint(gear, gearRatio=-1, erp=0.3, maxForce=10000)
+        client.changeConstraint(gear, gearRatio=-1.0 / multiplier, erp=0.3, maxForce=10000)
 
 
 def _pose(position: Any, quaternion: Any) -> tuple[tuple, tuple]:
