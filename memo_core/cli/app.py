@@ -21,6 +21,8 @@ COMMANDS = {
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
     "study": "Participants teach the robot in sessions.",
     "evaluate": "Compare methods on tasks that nobody taught.",
+    "report": "Tables, figures and a page about an experiment or a run.",
+    "reproduce": "Study, evaluation and report in one command.",
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
     "new": "Begin a plugin of your own, of any kind: one that works.",

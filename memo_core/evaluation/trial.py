@@ -17,7 +17,6 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.errors import Stopped
 from memo_core.evaluation.books import book_key
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.served import (
@@ -87,7 +86,7 @@ def do_group(
             report(f"{trial.id}: {'done' if row['success'] else 'not done'}")
 
 
-def experiment_of(load: Load, trial: Trial) -> Experiment:
+def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
     """The experiment as this trial changes it."""
     settings: EvaluationSettings = load().section("evaluation")
     given = [f"method={trial.method}", "run.video=off"]
@@ -97,7 +96,7 @@ def experiment_of(load: Load, trial: Trial) -> Experiment:
         limit = settings.corrected.corrections
         given += [f"teacher={json.dumps(settings.corrected.teacher)}", f"run.max_feedback={limit}"]
         given.append(f"run.attempts={limit + 1}")
-    return load(*given, task=trial.task, seed=trial.model_seed)
+    return load(*given, *further, task=trial.task, seed=trial.model_seed)
 
 
 def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[str, Any]:
@@ -118,14 +117,22 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
         teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
     components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, teacher)
     summary = do_one(components, task, trial.model_seed, folder / RUN, registry, public(experiment))
-    if summary["resumable"]:
-        raise Stopped(f"{folder / RUN}: {summary['problem'] or summary['ended']}")
     if trial.mode == "corrected":
         for left in folder.glob("skillbook.db*"):
             left.unlink()  # what people said stays in the books that `forget` knows of
     if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
         write_questions(folder / QUESTIONS, observed.questions)
     return _row(trial, summary, served_in(folder / RUN), place, trial.id)
+
+
+def film_trial(load: Load, registry: Registry, place: Place, trial: Trial, folder: Path) -> dict[str, Any]:
+    """A zero-shot trial once more, filmed, as a run in ``folder``; its summary. With a deterministic model it is the
+    same run."""
+    experiment = experiment_of(load, trial, "run.video=auto")
+    task = task_of(experiment, trial.task)
+    book = book_of(experiment, place.book(trial) or EMPTY, read_only=True)
+    components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, None)
+    return do_one(components, task, trial.model_seed, folder, registry, public(experiment))
 
 
 def _copy(file: str, to: Path) -> None:
@@ -209,4 +216,4 @@ def _failure(summary: dict[str, Any]) -> tuple[str, str]:
         if one["error"]:
             return one["subtask"], one["error"].splitlines()[0]
     last = summary["subtasks"][-1]["subtask"] if summary["subtasks"] else ""
-    return last, summary["problem"] or summary["reason"]
+    return last, summary["problem"] or (summary["ended"] if summary["unanswerable"] else summary["reason"])

@@ -157,7 +157,7 @@ class Loop:
                 self._end_subtask(at, at.result(at.unapproved))
             except LanguageModelError as error:  # what the model would have said is still wanted
                 self._end_subtask(at, at.result(at.unapproved, str(error)))
-                return attrs.evolve(self._result(str(error)), resumable=True)
+                return attrs.evolve(self._result(str(error)), resumable=True, unanswerable=not error.retryable)
         return self._ended(reason)
 
     def _subtask(self, at: _Subtask) -> SubtaskResult:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import Event
 from memo_core.interfaces.task import Task
 from memo_core.llm.kept_calls import ASK
@@ -30,10 +30,11 @@ def do_one(
     config: dict[str, Any],
     listener: Callable[[Event], None] | None = None,
 ) -> dict[str, Any]:
-    """The summary of the run in ``folder``, which is done, or resumed, unless it has ended already. A run that a person
-    ended, or that broke off at a limit, has ``resumable`` true: the same call goes on with it.
+    """The summary of the run in ``folder``, which is done, or resumed, unless it has ended already. A run whose model
+    cannot answer is over, too: it would not answer another time.
 
-    Raises ``MemoError`` for what keeps it from beginning; ``InvalidArgument`` for a damaged log."""
+    Raises ``Stopped`` for a run that a person ended, or that broke off at a limit: the same call goes on with it;
+    ``MemoError`` for what keeps it from beginning; ``InvalidArgument`` for a damaged log."""
     if (ended := summary_of(folder)) is not None:
         return ended
     before = _cut_off(folder)
@@ -41,7 +42,10 @@ def do_one(
     def opened() -> RunFolder:
         return RunFolder(folder, again=before is not None)
 
-    return perform(components, task, seed, opened, registry, config, listener, before=before).summary()
+    summary = perform(components, task, seed, opened, registry, config, listener, before=before).summary()
+    if summary["resumable"] and not summary["unanswerable"]:
+        raise Stopped(f"{folder}: {summary['problem'] or summary['ended']}")
+    return summary
 
 
 def summary_of(folder: Path) -> dict[str, Any] | None:

@@ -15,7 +15,7 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import LanguageModel
+from memo_core.interfaces.llm import LanguageModel, LanguageModelError
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -68,6 +68,7 @@ class RunReport:
     calls_unpriced: int = 0
     ended_by_person: bool = False
     parts: int = 1  # more than one when it was resumed
+    unanswerable: bool = False  # a model could not answer, and asking it again would not help
     resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
 
     @property
@@ -96,6 +97,7 @@ class RunReport:
             "ended_by_person": self.ended_by_person,
             "parts": self.parts,
             "resumable": self.resumable,
+            "unanswerable": self.unanswerable,
             "verdict": self.result.verdict,
             "corrections": self.result.corrections,
             "planning_remarks": self.result.planning_remarks,
@@ -311,6 +313,7 @@ def _perform(
         ended.problem = "ended by a person"
     except MemoError as error:
         ended.problem = str(error)
+        ended.unanswerable = isinstance(error, LanguageModelError) and not error.retryable
     except BaseException as error:
         ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
         if isinstance(error, Exception) and not log.live:
@@ -341,6 +344,7 @@ def _perform(
             calls_unpriced=spent.unpriced,
             ended_by_person=supervisor.ending,
             parts=log.part,
+            unanswerable=ended.unanswerable or (ended.result is not None and ended.result.unanswerable),
             resumable=not over and log.begun,
         )
         tell(_run_ended(report))
@@ -390,6 +394,7 @@ class _Ended:
     sim_s: float = 0.0
     problem: str = ""
     final: bool = False  # whatever the problem is, going on would not help
+    unanswerable: bool = False  # as in ``RunReport``
 
 
 @attrs.frozen(eq=False)

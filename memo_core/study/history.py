@@ -151,8 +151,6 @@ def _run(history: History, teaching: Teaching, settings: StudySettings, journal:
     components = components_of(experiment, lambda: environment_of(experiment, task, run.seed), book, teacher)
     folder = history.folder / run.folder
     summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
-    if summary["resumable"]:
-        raise Stopped(f"{folder}: {summary['problem'] or summary['ended']}")
     with book_of(experiment, book_url, read_only=True) as read:
         newest = max((one.id for one in read.log().feedback), default=0)
     active = active_seconds(settings, summary, calls_that_count(folder))

@@ -1,0 +1,1 @@
+"""Reports: tables, figures and one page about an experiment, or about one run."""

@@ -1,0 +1,134 @@
+"""Everything that an experiment's folder holds, gathered for a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.config import Experiment
+from memo_core.errors import InvalidArgument
+from memo_core.evaluation.books import contents
+from memo_core.evaluation.references import read_references
+from memo_core.evaluation.table import read_table
+from memo_core.runs.factories import book_of, tasks_of
+from memo_core.skillbook.entries import GLOBAL_KEY
+from memo_core.study.history import BOOK
+from memo_core.study.journal import Journal
+from memo_core.study.people import People
+from memo_core.study.running import study_sections
+from memo_core.study.study import CONFIG, journals_of, loader
+
+
+@attrs.frozen(eq=False)
+class Findings:
+    """What was taught, which books came of it, and how trials went."""
+
+    folder: Path
+    backend: str  # the language backend that everything was made with
+    suite: str
+    settings: dict[str, Any]  # of the evaluation, by section
+    study: dict[str, Any]  # the section `study`
+    journals: tuple[Journal, ...]
+    feedback: tuple[dict[str, Any], ...]  # by task: what was said and what was made of it
+    people: dict[str, Any]
+    books: tuple[dict[str, Any], ...]
+    rows: tuple[dict[str, Any], ...]
+    references: dict[str, dict[str, Any]]  # by task: reference solution and doing nothing, where measured
+
+    def zero_shot(self, **wanted: Any) -> list[dict[str, Any]]:
+        """Rows of trials that nobody watched, without ablations, with these values."""
+        return self.chosen(mode="zero-shot", ablation="", **wanted)
+
+    def corrected(self, **wanted: Any) -> list[dict[str, Any]]:
+        """Rows of trials that were watched."""
+        return self.chosen(mode="corrected", **wanted)
+
+    def chosen(self, **wanted: Any) -> list[dict[str, Any]]:
+        return [row for row in self.rows if all(row[name] == value for name, value in wanted.items())]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(row["method"] for row in self.rows))
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(row["task"] for row in self.rows))
+
+    @property
+    def hours(self) -> tuple[float, ...]:
+        return tuple(sorted({row["hours"] for row in self.rows if row["hours"] is not None}))
+
+    def largest(self, method: str, mode: str = "zero-shot") -> list[dict[str, Any]]:
+        """Rows of a method with its largest book; of one without memory, all."""
+        rows = self.chosen(method=method, mode=mode, ablation="", given="")
+        most = max((row["hours"] for row in rows if row["hours"] is not None), default=None)
+        return [row for row in rows if row["hours"] == most]
+
+
+def gather(registry: Any, folder: Path) -> Findings:
+    """Read an experiment's folder; a part that was not done yet is empty. Raises ``InvalidArgument`` where there is
+    nothing at all."""
+    study, evaluation = folder / "study", folder / "evaluation"
+    configs = [file for file in (evaluation / CONFIG, study / CONFIG) if file.exists()]
+    if not configs:
+        problem = f"{folder} holds neither a study nor an evaluation nor a run"
+        raise InvalidArgument(
+            "DIR", problem, "the --out of memo study, memo evaluate or memo reproduce, or a run's folder"
+        )
+    settings = yaml.safe_load(configs[0].read_text(encoding="utf-8"))
+    experiment, journals = None, []
+    if (study / CONFIG).exists():
+        experiment = loader(registry, study / CONFIG, study_sections())()
+        journals = journals_of(experiment, study)
+    return Findings(
+        folder,
+        backend=_backend(settings),
+        suite=str(settings["suite"]["backend"]),
+        settings=settings,
+        study=settings.get("study", {}),
+        journals=tuple(journals),
+        feedback=tuple(_feedback(experiment, journals)) if experiment is not None else (),
+        people={who: attrs.asdict(told) for who, told in People(study).all().items()},
+        books=tuple(contents(folder / "books")),
+        rows=tuple(read_table(evaluation)),
+        references=read_references(evaluation),
+    )
+
+
+def _backend(settings: dict[str, Any]) -> str:
+    llm = settings["llm"]
+    model = llm.get("model") or (llm.get("inner") or {}).get("model")
+    return f"{llm['backend']} ({model})" if model else str(llm["backend"])
+
+
+def _feedback(experiment: Experiment, journals: list[Journal]) -> list[dict[str, Any]]:
+    """A row a task: what was said when it was taught, in all histories together, and what was made of it."""
+    tasks = {task.name: task for task in tasks_of(experiment)}
+    rows: dict[str, dict[str, Any]] = {}
+    for journal in journals:
+        for run in journal.runs:
+            if run.end is None:
+                continue
+            row = rows.setdefault(run.task, _empty(run.task, tasks[run.task].kind, tasks[run.task].instruction))
+            row["runs"] += 1
+            row["done"] += bool(run.end["success"])
+            row["corrections"] += run.end["corrections"]
+            row["plan_remarks"] += run.end["planning_remarks"]
+        if (journal.folder / BOOK).exists():
+            with book_of(experiment, str(journal.folder / BOOK), read_only=True) as book:
+                by_instruction = {row["instruction"]: row for row in rows.values()}
+                for entry in book.entries(superseded=True):
+                    said = book.feedback(entry.feedback) if entry.feedback is not None else None
+                    about = by_instruction.get(said.task) if said is not None else None
+                    if about is not None:
+                        kind = "general" if entry.key == GLOBAL_KEY else entry.kind
+                        about[{"correction": "notes", "general": "general", "template": "templates"}[kind]] += 1
+    return list(rows.values())
+
+
+def _empty(task: str, kind: str, instruction: str) -> dict[str, Any]:
+    names = ("runs", "done", "corrections", "plan_remarks", "notes", "general", "templates")
+    return {"task": task, "type": kind, "instruction": instruction} | dict.fromkeys(names, 0)

@@ -1,0 +1,296 @@
+"""The tables of a report, as values: each knows its title, what it was made with, and its cells."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Sequence
+from importlib import resources
+from typing import Any
+
+import attrs
+import yaml
+
+from memo_core.report.findings import Findings
+from memo_core.report.statistics import Interval, Outcomes, difference, interval, probability_of_improvement
+
+
+@attrs.frozen(eq=False)
+class Table:
+    """``name`` is its file's; ``note`` says how to read it."""
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    note: str = ""
+
+    def csv(self) -> str:
+        out = io.StringIO()
+        writer = csv.writer(out)
+        writer.writerow(self.columns)
+        writer.writerows([["" if cell is None else cell for cell in row] for row in self.rows])
+        return out.getvalue()
+
+    def markdown(self) -> str:
+        def line(cells: Sequence[Any]) -> str:
+            return "| " + " | ".join("" if cell is None else str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+        head = [f"## {self.title}", "", *([self.note, ""] if self.note else [])]
+        return "\n".join([*head, line(self.columns), line(["---"] * len(self.columns)), *map(line, self.rows), ""])
+
+
+def all_tables(findings: Findings) -> list[Table]:
+    """All tables for which there is something."""
+    makers = (
+        feedback_by_task,
+        success_and_corrections,
+        success_by_hours,
+        success_by_task,
+        comparisons,
+        floor_and_ceiling,
+        books,
+        retrieval,
+        failures,
+        ablations,
+        given_books,
+        sessions,
+        participants,
+    )
+    return [table for maker in makers if (table := maker(findings)).rows]
+
+
+def feedback_by_task(findings: Findings) -> Table:
+    names = ("task", "type", "runs", "done", "corrections", "plan_remarks", "notes", "general", "templates")
+    rows = [tuple(row[name] for name in names) for row in findings.feedback]
+    if rows:
+        rows.append(("all", "", *(sum(row[index] for row in rows) for index in range(2, len(names)))))
+    note = "All histories together. Notes, general statements and templates: made of what was said in runs of the task."
+    return Table("table-1-feedback", "Table I: feedback by task", names, tuple(rows), note)
+
+
+def success_and_corrections(findings: Findings) -> Table:
+    rows = []
+    for method in findings.methods:
+        zero, watched = findings.largest(method), findings.largest(method, "corrected")
+        done = [row for row in watched if row["success"]]
+        rows.append(
+            (
+                method,
+                _hours(zero or watched),
+                _rate(zero),
+                _rate(watched),
+                _number(watched, "corrections"),
+                _number(done, "corrections"),
+                len(zero),
+                len(watched),
+            )
+        )
+    columns = (
+        "method",
+        "hours",
+        "success zero-shot",
+        "success with corrections",
+        "corrections a trial",
+        "corrections until success",
+        "trials",
+        "watched",
+    )
+    note = (
+        "Largest book of each method. Intervals (95 %): bootstrap over teaching histories and scenes. Where all trials "
+        "came out alike it has no width, which does not make the rate certain."
+    )
+    return Table("table-2-success", "Table II: success and corrections", columns, tuple(rows), note)
+
+
+def success_by_hours(findings: Findings) -> Table:
+    rows = []
+    for method in findings.methods:
+        for hours in (*findings.hours, None):
+            chosen = findings.zero_shot(method=method, hours=hours, given="")
+            if chosen:
+                rows.append((method, "any" if hours is None else f"{hours:g}", _rate(chosen), len(chosen)))
+    return Table(
+        "figure-3-hours", "Success by hours of teaching", ("method", "hours", "success", "trials"), tuple(rows)
+    )
+
+
+def success_by_task(findings: Findings) -> Table:
+    columns = ("task", *findings.methods)
+    rows = [
+        (
+            task,
+            *(_rate([row for row in findings.largest(method) if row["task"] == task]) for method in findings.methods),
+        )
+        for task in findings.tasks
+    ]
+    return Table("figure-4-tasks", "Success by task, largest book, zero-shot", columns, tuple(rows))
+
+
+def comparisons(findings: Findings) -> Table:
+    rows = []
+    if "memo" in findings.methods:
+        memo = Outcomes.of(findings.largest("memo"))
+        for method in findings.methods:
+            other = Outcomes.of(findings.largest(method))
+            if method == "memo" or not other.trials or not memo.trials:
+                continue
+            better = interval([memo, other], difference)
+            chance = interval([memo, other], probability_of_improvement)
+            rows.append((f"memo - {method}", better.text(unit=" points"), chance.text(1.0, 2, "")))
+    note = (
+        "Probability of improvement: that a trial of memo comes out better than one of the other; a draw counts half."
+    )
+    columns = ("compared", "difference of success", "probability of improvement")
+    return Table("comparisons", "Comparisons, largest book, zero-shot", columns, tuple(rows), note)
+
+
+def floor_and_ceiling(findings: Findings) -> Table:
+    rows = []
+    for task in findings.tasks:
+        untaught = [row for row in findings.zero_shot(task=task) if row["hours"] == 0.0 or row["method"] == "memo-s"]
+        taught = [row for row in findings.largest("memo") if row["task"] == task] if "memo" in findings.methods else []
+        measured = findings.references.get(task, {})
+        reference = f"{measured['reference']} of {measured['scenes']}" if measured else "not measured"
+        nothing = f"{measured['nothing']} of {measured['scenes']}" if measured else "not measured"
+        rows.append((task, nothing, _share(untaught), _share(taught), reference))
+    note = "Where an effect can show: between what is reached untaught and what the hand-written reference reaches."
+    columns = ("task", "doing nothing", "untaught", "taught (memo, largest book)", "reference")
+    return Table("floor-and-ceiling", "Floor and ceiling of each task", columns, tuple(rows), note)
+
+
+def books(findings: Findings) -> Table:
+    rows = []
+    for hours in sorted({book["hours"] for book in findings.books}):
+        for method in ("memo-c", "memo", "droc-v"):
+            of = [b for b in findings.books if b["hours"] == hours and b["method"] == method and not b["ablation"]]
+            if of:
+                means = [sum(b[name] for b in of) / len(of) for name in _COUNTED]
+                rows.append((f"{hours:g}", method, of[0]["clustering"], *(f"{mean:.1f}" for mean in means), len(of)))
+    note = "Means over histories. Before clustering: memo-c; after: memo."
+    columns = ("hours", "method", "clustered", "entries", "characters", "corrections", "general", "templates", "books")
+    return Table("books", "Entries and characters before and after clustering", columns, tuple(rows), note)
+
+
+_COUNTED = ("entries", "characters", "correction", "general", "template")
+
+
+def retrieval(findings: Findings) -> Table:
+    rows = []
+    for method in findings.methods:
+        chosen = findings.largest(method)
+        served = sum(row["served"] for row in chosen)
+        irrelevant = sum(row["irrelevant"] for row in chosen)
+        if served:
+            rows.append(
+                (method, served, irrelevant, f"{100 * irrelevant / served:.0f} %", f"{served / len(chosen):.1f}")
+            )
+    note = "Irrelevant: made at another action on other things than the subtask it was served to."
+    columns = ("method", "entries served", "irrelevant", "share", "served a trial")
+    return Table("retrieval", "Irrelevant entries served, largest book, zero-shot", columns, tuple(rows), note)
+
+
+def failures(findings: Findings) -> Table:
+    rows = []
+    for method in findings.methods:
+        failed = [row for row in findings.largest(method) if not row["success"]]
+        counted = Counter((row["task"], row["failed_at"], _general(row["why"])) for row in failed)
+        example = {(row["task"], row["failed_at"], _general(row["why"])): row["same_as"] for row in failed}
+        rows += [(method, *key, count, example[key]) for key, count in counted.most_common()]
+    note = "Where: the first subtask whose last code ended with an error; numbers are replaced by #."
+    columns = ("method", "task", "where", "why", "trials", "for example")
+    return Table("failures", "Where each method failed, largest book, zero-shot", columns, tuple(rows), note)
+
+
+def ablations(findings: Findings) -> Table:
+    names = tuple(dict.fromkeys(row["ablation"] for row in findings.rows if row["ablation"]))
+    whole = Outcomes.of(findings.largest("memo")) if "memo" in findings.methods else Outcomes({})
+    rows = [("none", _rate(findings.largest("memo")), "", whole.trials)] if names else []
+    for name in names:
+        changed = Outcomes.of(findings.chosen(ablation=name))
+        rows.append(
+            (
+                name,
+                interval([changed]).text(),
+                interval([changed, whole], difference).text(unit=" points"),
+                changed.trials,
+            )
+        )
+    columns = ("change", "success", "difference to none", "trials")
+    return Table("ablations", "Ablations of memo's largest book, zero-shot", columns, tuple(rows))
+
+
+def given_books(findings: Findings) -> Table:
+    keys = dict.fromkeys((row["given"], row["method"]) for row in findings.rows if row["given"])
+    rows = [
+        (
+            file,
+            method,
+            _rate(findings.zero_shot(given=file, method=method)),
+            _rate(findings.corrected(given=file, method=method)),
+        )
+        for file, method in keys
+    ]
+    return Table(
+        "given-books", "Books that were given", ("book", "method", "zero-shot", "with corrections"), tuple(rows)
+    )
+
+
+def sessions(findings: Findings) -> Table:
+    rows = [
+        (number, one.number, one.participant, one.runs, f"{one.active_s / 60:.1f}", one.revision)
+        for number, journal in enumerate(findings.journals)
+        for one in journal.sessions
+    ]
+    columns = ("history", "session", "participant", "tasks", "minutes", "book's revision")
+    return Table("sessions", "Sessions", columns, tuple(rows))
+
+
+def participants(findings: Findings) -> Table:
+    counted = Counter(one.participant for journal in findings.journals for one in journal.sessions)
+    minutes: Counter[str] = Counter()
+    for journal in findings.journals:
+        for one in journal.sessions:
+            minutes[one.participant] += round(one.active_s / 60)
+    rows = [(who, count, minutes[who]) for who, count in sorted(counted.items())]
+    return Table("participants", "Participants", ("participant", "sessions", "minutes"), tuple(rows))
+
+
+def paper_numbers() -> Table:
+    """What the paper says, with its contradictions: a table of its own, never beside ours."""
+    text = resources.files("memo_core.report").joinpath("paper_numbers.yaml").read_text(encoding="utf-8")
+    told = yaml.safe_load(text)
+    rows = tuple((row["what"], " or ".join(row["says"]), row.get("note", "")) for row in told["figures"])
+    note = (
+        f"{told['source']}; made by people, a real robot and another language model. Not entered: {told['not_entered']}"
+    )
+    return Table("paper", "What the paper says", ("what", "says", "note"), rows, note)
+
+
+def rate_of(rows: Sequence[dict[str, Any]]) -> Interval:
+    """The success rate of some trials."""
+    return interval([Outcomes.of(rows)])
+
+
+def _rate(rows: Sequence[dict[str, Any]]) -> str:
+    return rate_of(rows).text()
+
+
+def _share(rows: Sequence[dict[str, Any]]) -> str:
+    return f"{sum(row['success'] for row in rows)} of {len(rows)}" if rows else "-"
+
+
+def _number(rows: Sequence[dict[str, Any]], column: str) -> str:
+    return interval([Outcomes.of(rows, column)]).text(1.0, 2, "")
+
+
+def _hours(rows: Sequence[dict[str, Any]]) -> str:
+    return f"{rows[0]['hours']:g}" if rows and rows[0]["hours"] is not None else "-"
+
+
+def _general(why: str) -> str:
+    """A reason without its numbers, so that like ones count together."""
+    import re
+
+    return re.sub(r"-?\d+(\.\d+)?", "#", why)[:160]

@@ -1,0 +1,118 @@
+"""Writing a report: tables as CSV and Markdown, figures as SVG and PNG, and one HTML page that opens from disk."""
+
+from __future__ import annotations
+
+import base64
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import attrs
+import jinja2
+
+from memo_core.plugins import Registry
+from memo_core.report.figures import Figure, all_figures
+from memo_core.report.films import Film, read_films
+from memo_core.report.findings import Findings, gather
+from memo_core.report.tables import all_tables, paper_numbers
+from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.story import read_story
+
+
+@attrs.frozen(eq=False)
+class Written:
+    """What was written; ``missing`` says what could not be drawn, and why."""
+
+    page: Path
+    files: tuple[Path, ...]
+    missing: str = ""
+
+
+def write_report(registry: Registry, folder: Path) -> Written:
+    """The report of an experiment's folder, or of one run's. Raises ``InvalidArgument``."""
+    return write_run_page(folder) if (folder / "events.jsonl").exists() else write_experiment_report(registry, folder)
+
+
+def write_experiment_report(registry: Registry, folder: Path) -> Written:
+    """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
+    findings, out = gather(registry, folder), folder / "report"
+    tables, paper = all_tables(findings), paper_numbers()
+    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, paper)]
+    figures, missing = _figures(findings, out)
+    files += [file for figure in figures for file in (figure.svg, figure.png)]
+    heading = f"# {_title(folder)}\n\nLanguage backend: {findings.backend}; suite: {findings.suite}.\n\n"
+    markdown = heading + "\n".join(table.markdown() for table in (*tables, paper))
+    files.append(write_whole(out / "tables.md", markdown))
+    page = _templates().get_template("experiment.html.j2")
+    html = page.render(
+        title=_title(folder),
+        findings=findings,
+        runs=len({row["same_as"] for row in findings.rows}),
+        clock=_clock(findings),
+        figures=figures,
+        tables=tables,
+        paper=paper,
+        cells=[_cell(film, folder, out) for film in read_films(folder)],
+        image=_image,
+    )
+    return Written(write_whole(out / "index.html", html), tuple(files), missing)
+
+
+def write_run_page(folder: Path) -> Written:
+    """``report.html`` in the folder of one run: its code, words, notes, retrieved entries and films."""
+    story = read_story(folder)
+    html = (
+        _templates()
+        .get_template("run.html.j2")
+        .render(title=folder.name, story=story, relative=lambda path: os.path.relpath(path, folder))
+    )
+    return Written(write_whole(folder / "report.html", html), ())
+
+
+def _figures(findings: Findings, out: Path) -> tuple[list[Figure], str]:
+    try:
+        return all_figures(findings, out), ""
+    except ImportError as error:
+        return [], f"no figures: {error} (pip install 'memo-core[experiment]')"
+
+
+def _title(folder: Path) -> str:
+    return f"Experiment {folder.resolve().name}"
+
+
+def _clock(findings: Findings) -> str:
+    if findings.study.get("clock") != "simulated" or not findings.journals:
+        return ""
+    timing = findings.study["timing"]
+    return (
+        "Hours of teaching are by a simulated clock: the robot's own time, and by assumption "
+        f"{timing['setup_s']:g} s to set a scene up, {timing['model_s']:g} s for each answer of a language model and "
+        f"{timing['remark_s']:g} s for each attempt that somebody judges."
+    )
+
+
+def _cell(film: Film, folder: Path, out: Path) -> dict[str, Any]:
+    told = film.row
+    return {
+        "method": told["method"],
+        "task": told["task"],
+        "success": told["success"],
+        "why": told["why"],
+        "reason": told["reason"],
+        "trial": told["same_as"],
+        "folder": os.path.relpath(folder / "evaluation" / "trials" / told["same_as"] / "run", out),
+        "films": [os.path.relpath(file, out) for file in film.files],
+    }
+
+
+def _image(file: Path) -> str:
+    """A picture as part of the page."""
+    return "data:image/svg+xml;base64," + base64.b64encode(file.read_bytes()).decode()
+
+
+def _templates() -> jinja2.Environment:
+    def load(name: str) -> str:
+        return resources.files("memo_core.report").joinpath(name).read_text(encoding="utf-8")
+
+    return jinja2.Environment(loader=jinja2.FunctionLoader(load), autoescape=True, trim_blocks=True)

@@ -1,0 +1,128 @@
+"""A report shows what is in the table, says which backend made it, and keeps the paper's numbers apart."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from memo_core.errors import InvalidArgument
+from memo_core.plugins import Registry
+from memo_core.report.films import wanted
+from memo_core.report.tables import Table, paper_numbers
+from memo_core.report.writing import write_report
+
+BLANK = {
+    "ablation": "",
+    "number": 0,
+    "given": "",
+    "reason": "",
+    "corrections": 0,
+    "served": 10,
+    "irrelevant": 4,
+    "failed_at": "",
+    "why": "",
+}
+
+
+def trial(method, task, scene, success, history=0, hours=2.0, mode="zero-shot", **more):
+    name = f"{method}-{task}-{scene}-{history}-{hours}-{mode}-{more.get('ablation', '')}"
+    told = {"trial": name, "same_as": name, "method": method, "task": task, "scene": scene, "success": success}
+    failed = {} if success else {"failed_at": f"OPEN({task})", "why": f"did not arrive: {scene} cm <away>"}
+    return BLANK | told | {"history": history, "hours": hours, "mode": mode} | failed | more
+
+
+def experiment(tmp_path: Path) -> Path:
+    rows = [
+        trial("memo", task, scene, hours > 0 and scene != 1, history, hours)
+        for task in ("oven", "can")
+        for scene in range(3)
+        for history in range(2)
+        for hours in (0.0, 2.0)
+    ]
+    rows += [trial("memo", "oven", scene, True, mode="corrected", corrections=2) for scene in range(3)]
+    rows += [trial("memo-s", task, scene, False, None, None) for task in ("oven", "can") for scene in range(3)]
+    rows += [trial("memo", "oven", scene, False, ablation="nonsense") for scene in range(3)]
+    folder = tmp_path / "evaluation"
+    folder.mkdir()
+    (folder / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    (folder / "config.yaml").write_text(
+        yaml.safe_dump({"llm": {"backend": "offline"}, "suite": {"backend": "kitchen"}})
+    )
+    references = {"oven": {"reference": 3, "nothing": 0, "scenes": 3}}
+    (folder / "references.json").write_text(json.dumps(references))
+    return tmp_path
+
+
+def cells(folder: Path, name: str) -> list[dict[str, str]]:
+    with (folder / "report" / f"{name}.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_say_what_the_trials_say(tmp_path):
+    written = write_report(Registry(), experiment(tmp_path))
+    second = {row["method"]: row for row in cells(tmp_path, "table-2-success")}
+    assert second["memo"]["success zero-shot"].startswith("67 % (")
+    assert second["memo"]["corrections until success"] == "2.00 (2.00 to 2.00)"
+    assert second["memo-s"]["success zero-shot"].startswith("0 %")
+    by_hours = {(row["method"], row["hours"]): row["success"] for row in cells(tmp_path, "figure-3-hours")}
+    assert by_hours["memo", "0"].startswith("0 %") and by_hours["memo", "2"].startswith("67 %")
+    floor = {row["task"]: row for row in cells(tmp_path, "floor-and-ceiling")}
+    assert floor["oven"]["untaught"] == "0 of 9" and floor["oven"]["taught (memo, largest book)"] == "4 of 6"
+    assert floor["oven"]["reference"] == "3 of 3" and floor["can"]["reference"] == "not measured"
+    failed = cells(tmp_path, "failures")
+    assert {(row["method"], row["trials"], row["why"]) for row in failed if row["task"] == "oven"} == {
+        ("memo", "2", "did not arrive: # cm <away>"),
+        ("memo-s", "3", "did not arrive: # cm <away>"),
+    }
+    assert cells(tmp_path, "retrieval")[0]["share"] == "40 %"
+    assert [row["change"] for row in cells(tmp_path, "ablations")] == ["none", "nonsense"]
+    assert written.missing == ""
+
+
+def test_the_page_is_one_file_with_its_figures_in_it_and_says_which_backend_made_it(tmp_path):
+    page = write_report(Registry(), experiment(tmp_path)).page.read_text()
+    assert not re.findall(r"(?:src|href)=\"(?!data:|#)[^\"]*\"", page)
+    assert page.count("data:image/svg+xml;base64,") >= 3
+    assert "regression figures" in page and "<strong>offline</strong>" in page
+    assert "&lt;away&gt;" in page and "<away>" not in page
+    assert 'name="viewport"' in page and "@media print" in page
+    for name in ("figure-3-hours", "figure-4-tasks", "profiles"):
+        assert "language backend: offline" in _words((tmp_path / "report" / f"{name}.svg").read_text())
+        assert (tmp_path / "report" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def _words(svg: str) -> str:
+    """matplotlib draws text as paths and leaves it in comments."""
+    return " ".join(re.findall(r"<!-- (.*?) -->", svg))
+
+
+def test_the_paper_s_numbers_stand_in_a_table_of_their_own_with_their_contradictions(tmp_path):
+    write_report(Registry(), experiment(tmp_path))
+    paper = paper_numbers()
+    said = {row[0]: row[1] for row in paper.rows}
+    assert said["zero-shot success of droc-v"] == "28 % or 40 %"
+    assert said["corrections until success with memo"] == "2.76 or 2.2"
+    ours = [file for file in (tmp_path / "report").iterdir() if file.name != "paper.csv" and file.suffix == ".csv"]
+    assert ours and not any("2.76" in file.read_text() for file in ours)
+
+
+def test_what_is_filmed_is_a_success_and_a_failure_of_each_method_and_task_where_there_is_one(tmp_path):
+    lines = (experiment(tmp_path) / "evaluation" / "trials.jsonl").read_text().splitlines()
+    chosen = [(row["method"], row["task"], row["success"]) for row in wanted([json.loads(line) for line in lines])]
+    both = [("memo", task, success) for task in ("oven", "can") for success in (False, True)]
+    assert sorted(chosen) == sorted([*both, ("memo-s", "can", False), ("memo-s", "oven", False)])
+
+
+def test_cells_of_markdown_do_not_break_its_table():
+    table = Table("t", "Title", ("a", "b"), (("x|y", None),))
+    assert "| x\\|y |  |" in table.markdown()
+
+
+def test_a_folder_without_an_experiment_is_refused(tmp_path):
+    with pytest.raises(InvalidArgument, match="neither a study nor an evaluation nor a run"):
+        write_report(Registry(), tmp_path)
