@@ -75,7 +75,8 @@ def test_the_pages_backends_do_what_they_say():
             check(lambda kind=kind: build(kind))
     robot = build("robot")
     pinocchio = pytest.importorskip("pinocchio")
-    assert pinocchio.buildModelFromXML(robot.urdf).nq == len(robot.joints)
+    moving = len(robot.joints) + len(robot.gripper.finger_joints)
+    assert pinocchio.buildModelFromXML(robot.urdf).nq == moving
     [task] = build("suite")
     assert task.scene(np.random.default_rng(0)).body("block").label == "block"
     [nudge] = build("skills")

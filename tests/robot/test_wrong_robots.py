@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import attrs
 import pytest
@@ -160,6 +161,16 @@ def test_a_right_robot_keeps_every_rule_in_motion_too():
     found = list(check_robot(REGISTRY, "robot/ur5e", lambda: RIGHT))
     assert {one.outcome for one in found} == {"kept"}, [one for one in found if one.outcome != "kept"]
     assert "it_grasps_a_cube" in {one.rule for one in found}
+
+
+def test_the_docs_example_keeps_every_rule():
+    page = Path(__file__).parents[2] / "docs" / "plugins" / "robot.md"
+    [source] = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    scope: dict = {"__name__": "page"}
+    exec(compile(source, page.name, "exec"), scope)
+    [backend] = scope["memo_robots"]()
+    found = list(check_robot(REGISTRY, "robot/reacher", lambda: backend.factory(backend.config())))
+    assert {one.outcome for one in found} == {"kept"}, [one for one in found if one.outcome != "kept"]
 
 
 def test_the_command_says_the_cause_in_its_first_line(monkeypatch, capsys):
