@@ -69,9 +69,14 @@ def test_amounts_are_kept(words, kept):
 
 
 def test_words_that_are_not_understood_are_kept_beside_those_that_are_and_reported():
-    said, missed = notes("Go 3 cm higher. You should perambulate the crate widdershins.")
-    assert said.corrections[1] == "Perambulate the crate widdershins."
+    said, missed = notes("Go 3 cm higher. The crate perambulated widdershins.")
+    assert said.corrections[1] == "The crate perambulated widdershins."
     assert missed
+
+
+def test_an_order_that_is_not_understood_is_asked_about_whatever_stands_beside_it():
+    said, _ = notes("Go 3 cm higher. You should perambulate the crate widdershins.")
+    assert said.corrections == () and "perambulate the crate widdershins" in said.unclear
 
 
 @pytest.mark.parametrize("words", ["no, that's not right", "that was wrong, try again", "perambulate it widdershins"])

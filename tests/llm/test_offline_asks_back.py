@@ -79,3 +79,38 @@ def test_the_tasks_it_was_measured_at_are_declared_and_what_is_beyond_it_is_said
     assert measured.warning("offline", "never-measured") == ""
     with pytest.raises(InvalidArgument, match="tasks"):
         measured_of(attrs.evolve(offline, measured="memo_llm/offline/habits.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask"),
+    [
+        (
+            "handles first, doors last, else you reach over them all the time",
+            "OPEN(crate)",
+        ),  # a reason asks for nothing
+        ("Why are you shutting it?", "OPEN(crate)"),
+        ("check that nothing sticks out before you shut any lid or door", "OPEN(crate)"),  # says only when
+        ("Follow the curve round to the left with the handle", "OPEN(crate)"),
+        ("Up, then in.", "OPEN(crate)"),
+        ("pull it out towards you first and lift afterwards", "PICK_UP(pen)"),
+        ("Oh how lovely, not even a crack. Exactly like that, please.", "PICK_UP(pen)"),
+        ("Come lower and mind the gap on the thingummy", "PICK_UP(pen)"),
+    ],
+)
+def test_what_is_not_accounted_for_is_asked_and_not_guessed(words, subtask):
+    answer = said(words, PEN if "pen" in subtask else CRATE, subtask)
+    assert answer["corrections"] == answer["general"] == [] and answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask", "noted"),
+    [
+        ("Come from above, not sideways!", "PICK_UP(pen)", ["Approach from top."]),
+        ("Easy, easy! Slower please, you're slamming it.", "OPEN(crate)", ["Move slower."]),
+        ("The hinges are on the left, so swing it round.", "OPEN(crate)", ["about the left edge"]),
+        ("You need another half turn.", "UNSCREW(pen)", ["180 degrees further"]),
+    ],
+)
+def test_contrast_small_talk_and_facts_stand_beside_a_request(words, subtask, noted):
+    corrections = said(words, PEN if "pen" in subtask else CRATE, subtask)["corrections"]
+    assert all(any(part in one for one in corrections) for part in noted), corrections

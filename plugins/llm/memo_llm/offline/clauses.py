@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
+from typing import Literal
 
 
 def split_words(words: str) -> frozenset[str]:
@@ -25,7 +26,9 @@ _ASKED_FOR = re.compile(
     r"want(?:s|ed)? (?:you|it)? ?to|"
     r"'d better|try to|make sure|let's|wants? to be|better to)\b"
 )
-_REASON = re.compile(r"^(?:because|since|otherwise|or else|or|so that|that's why|as|which|who|that's how|for)\b")
+_WISHED = re.compile(r"(?:i'd|i would|i want|i need|i prefer|i'd like)\b")
+_SAME_IN_PAST = {"put", "set", "let", "shut", "hit"}
+_REASON = re.compile(r"^(?:else|because|since|otherwise|or else|or|so that|that's why|as|which|who|that's how|for)\b")
 _CONDITION = re.compile(
     r"\b(?:if|unless|except|only when|only if|only while|as long as|in case|depending|either|whether)\b"
 )
@@ -36,10 +39,11 @@ _SUBJECT = re.compile(
 _FINITE = re.compile(
     r"(?:\b(?:is|are|was|were|am|be|been|has|have|had|does|did|will|would|could|can|might|may|isn't|aren't|wasn't|weren't|"
     r"doesn't|didn't|won't|can't|cannot|couldn't|hasn't|haven't|wouldn't|go|went|fell|hit|hits|came|got|gets|took|lost|made|"
-    r"knocked|let|broke|threw|stuck|held|left|shut|slid|swung|bent|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
+    r"knocked|let|broke|threw|stuck|held|(?<=you )left|(?<=it )left|"
+    r"shut|slid|swung|bent|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
     r"wants?|likes?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
 )
-_AT = "over|above|in|into|inside|on|onto|at|near|of|from|off|by|under|behind|beside|between|against"
+_AT = "next to|over|above|in|into|inside|on|onto|at|near|of|from|off|by|under|behind|beside|between|against"
 _TOUCHING = "to|than|as|hits?|hitting|bump\\w*|knock\\w*|touch\\w*|clear|miss|like|with|for"
 _PARTICLES = "up|down|in|out|on|off|over|back|open|shut|away|together"
 # What a hand does. Said of nothing that was read, it is a request that was not understood.
@@ -47,7 +51,7 @@ _ACTS = {
     "open": "open pull swing hold grip grab take grasp",
     "close": "close push shut press hold",
     "pick": "pick take grab grasp grip lift get hold reach catch fetch",
-    "place": "place put set lay drop leave release let",
+    "place": "place put set lay drop leave release let lie stand sit rest",
     "push": "push press hit touch use",
     "pull": "pull hold grip",
     "turn": "turn twist rotate screw unscrew open close tighten loosen hold grip grab take",
@@ -55,7 +59,7 @@ _ACTS = {
 }
 _HOLD = "hold grip grab grasp take squeeze press push pull pinch clamp catch"
 _LEAD = "open close shut push pull turn twist rotate tip tilt swing slide press lift raise"
-_MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick reach pour"
+_MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick reach pour carry"
 # edit -> verbs that it says how to do
 _CARRIED = {
     "force": f"{_HOLD} handle touch wipe close shut turn open",
@@ -76,7 +80,8 @@ _CARRIED = {
 }
 _LIGHT = "go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
 _ALL_ACTS = frozenset(" ".join(_ACTS.values()).split()) | split_words(
-    "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat withdraw"
+    "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat "
+    "withdraw carry clamp pinch set lay drop touch spread tighten loosen drag bring shift aim continue"
 )
 _TELLING = split_words(
     "up down left right out back front top bottom middle centre center near inside outside above below "
@@ -85,19 +90,64 @@ _TELLING = split_words(
 )
 
 
+Mood = Literal["request", "told", "hypothesis", "contrast", "question"]
+
+
+def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
+    """What a clause does. ``request``: whether it asks for something (see ``is_request``); ``after_request``: whether
+    something was asked for before it in the sentence, which "not so" then only sets off."""
+    plain = _OPENERS.sub("", f"{clause} ").strip()
+    if re.match(r"like (?:a|an|the|some|it|you)\b", plain):
+        return "told"
+    needless = re.match(r"(?:(?:you |there's |there is )?(?:don't need|no need|needn't|don't have)\b)", plain)
+    if after_request and needless:
+        return "contrast"
+    if after_request and re.match(
+        r"(?:not|instead of|rather than)\b(?! (?:so|that|too|as|quite|far|enough|only)\b)", plain
+    ):
+        return "contrast"
+    if re.match(r"(?:otherwise|or else|else|so that|or|in case)\b", plain):
+        return "hypothesis"
+    if re.match(
+        r"(?:why|what|who|where) (?:on earth |the hell )?(?:are|is|do|does|did|was|were|would|should)\b", plain
+    ):
+        return "question"
+    return "request" if request else "told"
+
+
+def time_part(clause: str) -> int:
+    """Where a clause begins to say only when: "come up | before you let go"; its length where it does not."""
+    match = re.search(r"\b(?:before|after|when|whenever|while|once|until|till|as soon as|by the time)\b", clause)
+    return match.start() if match else len(clause)
+
+
 def is_request(clause: str, before: bool = True) -> bool:
     """Whether a clause asks for something, rather than telling what happened or why. ``before``: whether the clause
     before it does: "it is heavy and made of glass" goes on telling."""
     plain = _OPENERS.sub("", f"{clause} ").strip()
-    if _REASON.match(plain):
+    if _REASON.match(plain) or re.match(
+        r"(?:there's|there is|there are|there was|nearly|almost|missed|not quite$)\b", plain
+    ):
         return False
-    if _ASKED_FOR.search(plain):
+    if _ASKED_FOR.search(plain) or _WISHED.match(plain):
         return True
+    told_how = re.match(r"(?:you|we) (?:only |just |always |simply )?(\w+)\b(?! (?:\w+ )?too\b)", plain)
+    if told_how and told_how.group(1) in _ALL_ACTS - _SAME_IN_PAST:
+        return True  # "you turn it clockwise", not "you turned it"
+    if re.match(r"(?:you|it|they|he|she|we|i)\b(?!-)", plain):
+        return False
+    if re.match(r"(?:until|till)\b", plain):
+        return before
     subject = _SUBJECT.match(plain)
     if subject is None:
         return True
     first = plain.split()[0]
     if re.match(r"(?:(?:it|that|this|there)|(?:the|my|your|its) [\w'-]+(?: one| \w+)?) [a-z]+s\b", plain):
+        return False
+    if re.match(
+        r"(?:your|the|my|its|our) [a-z]+s (?!up|down|left|right|first|only|last|further|closer|higher|lower)[a-z]+\b",
+        plain,
+    ):
         return False
     if not before and re.match(r"\w+(?:ed|ing)\b|made\b", first):
         return False
@@ -117,6 +167,7 @@ def core(rest: str, own: Collection[str], others: Collection[str]) -> str:
     """A clause's remainder without what only says when, where or for what: "after letting go", "over the bowl". ``own``
     are words for what the subtask is about, ``others`` for what else is to be seen."""
     rest = re.sub(r"\b(?:after|before|when|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest)
+    rest = re.sub(r"\b(?:mind|watch(?: out for)?|careful (?:with|of)) (?:the|my|your|that|this) \w+", " ", rest)
     rest = re.sub(r"\btry (?:it |that )?(?:again|once more|another time)\b", " ", rest)
     place = r"(?:side|edge|top|front|back|rim|bottom|middle|centre|center|end|inside|outside|wall|surface)"
     of_it = rf"(?:(?:the|its|your|that|this|each) )?(?:{place} of )?(?:(?:the|its|your|that|this|each) )?(?:\w+ )?"
@@ -145,11 +196,14 @@ def unread(core: str, kind: str, carried: Collection[str], others: Collection[st
     return [*found, *acts]
 
 
-def orders_unknown(core: str) -> bool:
-    """Whether it looks like an order with a verb that is not known: "polish the spoon"."""
-    no_verb = "mind|watch|careful|like|as|with|for|not|no|in|on|at|by|from|to|of"
-    order = rf"\s*(?:\w+ly )?(?!(?:{no_verb})\b)[a-z]+ (?:the|a|an|it|them|your|this|that|my)\b"
-    return re.match(order, _OPENERS.sub("", core)) is not None
+def is_act(word: str) -> bool:
+    """Whether it is a form of a verb for what a hand does; ``unread`` says which of them had to be read."""
+    return _stem(word) in _ALL_ACTS or word in _LIGHT.split()
+
+
+def is_own_act(word: str, kind: str) -> bool:
+    """Whether it is a form of a verb for what a kind of subtask does."""
+    return _stem(word) in _ACTS.get(kind, "").split()
 
 
 def _stem(word: str) -> str:

@@ -18,7 +18,7 @@ _TO = r"(?:(?:over |further |farther |far |more )*(?:to |towards? |on )(?:the |y
 # "the lower end", "from the left", "on the right side" say where something is, not how much of something is wanted.
 _NO_PLACE = (
     r"(?! (?:end|edge|side|part|rim|half|corner|hinge|hand|one|ones)\b| (?:of|as|on) (?:the|it|its|that)\b"
-    r"| (?:from|apart|below|above|left|right|clockwise|it|them|your|its|the \w+)\b)"
+    r"| (?:from|apart|away|below|above|left|right|clockwise|it|them|your|its|the \w+)\b)"
 )
 _PARTS = {  # of the patterns below
     "NOT": r"(?:\w+n't|not|never|no|nor|without|hardly|barely|cannot)",
@@ -34,7 +34,7 @@ _MORE = (
 _LESS = (
     "(?:by )?(?:AMOUNT )?RATHERtoo TOPLAIN(?: (?:by |about )*AMOUNT)?",
     r"DONT(?: \w+)?(?: (?:it|them|this|that|the \w+))?(?: all| quite)? (?:so|that|too|as|overly) TOPLAIN",
-    "(?:AMOUNT )?less PLAIN(?: (?:by )?AMOUNT)?",
+    "(?:AMOUNT )?less PLAIN(?: away)?(?: (?:by )?AMOUNT)?",
     r"(?:AMOUNT )?RATHERCOMPARATIVE than (?:it |you )?(?:should|necessary|needed|required|i want)\w*"
     "(?: be| have| to| been)*",
 )

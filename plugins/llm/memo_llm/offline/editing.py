@@ -207,7 +207,7 @@ def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if recipe.kind == "pour":
         return _turn_hand(recipe, edit, rough)
     degrees = edit.degrees if edit.degrees is not None else 90.0
-    counter = edit.value == "left" or edit.value.startswith(("counter", "anti")) or "unscrew" in edit.said
+    counter = edit.value == "left" or edit.value.startswith(("counter", "anti"))
     steps = recipe.steps
     if "turn" not in steps:
         at = steps.index("path") if "path" in steps else _after_grip(steps)

@@ -14,7 +14,7 @@ from memo_llm.offline.editing import apply
 from memo_llm.offline.prompt import Prompt
 from memo_llm.offline.reading import Edit, Reading, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
-from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, than_that
+from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart, than_that
 from memo_llm.offline.rendering import render
 from memo_llm.offline.vocabulary import Vocabulary
 
@@ -56,6 +56,10 @@ _STATES = frozenset(
     ]
 )
 
+# Praise with one of these is praise with a reservation.
+_RESERVED = re.compile(
+    r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
+)
 _OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
 _OF_ANY_MOTION = frozenset({"offset", "speed", "force"})
 
@@ -84,7 +88,7 @@ class Heard:
 def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
     """What a person means who said ``words`` of the prompt's subtask."""
     action, objects = prompt.subtask
-    known = [node.label for node in scene.nodes] + list(objects)
+    known = [*(node.label for node in scene.nodes), *objects, action]
     recipe = habits.recipe(action, objects)
     kind = recipe.kind if recipe is not None else ""
     sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip())
@@ -122,6 +126,8 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
         # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
         return _answer(heard, unclear=heard.question)
     attempt = _attempt(heard, prompt, scene)
+    if lost := _lost(heard, attempt, scene, habits.rough, vocabulary):
+        return _answer(heard, unclear=f"how would one do that here: {lost} You said: {' '.join(words.split())[:200]}")
     corrections: list[str] = []
     general: list[str] = []
     for sentence, reading in zip(heard.sentences, heard.readings, strict=True):
@@ -134,6 +140,21 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
     return _answer(heard, corrections, general)
+
+
+def _lost(heard: Heard, attempt: Attempted, scene: SceneGraph, rough: dict[str, float], vocabulary: Vocabulary) -> str:
+    """The first note that would be followed otherwise than it was meant, once it is read again; "" if there is none."""
+    if heard.recipe is None:
+        return ""
+    for edit in heard.edits:
+        text = _said(edit, heard.recipe, attempt)
+        again = read_sentence(taken_apart(text)[0], vocabulary, [node.label for node in scene.nodes], heard.recipe.kind)
+        followed = heard.recipe
+        for one in again.edits:
+            followed = apply(followed, one, rough)
+        if text and followed != apply(heard.recipe, edit, rough):
+            return text
+    return ""
 
 
 def _answer(
@@ -178,16 +199,20 @@ def _question(
         )
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
+    understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
+    if vocabulary.praises(words) and not _RESERVED.search(words.lower()):
+        return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
+    turned = [edit for edit in edits if edit.kind == "reverse"]
+    if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
+        return f"which way should the hand go? You said: {quoted}"
     swung = [edit for edit in edits if edit.kind in _OF_DOORS]
     led = [
         edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
     ]
-    placed = any(edit.kind in (*PLACES, *LENGTHS) for edit in edits)
-    if led and not placed and recipe is not None and recipe.kind == "place":
+    if led and recipe is not None and recipe.kind == "place":
         return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
     if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
-    understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
     opposed = _opposed(edits, vocabulary)
     if opposed:
         return f"which of the two is meant: {opposed}? You said: {quoted}"
@@ -214,6 +239,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         for edit in edits
         if (edit.kind, edit.value) not in measured or (edit.amount is not None and edit.amount.exact)
     ]
+    if kind in ("open", "close", "pull") and "way" in kinds:  # "pull it out towards you" is one way
+        edits = [edit for edit in edits if edit.kind != "offset" or edit.value not in ("towards", "away")]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
         edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
     if "fingers" in kinds:  # how they lie in the end; a turn said beside it is the way there
@@ -273,6 +300,8 @@ def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
     seconds = f"{edit.seconds:g} seconds" if edit.seconds is not None else "a while"
     times = f"{edit.count} times"
     value = _LINK.get(edit.value, edit.value) if edit.kind == "offset" else edit.value
+    if edit.kind == "way":
+        value = {"towards": "towards yourself", "away": "away from yourself"}.get(value, value)
     if edit.kind == "pivot":
         value = {"up": "top", "down": "bottom"}.get(value, value)
     text = edit.phrase.say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)

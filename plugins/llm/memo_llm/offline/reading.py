@@ -7,7 +7,18 @@ from collections.abc import Iterable
 
 import attrs
 
-from memo_llm.offline.clauses import core, has_condition, is_request, orders_unknown, unread
+from memo_llm.offline.clauses import (
+    Mood,
+    core,
+    has_condition,
+    is_act,
+    is_own_act,
+    is_request,
+    mood_of,
+    split_words,
+    time_part,
+    unread,
+)
 from memo_llm.offline.degrees import REFUSED, Degree
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.typos import in_full
@@ -19,6 +30,12 @@ _SUBORDINATOR = (
     r"|\b(?:if|when) it (?:sticks|jams|gets stuck|is stuck|catches|hangs)[,]? ?(?:then )?\x00"
 )
 _AFTER_SO = "you|it|the|we|please|just|go|be|do|try|hold|push|pull|move|open|lower|lift|take|turn|grab|make|keep|put"
+_CARRIED_BY_WAY = ("offset", "farther", "less-far", "all-the-way", "angle")
+_BARE = r"(?:push|press|shove|lift|raise)(?: [\w' ]+?)??(?: (?:it|them|this|that))?"
+# Fillers that say which, when or whether, where nothing else was read.
+_MATTERS = split_words(
+    "in out up down off on away over back under only not no other another first more less about what here there"
+)
 _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _MOTIONS = {
@@ -59,7 +76,6 @@ ORDERS = frozenset(
     ]
 )
 TOLD = re.compile(r"^(?:[a-z]+,? )?(?:you|i|we|your|because|since|otherwise|or|when|that's why)\b|\bwhen you\b")
-MOST_UNKNOWN = 0.22  # share of a clause's words beside what was understood, above which it may mean something else
 
 
 @attrs.frozen
@@ -77,6 +93,7 @@ class Edit:
     negated: bool = False  # only where the phrase has no opposite
     said: str = attrs.field(default="", eq=False)  # the words it was read from
     phrase: Phrase | None = attrs.field(default=None, eq=False, repr=False)
+    degree: bool = attrs.field(default=False, eq=False)  # read from an adjective of degree: "too high", "slower"
 
 
 @attrs.frozen
@@ -102,30 +119,43 @@ def read_sentence(
     found, plain = _read_whole(_plain(text, vocabulary, nouns), vocabulary, kind)
     edits += found
     request = True
-    for clause in _clauses(plain):
-        request = is_request(clause, request)
+    for clause, part in _parted(plain):
+        mood = mood_of(clause, is_request(clause, request), bool(edits))
+        request = mood == "request"
         if edits and (amount := _amount_alone(clause, vocabulary)) and not _measured(edits[-1]):
             edits[-1] = attrs.evolve(edits[-1], amount=amount)
             continue
         found, rest = _read_clause(clause, vocabulary, kind)
+        complains = vocabulary.complaint(clause)
         said = [
             edit
             for edit in found
-            if edit.kind not in ("nothing", REFUSED) and (request or not _only_told(edit, clause))
+            if edit.kind not in ("nothing", REFUSED) and _asks(edit, mood, clause, complains, kind)
         ]
         rest = core(rest, nouns - other_things, other_things)
-        unknown = [w for w in re.findall(r"[^\W_][\w'-]*", rest) if not _plain_word(w, vocabulary, nouns)]
+        unknown = [
+            w for w in re.findall(r"[^\W_][\w'-]*", rest) if not (_plain_word(w, vocabulary, nouns) or is_act(w))
+        ]
         for edit in said:
             edits += [] if any(_same(edit, other) for other in edits) else [edit]
         denied = vocabulary.negations.search(clause) is not None and not said
-        open_words = unread(rest, kind, [edit.kind for edit in said], other_things) if request and not denied else []
-        doubtful = has_condition(rest) or bool(open_words)
+        contrasted = (
+            denied and re.search(r"^(?:never|not|no),? (?:by|at|on|from|around|with|near|in)\b", clause) is not None
+        )
+        beside = set() if part else other_things  # what stands beside what was read already may name anything
+        open_words = unread(rest, kind, [edit.kind for edit in said], beside) if request and not denied else []
+        doubtful = (mood in ("request", "told") and has_condition(rest)) or bool(open_words)
         if unknown and not said:
             missed.append(clause)
-            doubtful |= request and not denied and orders_unknown(rest)
         else:
             missed += unknown
-            doubtful |= request and len(unknown) > 1 and len(unknown) >= MOST_UNKNOWN * len(clause.split())
+        doubtful |= (
+            request
+            and not contrasted
+            and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns)))
+        )
+        doubtful |= _clash(said, clause)
+        doubtful |= mood == "told" and re.search(r"\d (?:cm|mm|inch|m|degrees|seconds)\b", rest) is not None
         if doubtful:
             unsure.append(clause)
     if not edits:
@@ -141,6 +171,55 @@ def _only_told(edit: Edit, clause: str) -> bool:
     """Whether it names what the hand did, which nobody asks for by saying so."""
     faulted = edit.phrase is not None and edit.phrase.told
     return edit.kind in ORDERS and not faulted and TOLD.search(clause) is not None
+
+
+def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bool:
+    """Whether an edit's words, said in such a clause, ask for it."""
+    if mood == "request":
+        return True
+    if edit.phrase is not None and edit.phrase.lesson:
+        return True  # how a thing moves is a reason to move it so
+    if mood in ("contrast", "hypothesis", "question"):
+        return False
+    flipped = edit.phrase is not None and edit.phrase.flip
+    if (
+        edit.kind == "offset"
+        and edit.amount is not None
+        and not flipped
+        and re.match(r"(?:it|the \w+)(?:'s| is)\b", clause)
+    ):
+        return kind not in ("place", "pour", "")  # "it's 2 cm lower": where the hand should have been
+    faulted = edit.degree or (edit.phrase is not None and (edit.phrase.told or edit.phrase.flip or edit.phrase.value))
+    return bool(faulted or complains) and not _only_told(edit, clause)
+
+
+def _adds_nothing(rest: str, kind: str, vocabulary: Vocabulary, nouns: set[str]) -> bool:
+    """Whether the words of a clause in which nothing was read do not ask for anything either: small talk, or no more
+    than what the subtask does anyway ("and then take it")."""
+    words = re.findall(r"[a-z][a-z'-]*|\d+", rest)
+    empty = vocabulary.small_talk | vocabulary.fillers - _MATTERS
+    return all(
+        word in vocabulary.small_talk
+        or word in empty
+        or word.removesuffix("s") in nouns
+        or word in nouns
+        or is_own_act(word, kind)
+        for word in words
+    )
+
+
+def _clash(edits: list[Edit], clause: str) -> bool:
+    """Whether what was read in one clause cannot be all that it means."""
+    kinds = {edit.kind for edit in edits}
+    of_fingers = re.search(
+        r"\b(?:open|clos|spread|shut)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b", clause
+    )
+    return (
+        ("offset" in kinds and bool(kinds & {"arc", "pivot"}))
+        or {"speed", "release"} <= kinds
+        or (of_fingers is not None and "all-the-way" in kinds)
+        or len({edit.value for edit in edits if edit.kind == "way"}) > 1
+    )
 
 
 def _measured(edit: Edit) -> bool:
@@ -183,13 +262,21 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
 
 
 def _clauses(plain: str) -> list[str]:
+    return [clause for clause, _ in _parted(plain)]
+
+
+def _parted(plain: str) -> list[tuple[str, bool]]:
+    """Clauses, each with whether it is what is left beside something that was read already."""
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
     plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
     plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
     plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
     plain = re.sub(r"\b(?:and then|and|then|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain)
-    pieces = re.split(r"[,;:!?\x00]|\.(?!\d)", plain)
-    return [piece for piece in (" ".join(p.split()) for p in pieces) if piece]
+    found = []
+    for piece in re.split(r"[,;:!?]|\.(?!\d)", plain):
+        beside = "\x00" in piece
+        found += [(words, beside) for part in piece.split("\x00") if (words := " ".join(part.split()))]
+    return found
 
 
 def _read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edit], str]:
@@ -212,7 +299,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
     """Edits in the order of the words, and the clause with what was read blanked out."""
     rest = clause
     found: list[tuple[int, Phrase, re.Match[str]]] = []
-    degrees = vocabulary.degrees.read(clause, kind)
+    when = time_part(clause)  # what begins in there only says when
+    degrees = [one for one in vocabulary.degrees.read(clause, kind) if one.start <= when]
     for one in degrees:
         rest = rest[: one.start] + "\x00" * (one.end - one.start) + rest[one.end :]
     if any(one.edit in ("finger-width", "farther", "less-far") for one in degrees):
@@ -224,7 +312,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
             while match := pattern.search(rest):
                 if not match.group().strip():
                     break
-                found.append((match.start(), phrase, match))
+                if match.start() <= when:
+                    found.append((match.start(), phrase, match))
                 rest = rest[: match.start()] + "\x00" * (match.end() - match.start()) + rest[match.end() :]
     rest = vocabulary.complaints.sub(lambda m: "\x00" * len(m.group()), rest)
     denial = vocabulary.negations.search(rest)
@@ -234,6 +323,12 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
     edits = [_as_motion(edit, clause, kind, vocabulary) for _, edit in sorted(placed, key=lambda item: item[0])]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
+    if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
+        edits = [edit for edit in edits if edit.kind != "tilt" or edit.degrees is not None or edit.value]
+    if any(
+        edit.kind in _CARRIED_BY_WAY for edit in edits
+    ):  # "push it further": the verb carries what is said beside it
+        edits = [edit for edit in edits if edit.kind != "way" or not re.fullmatch(_BARE, edit.said.strip())]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
     return edits, rest.replace("\x00", " ")
@@ -252,11 +347,14 @@ def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary
         kind, value = ("farther" if value == "up" else "less-far"), ""
     phrase = next((p for p in vocabulary.phrases if p.edit == kind and not (p.only or p.whole)), None)
     degrees = vocabulary.angle(degree.said) if kind in ("farther", "less-far") else None
-    return Edit(kind, value, vocabulary.amount(degree.said), degrees, said=degree.said, phrase=phrase)
+    return Edit(kind, value, vocabulary.amount(degree.said), degrees, said=degree.said, phrase=phrase, degree=True)
 
 
 def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Edit:
     """What is to be gentle is a motion, where the clause's verb is one: then it is to be slow."""
+    moved = (
+        kind in ("open", "close", "pull") and re.search(r"gently|softly|carefully|delicately", edit.said) is not None
+    )
     moves = (
         "approach|mov|com|reach"
         if kind in ("pick", "place", "push")
@@ -265,7 +363,7 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
     if (
         edit.kind == "force"
         and edit.value in GENTLE
-        and re.search(rf"\b(?:{moves})\w*\b", clause)
+        and (moved or re.search(rf"\b(?:{moves})\w*\b", clause))
         and not re.search(_GRIPS, clause)
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)

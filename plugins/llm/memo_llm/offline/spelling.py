@@ -65,11 +65,29 @@ _AMOUNT = re.compile(
 )
 
 
+_TURNS = re.compile(
+    rf"\b(?:(?P<share>half|quarter) |(?P<whole>{_NUMBER}) (?P<more>more )?"
+    r"(?:full |whole |complete )?(?P<half>half |quarter )?)"
+    r"(?:turns?|revolutions?)\b(?= |$|[.,;!])"
+)
+
+
+def _in_degrees(match: re.Match[str]) -> str:
+    """Turns that are counted, as an angle: "three more half turns" is 540 more degrees."""
+    if match.group("share"):
+        return match.group()
+    value = (number(match.group("whole")) or 0.0) * 360
+    value *= {"half": 0.5, "quarter": 0.25}.get((match.group("half") or "").strip(), 1.0)
+    return f"{value:g} degrees" + (" more" if match.group("more") else "")
+
+
 def in_figures(text: str) -> str:
     """Lower-case text with lengths, angles and times in figures and short units ("3 cm", "90 degrees", "2 seconds")."""
     for pattern, metres in _BODY.items():
         text = re.sub(rf"\b{pattern}\b", f"{100 * metres:g} cm", text)
     text = re.sub(r"(\d) ?½", r"\1.5", text).replace("½", "half")
+    text = re.sub(r"\b(?:a |one )?(half|quarter|third|eighth) (?:of )?a turn\b", r"a \1 turn", text)
+    text = _TURNS.sub(_in_degrees, text)
     text = re.sub(rf"\b({_NUMBER}) more (?=(?:{_UNIT})\b)(\S+)", r"\1 \2 more", text)
     return _AMOUNT.sub(_figures, text)
 

@@ -17,10 +17,16 @@ from memo_llm.offline.spelling import number
 _UNITS = {"cm": 0.01, "mm": 0.001, "inch": 0.0254, "m": 1.0}
 
 
+_LACKING = re.compile(
+    r"\b(?:still|only|just|too|barely|hardly|almost|nearly|half|missed|lost|forgot|nothing|never|should have|ajar)\b"
+)
+
+
 @attrs.frozen
 class Phrase:
     """A group of phrasings that mean one edit. ``opposite`` is the edit that "don't" makes of it, ``general`` a
-    statement that holds for other objects too, made when one of its phrasings explains why (``lesson``). ``whole``:
+    statement that holds for other objects too, made when one of its phrasings explains why (``lesson``: that it moves
+    so). ``whole``:
     read before a sentence is taken apart. ``value`` is what is meant where no words name it, ``values`` a table that is
     looked into first, ``flip`` says that a fault is named and its opposite meant. ``only``: the kinds of subtask that
     it is about; none: all. ``told``: also where somebody only tells what happened ("your hand
@@ -38,6 +44,7 @@ class Phrase:
     flip: bool = False
     only: tuple[str, ...] = ()
     told: bool = False
+    lesson: bool = False
 
 
 @attrs.frozen
@@ -64,6 +71,7 @@ class Vocabulary:
     opposites: dict[str, str]
     scopes: tuple[re.Pattern[str], ...]
     fillers: frozenset[str]
+    small_talk: frozenset[str]
     degrees: Degrees
     spelled: frozenset[str]  # every word that stands in the vocabulary
 
@@ -86,6 +94,7 @@ class Vocabulary:
             "scopes",
             "scales",
             "fillers",
+            "small_talk",
             "phrases",
         } - set(data)
         if missing:
@@ -125,10 +134,12 @@ class Vocabulary:
                     flip=bool(item.get("flip")),
                     only=tuple(item.get("only", ())),
                     told=bool(item.get("told")),
+                    lesson=bool(item.get("lesson")),
                 )
             )
         values = {spelling: value for value, spellings in data["values"].items() for spelling in spellings}
-        fillers = frozenset(data["fillers"].split())
+        small_talk = frozenset(data["small_talk"].split())
+        fillers = frozenset(data["fillers"].split()) | small_talk
         denials = (_any_of(data["negations"]), _any_of(data["complaints"]))
         praise = tuple(_compile(pattern, "praise") for pattern in data["praise"])
         opposites = {**data["opposites"], **{value: key for key, value in data["opposites"].items()}}
@@ -149,6 +160,7 @@ class Vocabulary:
             opposites,
             scopes,
             fillers,
+            small_talk,
             degrees,
             in_it,
         )
@@ -163,6 +175,11 @@ class Vocabulary:
                 return noun.removesuffix("s") if len(noun) > 3 else noun, found.get("verb") or ""
         return "", ""
 
+    def complaint(self, clause: str) -> bool:
+        """Whether a clause says that something is not as it should be."""
+        denied = self.complaints.search(clause) or self.negations.search(clause)
+        return denied is not None or _LACKING.search(clause) is not None
+
     def praises(self, text: str) -> bool:
         """Whether words approve of what was done."""
         plain = " ".join(re.sub(r"[^\w' ]", " ", text.lower().replace("’", "'")).split())
@@ -175,7 +192,10 @@ class Vocabulary:
     def amount(self, text: str) -> Amount | None:
         """The first amount of length in a text."""
         text = re.sub(
-            r"far enough|all the way|(?:other|wrong|opposite|another|same) way|too far|(?:way|much) too", "", text
+            r"far enough|all the way|(?:other|wrong|opposite|another|same) way|too far"
+            r"|\b(?:way|much|far)\b(?! (?:further|farther|more|less|\w+er)\b)",
+            "",
+            text,
         )
         match = re.search(r"(\d+(?:\.\d+)?) (cm|mm|inch|m)\b", text)
         if match:
