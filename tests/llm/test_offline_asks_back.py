@@ -114,3 +114,31 @@ def test_what_is_not_accounted_for_is_asked_and_not_guessed(words, subtask):
 def test_contrast_small_talk_and_facts_stand_beside_a_request(words, subtask, noted):
     corrections = said(words, PEN if "pen" in subtask else CRATE, subtask)["corrections"]
     assert all(any(part in one for one in corrections) for part in noted), corrections
+
+
+@pytest.mark.parametrize(
+    ("answer", "noted"),
+    [
+        ("yes", "Go lower than in that attempt."),
+        ("Yes, that's right.", "Go lower than in that attempt."),
+        ("no, 3 cm higher", "Go 3 cm higher than in that attempt."),
+    ],
+)
+def test_the_answer_to_a_question_stands_for_what_it_was_asked_about(answer, noted):
+    words = "come lower and mind the thingummy on the whatsit"
+    question = said(words, PEN, "PICK_UP(pen)")["unclear"]
+    assert question.startswith("is this what you mean: Go lower.")
+    # As memo_core.policy.feedback_processing puts an answer beside what it answers.
+    assert said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")["corrections"] == [noted]
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask", "noted"),
+    [
+        ("lift it 5 cm higher", "PICK_UP(pen)", "Lift it 5 cm higher"),  # not: farther from the robot
+        ("to the right!", "UNSCREW(pen)", "Turn it clockwise."),  # what is turned in place goes nowhere
+        ("Gently! Everything falls over.", "OPEN(crate)", "Move slower."),  # a soft grip would let go of the handle
+    ],
+)
+def test_what_a_remark_is_about_depends_on_what_the_subtask_does(words, subtask, noted):
+    assert any(one.startswith(noted) for one in said(words, PEN if "pen" in subtask else CRATE, subtask)["corrections"])

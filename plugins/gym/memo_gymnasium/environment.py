@@ -52,7 +52,7 @@ class TaskEnv(gymnasium.Env[Any, Any]):
     ``reset(seed=s)`` builds the scene that ``memo run --seed s`` does; without a seed the next one is drawn.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / STEP_S)}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1 / STEP_S)}
 
     def __init__(
         self,

@@ -26,7 +26,10 @@ _ASKED_FOR = re.compile(
     r"want(?:s|ed)? (?:you|it)? ?to|"
     r"'d better|try to|make sure|let's|wants? to be|better to)\b"
 )
-_WISHED = re.compile(r"(?:i'd|i would|i want|i need|i prefer|i'd like)\b")
+_WISHED = re.compile(
+    r"(?:(?:you|it|this|that|they) (?:only |just )?(?:needs?|wants?|takes?) (?!you)|needs? |i'd|i would"
+    r"|i want|i need|i prefer)\b"
+)
 _SAME_IN_PAST = {"put", "set", "let", "shut", "hit"}
 _REASON = re.compile(r"^(?:else|because|since|otherwise|or else|or|so that|that's why|as|which|who|that's how|for)\b")
 _CONDITION = re.compile(
@@ -125,8 +128,10 @@ def is_request(clause: str, before: bool = True) -> bool:
     """Whether a clause asks for something, rather than telling what happened or why. ``before``: whether the clause
     before it does: "it is heavy and made of glass" goes on telling."""
     plain = _OPENERS.sub("", f"{clause} ").strip()
-    if _REASON.match(plain) or re.match(
-        r"(?:there's|there is|there are|there was|nearly|almost|missed|not quite$)\b", plain
+    if (
+        re.fullmatch(r"(?:too|still|so) (?!far|high|low|long|much)\w+", plain)
+        or _REASON.match(plain)
+        or re.match(r"(?:there's|there is|there are|there was|nearly|almost|missed|not quite$)\b", plain)
     ):
         return False
     if _ASKED_FOR.search(plain) or _WISHED.match(plain):
@@ -187,6 +192,7 @@ def unread(core: str, kind: str, carried: Collection[str], others: Collection[st
     # "pick it up", "take out": the particle belongs to the verb
     verbs = "|".join(sorted(_ALL_ACTS | own))
     core = re.sub(rf"\b({verbs})((?: (?:it|them|this|that|the \w+(?: \w+)?))?) (?:{_PARTICLES})\b", r"\1\2", core)
+    core = re.sub(r"^ *(?:lower|raise) (?=it\b|them\b|the\b|that\b)", "bring ", core)
     words = re.findall(r"[a-z][a-z'-]*|\d+(?:\.\d+)?", core)
     found = [w for w in words if w[0].isdigit() or w in _TELLING or w in others]
     acts = [w for w in words if (stem := _stem(w)) in _ALL_ACTS and stem not in own]

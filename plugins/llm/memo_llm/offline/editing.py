@@ -155,8 +155,9 @@ def _offset(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     direction = _BASE.get("towards" if edit.value == "out" else edit.value)
     if direction is None:
         direction = _BASE["down" if edit.said.endswith(("below", "under")) else "up"]
-    if edit.value == "up" and recipe.kind == "pick" and edit.said.startswith(("lift", "raise", "carry")):
-        return attrs.evolve(recipe, distance=(recipe.distance if edit.base is None else edit.base) + metres)
+    if edit.value in ("up", "down") and recipe.kind == "pick" and edit.said.startswith(("lift", "raise", "carry")):
+        by = metres if edit.value == "up" else -metres
+        return attrs.evolve(recipe, distance=max(0.02, (recipe.distance if edit.base is None else edit.base) + by))
     # Said relative to an attempt whose place is known, the remark is about where that was, not about where we are now.
     start = tuple(
         edit.base * d if edit.base is not None and d else now for now, d in zip(recipe.offset, direction, strict=True)

@@ -53,6 +53,8 @@ _STATES = frozenset(
         "tilt",
         "turn-hand",
         "back-off",
+        "finger-width",
+        "turn-thing",
     ]
 )
 
@@ -95,7 +97,8 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     others = _others(scene, objects)
     readings = tuple(read_sentence(sentence, vocabulary, known, kind, others) for sentence in sentences)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
-    effective = recipe is not None and _effective(edits, recipe, habits, prompt, scene)
+    done = recipe or habits.recipe("push", objects)  # what is done for a verb that is not known
+    effective = done is not None and _effective(edits, done, habits, prompt, scene)
     question = _question(words, readings, edits, recipe, effective, vocabulary)
     return Heard(recipe, sentences, readings, tuple(edits), question)
 
@@ -116,7 +119,7 @@ def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
 def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
     """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
     prompt lacks."""
-    words = prompt.quoted("what the person said")
+    words = _settled_words(prompt.quoted("what the person said"))
     scene = prompt.scene()
     heard = hear(words, prompt, scene, habits, vocabulary)
     plans = _plans(words, heard, prompt)
@@ -177,6 +180,26 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     return [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
 
 
+_ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)
+_MEANT = re.compile(r"is this what you mean: (?P<understood>.*?) (?:It is not clear|You said:)")
+_YES = re.compile(
+    r"(?:yes|yep|yeah|y|ok|okay|right|correct|exactly|that's (?:it|right)|please|do|i do|it is|that too|[, .!])+", re.I
+)
+
+
+def _settled_words(words: str) -> str:
+    """What somebody said in the end: the answer to a question stands for what it was asked about, and "yes" for what
+    the question took it to mean."""
+    asked = _ASKED.search(words)
+    if asked is None:
+        return words
+    answer = asked.group("answer").strip()
+    meant = _MEANT.search(asked.group("question"))
+    if meant is not None and _YES.fullmatch(answer):
+        return meant.group("understood")
+    return answer
+
+
 # -- what is asked back -----------------------------------------------------------------------------------------------
 
 
@@ -221,7 +244,7 @@ def _question(
         return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
     if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):
         return f"I do not know this action; which way should the hand move for: {understood} You said: {quoted}"
-    if recipe is not None and not effective:
+    if not effective:
         return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
     return ""
 
@@ -304,7 +327,9 @@ def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
         value = {"towards": "towards yourself", "away": "away from yourself"}.get(value, value)
     if edit.kind == "pivot":
         value = {"up": "top", "down": "bottom"}.get(value, value)
-    text = edit.phrase.say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
+    lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
+    say = "Lift it {amount} {value}." if lifted else edit.phrase.say
+    text = say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
     text = (
         re.sub(r"\s+(?=[.,])", "", " ".join(text.split())).replace(" by.", ".").replace(" from.", " from another side.")
     )

@@ -320,7 +320,10 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
     placed = [(one.start, _of_degree(one, clause, kind, vocabulary)) for one in degrees]
     for start, phrase, match in found:
         placed.append((start, _edit(phrase, match, denial is not None and denial.start() < start, vocabulary)))
-    edits = [_as_motion(edit, clause, kind, vocabulary) for _, edit in sorted(placed, key=lambda item: item[0])]
+    edits = [
+        _as_turn(_as_motion(edit, clause, kind, vocabulary), kind, vocabulary)
+        for _, edit in sorted(placed, key=lambda item: item[0])
+    ]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
@@ -335,7 +338,7 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
 
 
 def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary) -> Edit:
-    kind, value = degree.edit, degree.value
+    kind, value, lifted = degree.edit, degree.value, ""
     if kind in ("farther", "less-far") and re.search(r"wid|narrow", degree.said) and re.search(_FINGERS, clause):
         kind, value = "finger-width", "wider" if kind == "farther" else "less"
     if (
@@ -344,10 +347,23 @@ def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary
         and re.search(r"\b(?:lift|rais|carr)\w*\b", clause)
         and subtask == "pick"
     ):
-        kind, value = ("farther" if value == "up" else "less-far"), ""
+        lifted = "lift "
     phrase = next((p for p in vocabulary.phrases if p.edit == kind and not (p.only or p.whole)), None)
     degrees = vocabulary.angle(degree.said) if kind in ("farther", "less-far") else None
-    return Edit(kind, value, vocabulary.amount(degree.said), degrees, said=degree.said, phrase=phrase, degree=True)
+    return Edit(
+        kind, value, vocabulary.amount(degree.said), degrees, said=lifted + degree.said, phrase=phrase, degree=True
+    )
+
+
+def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary) -> Edit:
+    """To the right is clockwise where something is turned in place."""
+    if kind != "turn" or edit.kind not in ("offset", "pivot") or edit.value not in ("left", "right"):
+        return edit
+    if edit.amount is not None and edit.amount.exact:
+        return edit
+    turned = next((p for p in vocabulary.phrases if p.edit == "turn-thing" and not p.value), None)
+    value = "clockwise" if edit.value == "right" else "counterclockwise"
+    return attrs.evolve(edit, kind="turn-thing", value=value, amount=None, phrase=turned)
 
 
 def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Edit:

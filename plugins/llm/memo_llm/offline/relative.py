@@ -78,7 +78,9 @@ def _contact(events: list[Command]) -> Array | None:
 def than_that(edit: Edit, recipe: Recipe, attempt: Attempted) -> str:
     """What a note of a relative remark adds: relative to what; "" for an edit that is not relative."""
     if edit.kind in PLACES and edit.value in WAYS:
-        lifted = edit.value == "up" and recipe.kind == "pick" and edit.said.startswith(("lift", "raise", "carry"))
+        lifted = (
+            edit.value in ("up", "down") and recipe.kind == "pick" and edit.said.startswith(("lift", "raise", "carry"))
+        )
         if lifted:
             return "" if attempt.distance is None else f" than in that attempt, which went {_cm(attempt.distance)}"
         if attempt.shift is None:
