@@ -71,8 +71,9 @@ def command(
 def run_evaluation(load: Load, folder: Path) -> Evaluated:
     """The evaluation with a progress bar. Exits with 130 when it was stopped."""
     from memo_core.evaluation.evaluating import Standing, evaluate
+    from memo_core.study.lock import working_in
 
-    with progress_bar() as bar, stopping() as stop:
+    with working_in(folder), progress_bar() as bar, stopping() as stop:
         task: Any = bar.add_task("trials", total=None)
 
         def show(standing: Standing) -> None:

@@ -44,6 +44,7 @@ def command(
     from memo_core.evaluation.sections import ALL_SECTIONS
     from memo_core.report.films import make_films
     from memo_core.report.writing import write_report
+    from memo_core.study.lock import working_in
     from memo_core.study.running import run_study
     from memo_core.study.study import loader, open_study, shared_settings
 
@@ -57,7 +58,8 @@ def command(
     try:
         with _timed(took, "study"):
             load = open_study(registry, file, ALL_SECTIONS, given, study)
-            run_study(load, registry, study, jobs or load().section("evaluation").jobs, report=note)
+            with working_in(folder):
+                run_study(load, registry, study, jobs or load().section("evaluation").jobs, report=note)
         evaluating = loader(registry, file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
         with _timed(took, "evaluation"):
             summary = run_evaluation(evaluating, folder).summary()

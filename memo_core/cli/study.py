@@ -129,10 +129,12 @@ def config_of(folder: Path) -> Path:
 
 
 def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | None, json: bool) -> None:
+    from memo_core.study.lock import working_in
     from memo_core.study.running import run_study
 
     try:
-        run_study(load, registry, folder, jobs, sessions, AtTerminal(), note)
+        with working_in(folder.parent):
+            run_study(load, registry, folder, jobs, sessions, AtTerminal(), note)
     except Stopped as stopped:
         note(f"memo: {stopped}; to go on: memo study resume {folder.parent}")
         raise typer.Exit(INTERRUPTED) from None

@@ -62,15 +62,22 @@ def make_books(
     stop: StopSwitch,
     report: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Make the books that are missing in ``folder``. A study that has not come as far as an hour wants is reported and
-    gives what there is. Raises ``MemoError``, ``Stopped``."""
+    """Make the books that are missing in ``folder``, and those anew that were made before a study came as far as their
+    hour. Raises ``MemoError``, ``Stopped``."""
     keys = {key for trial in trials if (key := book_key(trial)) is not None}
     # A damaged copy needs its original; in order, "" is before the name of an ablation.
     plain = {attrs.evolve(key, ablation="") for key in keys if key.ablation in LESIONS}
     for key in sorted(keys | plain):
-        if not (folder / key.file).with_suffix(".json").exists():
+        told = told_of(folder, key)
+        if told is None or told["feedback"] != journals[key.history].feedback_until(key.hours):
             report(f"book {key.file}")
             _make(experiment, journals[key.history], folder, key, stop)
+
+
+def told_of(folder: Path, key: BookKey) -> dict[str, Any] | None:
+    """What is in a book; None for one that is not made yet."""
+    file = (folder / key.file).with_suffix(".json")
+    return dict(parse_json(file.read_text(encoding="utf-8"))) if file.exists() else None
 
 
 def contents(folder: Path) -> list[dict[str, Any]]:

@@ -196,7 +196,7 @@ def _watched(place: Place, trials: Sequence[Trial], progress: Callable[[Standing
     def watch() -> None:
         nonlocal left
         while True:
-            left = [trial for trial in left if not (place.trials / trial.id / "row.json").exists()]
+            left = [trial for trial in left if place.row(trial) is None]
             done, took = planned - len(left), time.monotonic() - started
             pace = (done - before) / took if done > before else None
             progress(Standing(done, planned, None if pace is None else len(left) / pace))

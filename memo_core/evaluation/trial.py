@@ -8,6 +8,7 @@ trials/ID/questions.json  what the book was asked and served, where nobody watch
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -17,7 +18,7 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.evaluation.books import book_key
+from memo_core.evaluation.books import book_key, told_of
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.served import (
     observed_book,
@@ -60,9 +61,16 @@ class Place:
         return self.folder / "books"
 
     def row(self, trial: Trial) -> dict[str, Any] | None:
-        """The row of a trial that is over."""
+        """The row of a trial that is over, with the book as it is now."""
         file = self.trials / trial.id / ROW
-        return parse_json(file.read_text(encoding="utf-8")) if file.exists() else None
+        row = parse_json(file.read_text(encoding="utf-8")) if file.exists() else None
+        return row if row is not None and row["book"] == self.digest(trial) else None
+
+    def digest(self, trial: Trial) -> str:
+        """Of what the trial's book holds; empty where it has none, or was given one."""
+        key = book_key(trial)
+        told = told_of(self.books, key) if key is not None else None
+        return str(told["digest"]) if told is not None else ""
 
     def book(self, trial: Trial) -> str:
         """The file of a trial's book; empty for none."""
@@ -101,6 +109,7 @@ def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
 
 def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[str, Any]:
     experiment, folder = experiment_of(load, trial), place.trials / trial.id
+    _remove_former(folder, place.digest(trial))
     task = task_of(experiment, trial.task)
     observed = None
     teacher = None
@@ -123,6 +132,14 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
         write_questions(folder / QUESTIONS, observed.questions)
     return _row(trial, summary, served_in(folder / RUN), place, trial.id)
+
+
+def _remove_former(folder: Path, digest: str) -> None:
+    """Take away a trial that was begun with a book that held something else."""
+    mark = folder / "book.digest"
+    if folder.exists() and (not mark.exists() or mark.read_text(encoding="utf-8") != digest):
+        shutil.rmtree(folder)
+    write_whole(mark, digest)
 
 
 def film_trial(load: Load, registry: Registry, place: Place, trial: Trial, folder: Path) -> dict[str, Any]:
@@ -183,6 +200,7 @@ def _about(trial: Trial, place: Place) -> dict[str, Any]:
         "history": trial.history,
         "hours": trial.hours,
         "given": trial.given,
+        "book": place.digest(trial),
     }
 
 

@@ -75,5 +75,14 @@ def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
     evaluate(load, tmp_path, StopSwitch())
     assert table(tmp_path) == rows
 
+    # More was taught since: the book of that hour and its trials are done again, the others stay.
+    book = tmp_path / "books" / "history-0" / "memo-h1.json"
+    book.write_text(book.read_text().replace('"feedback": ', '"feedback": 9'))
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("row.json")}
+    told = book.stat().st_mtime_ns
+    evaluate(load, tmp_path, StopSwitch())
+    assert book.stat().st_mtime_ns > told and table(tmp_path) == rows
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("row.json")} == before  # it holds the same
+
     with pytest.raises(InvalidArgument, match=r"run\.repairs was 2, is 0"):
         evaluate(load_of(tmp_path, FILE.replace('"off"', '"off", repairs: 0')), tmp_path, StopSwitch())
