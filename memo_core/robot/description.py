@@ -39,8 +39,10 @@ class JointDescription:
 class GripperDescription:
     """A gripper and its abilities.
 
-    ``finger_joints`` are URDF slide joints coupled to move alike, each over half the stroke; ``pads`` are the links
-    whose contact with an object means holding. A vacuum gripper has no finger joints.
+    ``finger_joints`` are URDF slide joints coupled to move alike, each over half the stroke, or hinges, the driven one
+    first (``memo_core.robot.finger_linkage``); ``pads`` are the links whose contact with an object means holding. A
+    vacuum gripper has no finger joints; its pad is the cup, closing is suction on, and of the openings 0 and ``stroke``
+    the one means on, the other off. It pulls what the cup touches with the force it is closed with.
     """
 
     kind: Literal["parallel", "vacuum"] = "parallel"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 from xml.etree import ElementTree
 
 import attrs
@@ -47,6 +48,10 @@ class ParallelHand:
             palm_distance=self.palm_distance,
             hand_size=(self.width, self.thickness),
         )
+
+    def allowed_contacts(self, prefix: str = "hand_") -> tuple[tuple[str, str], ...]:
+        """Pairs of its links that may touch."""
+        return ((f"{prefix}finger1", f"{prefix}finger2"),)
 
     def text(self, flange: str, prefix: str = "hand_", mount: Vector = (0.0, 0.0, 0.0)) -> str:
         """Links and joints, to be put before ``</robot>``. ``mount``: roll, pitch, yaw of the hand in the flange's
@@ -110,9 +115,21 @@ def with_parallel_hand(
     prefix: str = "hand_",
     mount: Vector = (0.0, 0.0, 0.0),
 ) -> str:
+    """The URDF text with a parallel hand on its link ``flange``. Raises as ``with_hand``."""
+    return with_hand(urdf, flange, hand or ParallelHand(), prefix, mount)
+
+
+class Hand(Protocol):
+    """What ``with_hand`` puts on a flange."""
+
+    def text(self, flange: str, prefix: str, mount: Vector) -> str:
+        """Links and joints, to be put before ``</robot>``."""
+        ...
+
+
+def with_hand(urdf: str, flange: str, hand: Hand, prefix: str = "hand_", mount: Vector = (0.0, 0.0, 0.0)) -> str:
     """The URDF text with a hand on its link ``flange``. Raises ``InvalidArgument`` where there is no such link, or a
-    link or joint already has one of the hand's names."""
-    hand = hand or ParallelHand()
+    link already has one of the hand's names."""
     root = ElementTree.fromstring(urdf)
     links = [str(link.get("name")) for link in root.findall("link")]
     if flange not in links:

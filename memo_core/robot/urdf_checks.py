@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import Urdf
 
 
-def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
-    """Raise ``InvalidArgument`` unless every joint that moves is driven, fingers are coupled and all names exist;
-    ``BackendUnavailable`` for a gripper that ``simulator`` does not have yet."""
+def check_fits(urdf: Urdf, robot: RobotDescription) -> None:
+    """Raise ``InvalidArgument`` unless every joint that moves is driven, fingers are coupled and all names exist."""
     for name in (*robot.joint_names, *robot.gripper.finger_joints):
         urdf.joint(name)
     check_limits(robot)
@@ -27,7 +26,11 @@ def check_fits(urdf: Urdf, robot: RobotDescription, simulator: str) -> None:
             f"robot {robot.name!r}", problem, "each an arm or finger joint of the description, or fixed"
         )
     if robot.gripper.kind == "vacuum":
-        raise BackendUnavailable("simulator", simulator, "it has no vacuum grippers yet", "use a parallel gripper")
+        where = f"robot {robot.name!r}: gripper"
+        if robot.gripper.finger_joints:
+            raise InvalidArgument(f"{where}.finger_joints", "belong to no vacuum gripper", 'none, or kind="parallel"')
+        if not robot.gripper.pads:
+            raise InvalidArgument(f"{where}.pads", "names no cup", "the link that things are sucked to")
     if robot.gripper.finger_joints:
         FingerLinkage(urdf, robot.gripper)
     if len(robot.home) != len(robot.joints):

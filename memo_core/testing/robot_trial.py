@@ -203,7 +203,12 @@ class RobotTrial:
     def grasp(self) -> Grasp:
         """A cube on the table, picked up from above with the arm's own skills."""
         size = min(_CUBE, _GRIPPED * self.robot.gripper.stroke)
-        height = max(size / 2, self.robot.gripper.fingertip_reach + 0.004)
+        gripper = self.robot.gripper
+        cup = gripper.kind == "vacuum"
+        if cup:
+            size = _CUBE
+        # A cup goes down onto the cube, fingers around it.
+        height = size - 0.0005 if cup else max(size / 2, gripper.fingertip_reach + 0.004)
         spot = self._spot(height)
         if spot is None:
             return Grasp(
@@ -226,6 +231,7 @@ class RobotTrial:
                 width = control.close_gripper(None)
                 if not control.holding():
                     why = f"the fingers closed to {1000 * width:.0f} mm and hold nothing"
+                    why = "the cup holds nothing" if cup else why
                     return Grasp(step, why, width, size)
                 step = "lift"
                 control.follow_path([above], None, 0.0, 0.5)

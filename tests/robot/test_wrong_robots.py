@@ -174,7 +174,7 @@ def test_the_docs_example_keeps_every_rule():
 
 
 def test_the_command_says_the_cause_in_its_first_line(monkeypatch, capsys):
-    monkeypatch.setattr("memo_robots.configured.ur5e", lambda: WRONG["tool upside down"][0])
+    monkeypatch.setattr("memo_robots.configured.ur5e", lambda hand: WRONG["tool upside down"][0])
     with pytest.raises(SystemExit, match="1"):
         main(["plugins", "check", "ur5e"])
     first = capsys.readouterr().out.splitlines()[0]

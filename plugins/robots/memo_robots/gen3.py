@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from memo_core.robot.description import JointDescription, RobotDescription
-from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
+from memo_core.robot.parallel_hand import with_hand
 from memo_core.robot.urdf_text import (
     Inertia,
     Solid,
@@ -21,10 +21,10 @@ from memo_core.robot.urdf_text import (
     materials_text,
     rod_inertia,
 )
+from memo_robots.hands import PARALLEL, Hand
 
 PI = math.pi
 COLOURS = {"white": "0.90 0.91 0.92 1", "grey": "0.35 0.36 0.38 1", "blue": "0.25 0.45 0.80 1"}
-HAND = ParallelHand(stroke=0.085, length=0.135, palm_distance=0.042, width=0.15, thickness=0.070, mass=0.8)
 HOME = (0.0, 0.2076, PI, -1.2807, 0.0, -1.6533, 0.0)  # the hand points down, 0.40 m in front, 0.42 m up
 
 #  origin and rpy in the link before (m, rad), limit (rad; None: none), torque (Nm), rad/s, kp (Nm/rad)
@@ -83,8 +83,8 @@ _LINKS: tuple[tuple[Inertia, tuple[Solid, ...]], ...] = (
 )
 
 
-def gen3() -> RobotDescription:
-    """A Gen3 with its base at the origin, x forward, and a parallel gripper on its flange; tool frame: the link
+def gen3(hand: Hand = PARALLEL) -> RobotDescription:
+    """A Gen3 with its base at the origin, x forward, and a gripper on its flange; tool frame: the link
     ``hand_tool``."""
     joints = []
     for number, (_, _, limit, effort, speed, kp) in enumerate(_JOINTS, start=1):
@@ -92,12 +92,12 @@ def gen3() -> RobotDescription:
         joints.append(JointDescription(f"joint_{number}", -end, end, speed, _ACCELERATION, _JERK, effort, kp, kp / 10))
     return RobotDescription(
         name="gen3",
-        urdf=with_parallel_hand(_urdf(), "flange", HAND),
+        urdf=with_hand(_urdf(), "flange", hand),
         joints=tuple(joints),
-        gripper=HAND.gripper(),
+        gripper=hand.gripper(),
         tool_link="hand_tool",
         home=HOME,
-        allowed_contacts=(("hand_finger1", "hand_finger2"),),
+        allowed_contacts=hand.allowed_contacts(),
         reach=0.902,
     )
 

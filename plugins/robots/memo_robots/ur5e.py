@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from memo_core.robot.description import JointDescription, RobotDescription
-from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
+from memo_core.robot.parallel_hand import with_hand
 from memo_core.robot.urdf_text import (
     Inertia,
     Solid,
@@ -21,10 +21,10 @@ from memo_core.robot.urdf_text import (
     materials_text,
     rod_inertia,
 )
+from memo_robots.hands import PARALLEL, Hand
 
 PI = math.pi
 COLOURS = {"white": "0.80 0.82 0.84 1", "blue": "0.35 0.58 0.75 1", "grey": "0.45 0.47 0.50 1"}
-HAND = ParallelHand(stroke=0.085, length=0.135, palm_distance=0.042, width=0.15, thickness=0.070, mass=0.8)
 HOME = (-0.3398, -1.8238, 1.6168, -1.3637, -PI / 2, -1.9105)  # the hand points down, 0.40 m in front, 0.42 m up
 
 #  name, origin and rpy in the link before (m, rad), limit (rad), torque (Nm), kp (Nm/rad)
@@ -80,21 +80,21 @@ _LINKS: tuple[tuple[str, Inertia, tuple[Solid, ...]], ...] = (
 )
 
 
-def ur5e(continuous: tuple[str, ...] = ()) -> RobotDescription:
-    """A UR5e with its base at the origin, x forward, and a parallel gripper on its flange; tool frame: the link
+def ur5e(continuous: tuple[str, ...] = (), hand: Hand = PARALLEL) -> RobotDescription:
+    """A UR5e with its base at the origin, x forward, and a gripper on its flange; tool frame: the link
     ``hand_tool``. The joints named in ``continuous`` (``"wrist_3"``) are so in the URDF; the limits that count, those
     of the description, are the same."""
     return RobotDescription(
         name="ur5e",
-        urdf=with_parallel_hand(_urdf(continuous), "wrist_3_link", HAND),
+        urdf=with_hand(_urdf(continuous), "wrist_3_link", hand),
         joints=tuple(
             JointDescription(f"{name}_joint", -limit, limit, _SPEED, _ACCELERATION, _JERK, effort, kp, kp / 10)
             for name, _, _, limit, effort, kp in _JOINTS
         ),
-        gripper=HAND.gripper(),
+        gripper=hand.gripper(),
         tool_link="hand_tool",
         home=HOME,
-        allowed_contacts=(("hand_finger1", "hand_finger2"),),
+        allowed_contacts=hand.allowed_contacts(),
         reach=0.95,
     )
 

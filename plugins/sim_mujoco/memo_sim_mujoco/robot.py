@@ -33,7 +33,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
     Raises ``InvalidArgument`` when the URDF and the description do not fit together.
     """
     urdf = read_urdf(robot.urdf, robot.mesh_folder)
-    check_fits(urdf, robot, "mujoco")
+    check_fits(urdf, robot)
     bits = (2, 3 if self_collision else 1)
     children: dict[str, list[UrdfJoint]] = {}
     for joint in urdf.joints:
@@ -67,6 +67,8 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotDescription, self_collision: bool
             _add_gripper(spec, robot.gripper)
         else:
             _add_linkage(spec, robot.gripper, linkage)
+    elif robot.gripper.kind == "vacuum":
+        _add_suction(spec, robot.gripper)
 
 
 def _add_link(
@@ -184,6 +186,20 @@ def _add_linkage(spec: mujoco.MjSpec, gripper: GripperDescription, linkage: Fing
         biasprm=[0.0, -FINGER_STIFFNESS * lever**2, -FINGER_DAMPING * lever**2] + [0.0] * 7,
         forcelimited=True,
         forcerange=(-gripper.max_force * lever, gripper.max_force * lever),
+    )
+
+
+def _add_suction(spec: mujoco.MjSpec, gripper: GripperDescription) -> None:
+    """The cup pulls what it touches: MuJoCo's adhesion, its control the force in N."""
+    spec.add_actuator(
+        name=FINGER_SERVO,
+        target=PREFIX + gripper.pads[0],
+        trntype=mujoco.mjtTrn.mjTRN_BODY,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        gainprm=[1.0] + [0.0] * 9,
+        biastype=mujoco.mjtBias.mjBIAS_NONE,
+        ctrllimited=True,
+        ctrlrange=(0.0, gripper.max_force),
     )
 
 

@@ -116,6 +116,7 @@ class MujocoSimulator(Simulator):
         self._servo = world.finger_servo
         self._linkage = world.linkage
         gripper = world.robot.gripper
+        self._cup = gripper.kind == "vacuum"
         self._goal = self._ramp = self._set_point()
         self._force = gripper.max_force
         self._ramp_step = gripper.speed * self.control_period
@@ -212,12 +213,21 @@ class MujocoSimulator(Simulator):
 
     def gripper_width(self) -> float:
         qpos = self._qpos
+        if self._cup:
+            return self._ramp
         if self._linkage is not None:
             return cast(float, self._linkage.opening(float(qpos[self._fingers[0]])))
         return float(sum(qpos[address] for address in self._fingers))
 
     def gripper_effort(self) -> float:
-        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot."""
+        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot; of
+        a cup that sucks, what presses on it."""
+        if self._cup:
+            cup = self._world.body_names[self._world.pad_bodies[0][0]]
+            own = self._world.robot_bodies
+            ids = self._world.body_ids
+            outside = [one for one in self.contacts(cup) if not {ids[one.first], ids[one.second]} <= own]
+            return sum(one.force for one in outside) if self._sucks() else 0.0
         data, mujoco = self.data, self._mujoco
         pads = self._world.pad_bodies
         if not data.ncon or not pads:
@@ -294,18 +304,27 @@ class MujocoSimulator(Simulator):
         left = self._goal - self._ramp
         step = self._ramp_step
         self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
-        self._ctrl[self._servo] = self._ramp if self._linkage is None else self._linkage.driver(self._ramp)
+        if not self._cup:
+            self._ctrl[self._servo] = self._ramp if self._linkage is None else self._linkage.driver(self._ramp)
+
+    def _sucks(self) -> bool:
+        """Whether a cup is commanded shut, which is suction on."""
+        return self._goal < 0.5 * cast(float, self._world.robot.gripper.stroke)
 
     def _set_point(self) -> float:
         """m of opening that the servo is commanded to."""
         if self._servo < 0:
             return 0.0
         commanded = float(self._ctrl[self._servo])
+        if self._cup:
+            return 0.0 if commanded > 0.0 else float(self._world.robot.gripper.stroke)
         return commanded if self._linkage is None else cast(float, self._linkage.opening(commanded))
 
     def _set_force(self, force: float) -> None:
         self._force = force
-        if self._servo >= 0:
+        if self._cup:
+            self._ctrl[self._servo] = force if self._sucks() else 0.0
+        elif self._servo >= 0:
             if self._linkage is not None:
                 force *= abs(self._linkage.lever(float(self._qpos[self._fingers[0]])))
             self.model.actuator_forcerange[self._servo] = (-force, force)

@@ -128,8 +128,9 @@ def _index(model: Any, data: Any, scene: SceneDescription, robot: RobotDescripti
     fingers = [model.joint(PREFIX + name) for name in robot.gripper.finger_joints]
     slides = {int(model.jnt_bodyid[joint.id]): joint.id for joint in fingers}
     ids = {name: index for index, name in enumerate(names)}
-    pads = tuple((ids[PREFIX + pad], _slide_of(model, robot, pad, slides)) for pad in robot.gripper.pads)
-    servo = model.actuator(FINGER_SERVO).id if fingers else -1
+    cup = robot.gripper.kind == "vacuum"
+    pads = tuple((ids[PREFIX + pad], -1 if cup else _slide_of(model, robot, pad, slides)) for pad in robot.gripper.pads)
+    servo = model.actuator(FINGER_SERVO).id if fingers or cup else -1
     linkage = FingerLinkage(read_urdf(robot.urdf, robot.mesh_folder), robot.gripper) if fingers else None
     return MujocoWorld(
         model=model,
@@ -188,7 +189,7 @@ def _start(world: MujocoWorld, scene: SceneDescription) -> None:
     if world.linkage is not None:
         data.qpos[world.finger_qpos] = world.linkage.positions(world.linkage.stroke)
         data.ctrl[world.finger_servo] = data.qpos[world.finger_qpos[0]]
-    elif world.finger_servo >= 0:
+    elif len(world.finger_qpos):
         for address, name in zip(world.finger_qpos, world.robot.gripper.finger_joints, strict=True):
             data.qpos[address] = world.model.joint(PREFIX + name).range[1]
         data.ctrl[world.finger_servo] = data.qpos[world.finger_qpos].sum()

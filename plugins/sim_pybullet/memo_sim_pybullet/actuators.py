@@ -23,6 +23,8 @@ from memo_sim_pybullet.world import BulletWorld
 _FINGER_STIFFNESS = 8000.0  # N/m
 _FINGER_DAMPING = 90.0  # N s/m
 
+_TOUCH = 0.002  # m between a cup and what it sucks to it
+
 _CATCH_LAG = 0.02  # s, damping over stiffness of a catch
 
 
@@ -34,6 +36,9 @@ class RobotDrive:
 
         self._client, self._body = client, world.robot_body
         self._velocity, self._torque = pybullet.VELOCITY_CONTROL, pybullet.TORQUE_CONTROL
+        gripper = world.robot.gripper
+        self._cup = world.pads[0][0] if gripper.kind == "vacuum" else None
+        self._stroke, self._world_frame = gripper.stroke, pybullet.WORLD_FRAME
         self._arm, self._fingers, self._linkage = world.arm, world.fingers, world.linkage
         self._joints = [*world.arm, *world.fingers]
         self._count = len(world.arm)
@@ -113,6 +118,20 @@ class RobotDrive:
             limit += [strength] * len(self._fingers)
         self.sent = (wanted, limit, self._gravity)
         self.send(*self.sent)
+        if self._cup is not None and self.opening < 0.5 * self._stroke:
+            self._suck(self._cup)
+
+    def _suck(self, cup: int) -> None:
+        """Pull what the cup touches to it, and the cup to that, along the contacts' normals."""
+        points = [
+            one for one in self._client.getContactPoints(bodyA=self._body, linkIndexA=cup) or () if one[8] < _TOUCH
+        ]
+        outside = [one for one in points if one[2] != self._body]
+        for point in outside:
+            pull = self.force / len(outside) * np.array(point[7])  # the normal, from the other body to the cup
+            apply = self._client.applyExternalForce
+            apply(point[2], point[4], pull.tolist(), point[6], self._world_frame)
+            apply(self._body, cup, (-pull).tolist(), point[5], self._world_frame)
 
     def _push_linkage(self, states: Any, wanted: list[float], limit: list[float]) -> None:
         """Fingers on hinges: every joint for itself towards where the opening wants it, with its share of the force."""

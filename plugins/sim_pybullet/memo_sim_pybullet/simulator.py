@@ -83,6 +83,8 @@ class PybulletSimulator(Simulator):
         self._robot_names = frozenset(name for name in world.places if name.startswith("robot/"))
         self._arm = RobotDrive(self.client, world)
         self._scene = SceneDrive(self.client, world, scene.latches)
+        self._cup = robot.gripper.kind == "vacuum"
+        self._ramp = robot.gripper.stroke
         self._goal = self._ramp = self._arm.opening = self.gripper_width()
         self._ramp_step = robot.gripper.speed * self.control_period
         self._sent: list[Any] = []
@@ -171,18 +173,25 @@ class PybulletSimulator(Simulator):
 
     def gripper_width(self) -> float:
         linkage = self._world.linkage
+        if self._cup:
+            return self._ramp
         if linkage is not None:
             return float(linkage.opening(float(self._arm.states()[0][len(self._world.arm)])))
         return float(self._arm.states()[0][len(self._world.arm) :].sum())
 
     def gripper_effort(self) -> float:
-        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot."""
+        """The weaker of the fingers' pressing forces along their slides, from contacts with anything but the robot; of
+        a cup that sucks, what presses on it."""
         if self._effort is None:
             self._effort = self._pressed()
         return self._effort
 
     def _pressed(self) -> float:
         robot = self._world.robot_body
+        if self._cup:
+            points = self.client.getContactPoints(bodyA=robot, linkIndexA=self._world.pads[0][0]) or ()
+            on = self._goal < 0.5 * self._world.robot.gripper.stroke
+            return sum(float(point[9]) for point in points if point[2] != robot) if on else 0.0
         forces = []
         for link, slide in self._world.pads:
             along = self._outwards(link, slide)
@@ -233,7 +242,7 @@ class PybulletSimulator(Simulator):
             left = self._goal - self._ramp
             step = self._ramp_step
             self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
-        self._arm.opening = self._ramp
+        self._arm.opening = self._goal if self._cup else self._ramp
         self._arm.compensate()
         step, push_arm, push_scene = self.client.stepSimulation, self._arm.push, self._scene.push
         sent = []
@@ -305,7 +314,7 @@ class PybulletSimulator(Simulator):
             self.client.restoreState(fileName=file)
         self._steps, self._goal, self._ramp = kept["steps"], kept["goal"], kept["ramp"]
         self._arm.force, self._arm.targets = kept["force"], kept["targets"]
-        self._arm.opening = self._ramp
+        self._arm.opening = self._goal if self._cup else self._ramp
         self._contacts = tuple(Contact(a, b, tuple(at), force) for a, b, at, force in kept["contacts"])
         self._effort = kept["effort"]
         if self._moving_parts:

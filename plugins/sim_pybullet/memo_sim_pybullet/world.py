@@ -72,7 +72,7 @@ def build_world(
 
     check_scene(scene)
     urdf = read_urdf(robot.urdf, robot.mesh_folder)
-    check_fits(urdf, robot, "pybullet")
+    check_fits(urdf, robot)
     client.resetSimulation()
     client.setGravity(0.0, 0.0, -scene.gravity)
     client.setPhysicsEngineParameter(
@@ -208,6 +208,9 @@ def _pads(robot: RobotDescription, urdf: Any, places: dict, indices: dict) -> tu
     hanging = {joint.child: joint for joint in urdf.joints}
     found = []
     for pad in robot.gripper.pads:
+        if robot.gripper.kind == "vacuum":
+            found.append((places[ROBOT + pad].link, -1))
+            continue
         joint = hanging.get(pad)
         while joint is not None and joint.name not in robot.gripper.finger_joints:
             joint = hanging.get(joint.parent)
