@@ -6,8 +6,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v p
 PLUGINS := $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 EXTRAS_vectorstore := [chroma]
 STAMP := $(VENV)/.set-up
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: setup demo test lint docs release-check clean
+.PHONY: setup demo test lint docs lock release-check clean
 
 setup: $(STAMP)
 
@@ -17,7 +18,8 @@ $(STAMP): pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "$(PYTHON) cannot make virtual environments; install its venv package (Debian, Ubuntu: python3-venv)" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+	$(if $(LOCKED),$(PIP) --require-hashes --requirement requirements.lock)
+	$(PIP) $(if $(LOCKED),--no-deps --no-build-isolation,--constraint constraints.txt) \
 		--editable '.[arm,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
 	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
@@ -35,6 +37,10 @@ lint: setup
 
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
+lock: setup
+	$(PIP) uv==0.13.9
+	$(BIN)/python tools/lock.py
 
 release-check: setup
 	$(BIN)/python tools/release_check.py
