@@ -18,8 +18,8 @@ $(STAMP): pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "$(PYTHON) cannot make virtual environments; install its venv package (Debian, Ubuntu: python3-venv)" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(if $(LOCKED),$(PIP) --require-hashes --requirement requirements.lock)
-	$(PIP) $(if $(LOCKED),--no-deps --no-build-isolation,--constraint constraints.txt) \
+	$(if $(LOCKED),$(PIP) --require-hashes --no-deps --requirement requirements.lock)
+	$(PIP) $(if $(LOCKED),--no-build-isolation) --constraint constraints.txt \
 		--editable '.[arm,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
 	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
