@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.skillbook import database as database_module
+from memo_core.skillbook import connecting
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.database import ReadOnlyBook, SkillbookError, filesystem_of
+from memo_core.skillbook.connecting import filesystem_of
+from memo_core.skillbook.database import ReadOnlyBook, SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
@@ -189,7 +190,7 @@ def test_a_network_file_system_is_refused_with_a_pointer_to_postgres(
     assert kinds == {"/etc/b.db": "ext4", "/home/ana/b.db": "nfs4", "/home/local/b.db": "xfs", "/homes/b": "ext4"}
     assert filesystem_of(Path("/mnt/my share/b.db"), mounts) == "cifs"
     assert filesystem_of(Path("/etc/b.db"), tmp_path / "nothing") == ""
-    monkeypatch.setattr(database_module, "filesystem_of", lambda path: "nfs4")
+    monkeypatch.setattr(connecting, "filesystem_of", lambda path: "nfs4")
     with pytest.raises(SkillbookError, match=r"network file system \(nfs4\).*postgresql://"):
         Skillbook(str(tmp_path / "book.db")).open()
     assert not (tmp_path / "book.db").exists()
