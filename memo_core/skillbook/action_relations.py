@@ -42,7 +42,7 @@ class Actions:
     @classmethod
     def build(cls, synonyms: Mapping[str, Iterable[str]], pairs: Iterable[Iterable[str]]) -> Actions:
         """From tables as in ``action_relations.toml``. Raises ``InvalidArgument`` for a verb in two groups and for a
-        pair that is not two different groups, ``NotAKey`` for what is no verb."""
+        pair that does not name two different groups, ``NotAKey`` for text that is not a verb."""
         groups: dict[str, str] = {}
         for head, others in synonyms.items():
             for verb in (head, *others):
@@ -60,7 +60,8 @@ class Actions:
         return cls(groups, frozenset(opposites))
 
     def extended(self, synonyms: Mapping[str, Iterable[str]], pairs: Iterable[Iterable[str]]) -> Actions:
-        """These tables with more of both. A verb named anew leaves its old group."""
+        """A copy of these tables with additional groups and pairs. A verb that is listed again moves to the new
+        group."""
         table: dict[str, list[str]] = {}
         moved = {_normal(v) for others in synonyms.values() for v in others}
         for verb, head in self.groups.items():
@@ -72,18 +73,16 @@ class Actions:
         return attrs.evolve(built, parts=self.parts, phases=self.phases)
 
     def canonical(self, action: str) -> str:
-        """The verb that stands for ``action``'s group; the action itself when it is in none.
-
-        A longer spelling falls back on its first words where the rest only says which way or how ("pick up gently") or
-        names a thing ("grasp handle", see ``about``). It stands for itself where its last word says what becomes of the
-        thing ("shut off" is no closing; "nudge shut" is), where something is only kept so ("leave open"), and after a
-        verb that means what its complement says ("set table", "get rid of"). A verb that is in no group places where it
-        says where to ("tuck into").
+        """The representative verb of ``action``'s group, or the action itself if it is in none. A longer spelling is
+        reduced to its first words if the rest is a direction or manner ("pick up gently") or names an object ("grasp
+        handle", see ``about``). It is not reduced if its last word changes the result ("shut off" is not closing;
+        "nudge shut" is), if a state is only kept ("leave open"), or if the complement determines the verb's meaning
+        ("set table", "get rid of"). A verb in no group counts as placing if it states a destination ("tuck into").
         """
         return self._take_apart(action)[0]
 
     def about(self, key: Key) -> Key:
-        """The key with a thing that its action names among the objects: GRASP_HANDLE(fridge) is about
+        """The key with an object that is named in the action moved to the objects: GRASP_HANDLE(fridge) becomes
         GRASP(fridge handle)."""
         verb, noun = self._take_apart(key.action)
         if not noun:
@@ -93,7 +92,7 @@ class Actions:
         return Key(verb, (named, *others))
 
     def _take_apart(self, action: str) -> tuple[str, str]:
-        """Canonical verb and the thing that the action names besides, "" for none."""
+        """Canonical verb, and the object that the action names, "" for none."""
         words = action.split()
         if action in self.groups or len(words) == 1:
             return self.groups.get(action, action), ""
@@ -113,7 +112,7 @@ class Actions:
         return action, ""
 
     def opposite(self, one: str, other: str) -> bool:
-        """Whether one undoes the other."""
+        """Whether one action undoes the other."""
         return frozenset((self.canonical(one), self.canonical(other))) in self.opposites
 
 

@@ -21,11 +21,9 @@ FEEDBACK, TEMPLATE, CLUSTER, EDIT = "feedback", "template", "cluster", "edit"  #
 def add_notes(
     database: Database, connection: sa.Connection, feedback: int, notes: Sequence[Note], scene: str
 ) -> tuple[Entry, ...]:
-    """Store what one feedback taught and mark it processed. Of notes with the same words under one key the first is
-    stored, and a general statement with the words of a correction is not stored once more.
-
-    Called again for the same feedback it changes nothing and returns what the first call stored. Raises
-    ``UnknownName`` (feedback).
+    """Store what one feedback taught and mark it processed. Of several notes with the same text under one key only the
+    first is stored, and a general statement with the text of a correction is not stored. A second call for the same
+    feedback changes nothing and returns what the first one stored. Raises ``UnknownName`` (feedback).
     """
     there = _made_of(connection, feedback, FEEDBACK)
     if there:
@@ -49,8 +47,9 @@ def add_template(
     scene: str,
     derived_from: Iterable[int],
 ) -> Entry:
-    """Store the function made from approved code as the new version under its key. Called again for the same approval
-    it changes nothing; code that is served already gets the approval as a further source. Raises ``UnknownName``."""
+    """Store the function made from approved code as the new version under its key. A second call for the same approval
+    changes nothing; if this code is the current version already, the approval is added to its sources. Raises
+    ``UnknownName``."""
     if not code.strip():
         raise InvalidArgument("template", "an entry without text", "a text")
     there = _made_of(connection, approval, TEMPLATE)
@@ -73,7 +72,7 @@ def add_template(
 
 
 def known_feedback(connection: sa.Connection, wanted: set[int]) -> set[int]:
-    """``wanted``. Raises ``UnknownName`` where the book lacks one."""
+    """Returns ``wanted``. Raises ``UnknownName`` if the book lacks one of them."""
     known = set(queries.ids_of(connection.execute(sa.select(_F.id).where(_F.id.in_(wanted)))))
     for missing in sorted(wanted - known):
         raise UnknownName("feedback", str(missing), tuple(map(str, sorted(known))))
@@ -120,13 +119,13 @@ def _insert(
 
 
 def _made_of(connection: sa.Connection, feedback: int, phase: str) -> tuple[Entry, ...]:
-    """What a phase made of a feedback before. Raises ``UnknownName``."""
+    """Entries that a phase has already made of a feedback. Raises ``UnknownName``."""
     known_feedback(connection, {feedback})
     return tuple(queries.entries_where(connection, _E.feedback == feedback, _E.phase == phase))
 
 
 def _known_template(connection: sa.Connection, approval: int, key: Key, code: str) -> Entry | None:
-    """The template that an approval confirmed before, or the one that is served, if that is this very code."""
+    """The template that this approval has already confirmed, or the current version if it is exactly this code."""
     confirmed = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == approval)
     there = queries.entries_where(connection, _E.id.in_(confirmed), _E.phase == TEMPLATE)
     processed = connection.execute(sa.select(_F.status).where(_F.id == approval)).scalar() == "processed"

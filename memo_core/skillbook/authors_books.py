@@ -1,9 +1,9 @@
 """Books of the paper authors' public code: a pickle of ``{"vectors": [...], "metadata": [{"key": "", "value": ""}]}``.
 
 A key is ``ACTION(objects) scene objects…`` for a correction, ``GENERAL scene objects…`` for a general statement, or
-``TEMPLATE ACTION(objects)`` for code. They become the records of a book, so that what holds for merging books holds
-here: an entry is known by a digest of its key and its text, and reading a file again, also when it has grown, adds
-what is new.
+``TEMPLATE ACTION(objects)`` for code. They are converted to the records of a book and merged like any book: an entry is
+identified by a digest of its key and text, and reading a file again, even a longer version of it, adds only what is
+new.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SHOWN = 5
 
 @attrs.define(auto_exc=True, eq=False)
 class NotALorebook(MemoError):
-    """Plain data that is no lorebook. ``where`` is the path to what is wrong, ``["metadata"][3]``."""
+    """Plain data that is not a lorebook. ``where`` is the path to the error, such as ``["metadata"][3]``."""
 
     where: str
     problem: str
@@ -42,7 +42,7 @@ class NotALorebook(MemoError):
 
 @attrs.frozen
 class Lorebook:
-    """What a file holds, as the records of a book, and what was skipped."""
+    """The contents of a file as the records of a book, and what was skipped."""
 
     records: tuple[dict[str, Any], ...]
     items: int
@@ -204,7 +204,7 @@ def _scene(text: str) -> str:
 
 
 def _vectors(vectors: Any, items: int) -> tuple[str, ...]:
-    """What they are, in words. Raises ``NotALorebook`` when they are not one an item."""
+    """A description of the vectors. Raises ``NotALorebook`` if there is not exactly one per item."""
     if not isinstance(vectors, (list, tuple)) and not (isinstance(vectors, np.ndarray) and vectors.ndim):
         raise NotALorebook('["vectors"]', f"is a {type(vectors).__name__}, not a list")
     if len(vectors) not in (0, items):

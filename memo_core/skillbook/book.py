@@ -138,7 +138,7 @@ class Skillbook:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Raises ``DamagedBook`` in the place of an unexpected error where the book is not whole."""
+        """Raises ``DamagedBook`` in place of an unexpected error if the book is damaged."""
         try:
             self._database.blame(error)
         finally:
@@ -174,10 +174,10 @@ class Skillbook:
         when: float | None = None,
         kept_only: str = "",
     ) -> int:
-        """Keep what a person said, verbatim; it is on disk when this returns. Call it before any model is asked.
+        """Store what a person said, verbatim; it is on disk when this returns. Call it before any model is asked.
 
-        An approval (``kind="approval"``) may have no words. ``kept_only`` says why no entry is to be made of it, such
-        as a method that remembers nothing: then it is never pending, and only rebuilding a book reads it. Returns the
+        An approval (``kind="approval"``) may have no words. ``kept_only`` is a reason why no entry is to be made of it,
+        for example a method without memory: then it is never pending, and only rebuilding a book reads it. Returns the
         feedback's id. Raises ``InvalidArgument``, ``ReadOnlyBook``.
         """
         about = {"task": task, "subtask": subtask, "scene": scene, "scene_graph": scene_graph, "code": code, "run": run}
@@ -190,7 +190,7 @@ class Skillbook:
             return feedback_by_id(connection, feedback_id)
 
     def pending_feedback(self, parked: bool = False) -> list[Feedback]:
-        """Feedback that no entry was made from yet, oldest first; with ``parked`` also what was set aside."""
+        """Feedback from which no entry was made yet, oldest first; with ``parked`` also feedback that was set aside."""
         statuses = ("pending", "parked") if parked else ("pending",)
         with self._database.read() as connection:
             return queries.feedback_where(connection, _F.status.in_(statuses))
@@ -201,7 +201,7 @@ class Skillbook:
             return queries.feedback_where(connection, _F.run == run)
 
     def park(self, feedback_id: int, reason: str) -> None:
-        """Set feedback aside that could not be processed; it is kept and shown with the reason."""
+        """Set aside feedback that could not be processed; it is stored and shown with the reason."""
         with self._database.write() as connection:
             set_status(connection, feedback_id, "parked", reason)
 
@@ -258,12 +258,11 @@ class Skillbook:
             return add_template(self._database, connection, feedback_id, wanted, code, scene, derived_from)
 
     def read_back(self, feedback_id: int, said: Sequence[ReadBack], who: str = "") -> tuple[Entry, ...]:
-        """Keep what a person said of the notes that were made of a feedback when these were read back to them, and
-        apply it, as one revision. Returns the valid entries that the feedback has now.
-
-        ``who`` is the person who gave the feedback unless said otherwise. What was said of a note before stays as it
-        is, so that the call may be repeated after a crash. Raises ``UnknownName`` (feedback, entry),
-        ``InvalidArgument`` (an entry that was not made of that feedback), ``ReadOnlyBook``.
+        """Store and apply, as one revision, a person's reactions to the notes that were made of a feedback and read
+        back to them. Returns the active entries of the feedback afterwards. ``who`` is by default the person who gave
+        the feedback. An earlier reaction to a note is not changed, so the call may be repeated after a crash. Raises
+        ``UnknownName`` (feedback, entry), ``InvalidArgument`` (an entry that was not made of that feedback),
+        ``ReadOnlyBook``.
         """
         feedback = self.feedback(feedback_id)
         with self._database.write() as connection:
@@ -273,12 +272,12 @@ class Skillbook:
             return tuple(queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None)))
 
     def read_backs(self, feedback_id: int | None = None) -> list[KeptReadBack]:
-        """What became of notes that were read back, edited or removed, oldest first: of one feedback's or of all."""
+        """The reactions to notes that were read back, edited or removed, oldest first, for one feedback or for all."""
         with self._database.read() as connection:
             return kept_read_backs(self._database, connection, None if feedback_id is None else [feedback_id])
 
     def edit(self, entry_id: int, text: str, who: str) -> Entry:
-        """Put ``text`` in place of an entry's by a revision; the entry that is valid now. ``who`` can withdraw it.
+        """Replace an entry's text by a revision. Returns the entry that is active now. ``who`` can withdraw it.
 
         Raises ``UnknownName``, ``InvalidArgument`` (empty, superseded, a template that is no function),
         ``ReadOnlyBook``.
@@ -297,7 +296,7 @@ class Skillbook:
             return revisions(self._database, connection, only=retired.superseded_by)[0]
 
     def add_alias(self, spelling: Key | str, key: Key | str) -> None:
-        """Keep entries for one key under another of nearly the same spelling, from now on and in retrieval."""
+        """Store entries for one key under another of nearly the same spelling from now on, also in retrieval."""
         alias, target = _key(spelling), _key(key)
         if alias == target:
             return
@@ -306,11 +305,10 @@ class Skillbook:
             self._database.next_generation(connection)
 
     def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
-        """Count that entries were served to code that ran and, with ``success``, that the code was approved.
-
-        With the ``subtask`` that the code was for, it is counted for that key, too: an entry that is corrected where it
-        was served for another key is withheld there (``memo_core.skillbook.negative_transfer``), and a key's own
-        template is replaced by an older version once that has the better record (``memo_core.skillbook.templates``).
+        """Count that entries were served for code that ran and, with ``success``, that the code was approved. With
+        ``subtask``, the subtask of the code, it is also counted for that key: an entry that was served for another key
+        and corrected there is withheld there (``memo_core.skillbook.negative_transfer``), and a key's own template is
+        replaced by an older version once that has the better record (``memo_core.skillbook.templates``).
         """
         ids = sorted(set(entry_ids))
         if not ids:
@@ -327,8 +325,8 @@ class Skillbook:
                 self._database.next_generation(connection, by_revisions=True)
 
     def note_trial(self, entry_id: int, start: str, success: bool, reason: str = "") -> None:
-        """Keep how a template did when it was run again in a simulator from ``start``, in place of an earlier trial
-        from there. Where it fails then, an older version of it that does not is served
+        """Store the result of running a template again in a simulator from ``start``, replacing an earlier trial from
+        there. If the template then counts as failing, an older version that does not is served
         (``memo_core.skillbook.trials``). Raises ``UnknownName``, ``ReadOnlyBook``."""
         with self._database.write() as connection:
             entry = _entry(connection, entry_id)
@@ -341,24 +339,24 @@ class Skillbook:
             self._database.next_generation(connection, by_revisions=True)
 
     def trials(self, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.Trial]]:
-        """How templates did when they were run again, by entry; those without trials are left out."""
+        """The trials of templates, by entry; templates without trials are left out."""
         with self._database.read() as connection:
             return trials.trials_of(self._database, connection, entry_ids)
 
     # -- made anew from the raw log -----------------------------------------------------------------------------------
     def log(self, until: int | float | None = None) -> RawLog:
-        """What was said, and what was made of it (``memo_core.skillbook.rebuild_input``), up to and including feedback
+        """Feedback and the entries made of it (``memo_core.skillbook.rebuild_input``), up to and including feedback
         number ``until`` (an int), or before a time (a float, s since the epoch)."""
         with self._database.read() as connection:
             return read_log(self._database, connection, until)
 
     def kept_answer(self, model: str, question: str) -> str | None:
-        """What a model answered to a question (its digest) when a book was made from this one before."""
+        """The stored answer of a model to a question (its digest), from an earlier rebuild from this book."""
         with self._database.read() as connection:
             return kept_answer(self._database, connection, model, question)
 
     def keep_answer(self, model: str, question: str, phase: str, answer: str, about: Iterable[int]) -> None:
-        """Keep an answer, with the feedback that its question was ``about``. Raises ``ReadOnlyBook``."""
+        """Store an answer, with the feedback that its question was ``about``. Raises ``ReadOnlyBook``."""
         with self._database.write() as connection:
             keep_answer(self._database, connection, model, question, phase, answer, about)
 
@@ -383,27 +381,27 @@ class Skillbook:
         return list(self.each_cluster(unchanged, limits))
 
     def each_cluster(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> Clusters:
-        """What can be condensed together (``memo_core.skillbook.clusters``): keys in order, general statements last,
-        each read when it is its turn. Those that are as they were clustered last are left out but with ``unchanged``.
-        Needs the embedder."""
+        """The clusters (``memo_core.skillbook.clusters``): keys in order, general statements last, each read from the
+        book when it is iterated. Those that have not changed since they were last clustered are included only with
+        ``unchanged``. Needs the embedder."""
         key_vectors = self._key_vectors()
         return find_clusters(
             self._database, key_vectors, self.settings, limits or ClusterLimits(), self._text_vectors().chain, unchanged
         )
 
     def condense(self, cluster: Cluster, proposal: Condensed, model: str = "") -> Clustered:
-        """Commit what became of a cluster, in one transaction. Superseded entries stay; what several people said stays
-        all of theirs. Raises ``ClusterChanged`` when it is not as it was read, ``ValueError`` for a proposal that
-        ``problem_with`` refuses; nothing is written then."""
+        """Commit a proposal for a cluster in one transaction. Superseded entries stay in the book; a merged entry keeps
+        all its people as sources. Raises ``ClusterChanged`` if the cluster has changed since it was read,
+        ``ValueError`` for a proposal that ``problem_with`` refuses; nothing is written then."""
         return condense(self._database, cluster, proposal, model, f"{CLUSTERED} by {model}" if model else CLUSTERED)
 
     def join_duplicates(self, cluster: Cluster) -> Cluster:
-        """Make one entry of members that are the same words; the cluster as it is then. Raises ``ClusterChanged``."""
+        """Merge members with the same text. Returns the cluster as it is afterwards. Raises ``ClusterChanged``."""
         return without_duplicates(self._database, cluster)
 
     def near_keys(self) -> list[NearKeys]:
-        """Spellings that mean a key which has more entries (``memo_core.skillbook.key_aliases``); ``add_alias`` joins
-        them. Needs the embedder."""
+        """Keys that have the same meaning as another key with more entries (``memo_core.skillbook.key_aliases``);
+        ``add_alias`` merges them. Needs the embedder."""
         with self._database.read() as connection:
             known, sizes = queries.keys_by_id(connection), queries.group_sizes(connection)
         counted: Counter[Key] = Counter()
@@ -432,7 +430,7 @@ class Skillbook:
             return difference(self._database, connection, one, other)
 
     def rollback(self, revision: int) -> Revision:
-        """Take back what a revision did, by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
+        """Undo a revision by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
         with self._database.write() as connection:
             new = roll_back(self._database, connection, revision)
         with self._database.read() as connection:
@@ -446,9 +444,9 @@ class Skillbook:
 
     # -- asking --------------------------------------------------------------------------------------------------------
     def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
-        """What a subtask is served (``memo_core.skillbook.retrieval``). ``context`` is what a look at the scene adds to
-        its name: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, of the notes as they were before they
-        were clustered. Raises ``SkillbookError``, ``NotAKey``."""
+        """Retrieve entries for a subtask (``memo_core.skillbook.retrieval``). ``context`` holds what the scene shows
+        about it: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, notes are read as they were before
+        clustering. Raises ``SkillbookError``, ``NotAKey``."""
 
         if not clustered and (unclustered := self._without_clustering()) is not None:
             return unclustered.retrieve(subtask, context)
@@ -504,14 +502,14 @@ class Skillbook:
             return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
 
     def export(self) -> Iterator[dict[str, Any]]:
-        """Everything in the book but vectors, as records that JSON can hold (``memo_core.skillbook.export``), as it is
-        when the first is taken. They are read while they are taken, so a large book needs little memory."""
+        """Everything in the book except vectors, as JSON-compatible records (``memo_core.skillbook.export``) of the
+        state at the first iteration. Records are read during iteration, so a large book needs little memory."""
         with self._database.read() as connection:
             yield from records(self._database, connection)
 
     def merge(self, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
-        """Take in the records of another book (``export``), all or none: what is new of it, with where it comes from.
-        A second time changes nothing. ``name`` says whose book it is. Raises ``BadImport``, ``ReadOnlyBook``."""
+        """Merge the records of another book (``export``), all or none: new rows are added with their origin. A second
+        call changes nothing. ``name`` says whose book it is. Raises ``BadImport``, ``ReadOnlyBook``."""
         imported, gone = merge(self._database, records, name, dry_run)
         if self._vectors is not None:
             self._vectors.forget(gone)

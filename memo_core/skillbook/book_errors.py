@@ -26,4 +26,4 @@ class ReadOnlyBook(SkillbookError):
 
 @attrs.define(auto_exc=True, eq=False)
 class DamagedBook(SkillbookError):
-    """A book whose file is not whole."""
+    """A book whose file is damaged."""

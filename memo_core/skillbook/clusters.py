@@ -1,7 +1,8 @@
 """Clusters: all corrections under one key, or the general statements, with the templates they are condensed against.
 
-What condensing may do is enforced here, whatever a model answers (``problem_with``): entries and characters never grow,
-every member is accounted for, and only what contradicts a template that was shown goes without a successor.
+``problem_with`` enforces what condensing may do, whatever a model answers: the numbers of entries and characters never
+grow, every member is accounted for, and only a member that contradicts a template in the prompt is removed without a
+successor.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 
 @attrs.frozen
 class RelatedTemplate:
-    """A valid template that a cluster is condensed against, by the rule of retrieval: r(cluster's key, template's key)
-    is not below the cut, and the actions are no opposites. ``score`` is r; 1 for general statements, which every
-    template is related to."""
+    """An active template against which a cluster is condensed. It is related by the rule of retrieval: r(cluster's key,
+    template's key) is not below the cut, and the actions are not opposites. ``score`` is r; 1 for general statements,
+    to which every template is related."""
 
     entry: Entry
     score: float
@@ -38,11 +39,10 @@ class RelatedTemplate:
 
 @attrs.frozen
 class Cluster:
-    """What is condensed together. ``part`` of ``parts``: large ones are taken in parts that a prompt can hold.
-
-    ``said_after`` are members said of code that was written with the key's own template and found fault with: they are
-    newer than it, so the template does not outweigh them. ``whole`` and ``related`` are the ids of all members of the
-    key and of all templates related to it, also those that found no room in this part.
+    """Entries that are condensed together. ``part`` of ``parts``: large clusters are divided into parts that fit into a
+    prompt. ``said_after``: members that correct code which was written with the key's own template; they are newer than
+    the template, so it does not overrule them. ``whole`` and ``related`` are the ids of all members of the key and of
+    all templates related to it, including those that did not fit into this part.
     """
 
     key: Key
@@ -62,12 +62,12 @@ class Cluster:
 
     @property
     def left_out(self) -> int:
-        """Related templates that the part does not show."""
+        """Number of related templates that did not fit into this part."""
         return len(self.related) - len(self.templates)
 
     @property
     def state(self) -> str:
-        """Of the whole key; when it was clustered in this state, it need not be again."""
+        """State of the whole key; a key that was clustered in this state need not be clustered again."""
         return state_digest(self.whole, self.related, self.said_after)
 
     @property
@@ -85,7 +85,8 @@ def _without_repeats(numbers: Iterable[int]) -> tuple[int, ...]:
 
 @attrs.frozen
 class Merged:
-    """One entry of a condensed cluster and the members it derives from, by their places in the cluster from 1."""
+    """One entry of a condensed cluster and the members it derives from, by their positions in the cluster (1 is the
+    first)."""
 
     text: str
     of: tuple[int, ...] = attrs.field(converter=_without_repeats)
@@ -93,8 +94,9 @@ class Merged:
 
 @attrs.frozen
 class Dropped:
-    """A member that contradicts a template (its place among the cluster's templates from 1) and goes; where only a part
-    of it does, an entry derives from the rest. ``covered``: it says no more than the key's own template instead."""
+    """A member that is removed because it contradicts a template (position among the cluster's templates, 1 is the
+    first). If only a part of it does, an entry derives from the rest. ``covered``: it is removed because it says no
+    more than the key's own template."""
 
     number: int
     template: int
@@ -104,7 +106,7 @@ class Dropped:
 
 @attrs.frozen
 class Condensed:
-    """A proposal for a cluster: a model's, not yet trusted."""
+    """A model's proposal for a cluster, not yet checked."""
 
     entries: tuple[Merged, ...]
     dropped: tuple[Dropped, ...] = ()
@@ -120,7 +122,8 @@ class Condensed:
 
 @attrs.frozen
 class Clustered:
-    """What became of one cluster: entries and characters before and after, and the revision (None: nothing to do)."""
+    """The result of condensing one cluster: entries and characters before and after, and the revision (None: nothing to
+    do)."""
 
     key: Key
     entries_before: int
@@ -132,16 +135,15 @@ class Clustered:
 
 
 def is_kept(cluster: Cluster, one: Merged) -> bool:
-    """Whether an entry of a proposal is a member as it was."""
+    """Whether an entry of a proposal is an unchanged member."""
     return len(one.of) == 1 and cluster.members[one.of[0] - 1].text.split() == one.text.split()
 
 
 def problem_with(cluster: Cluster, proposal: Condensed) -> str:
-    """Why a proposal cannot be taken, as one sentence for whoever made it; "" when it can.
-
-    Every member is the source of one entry, or dropped, or both where a part of it is; entries and characters do not
-    grow; but for what is dropped, the numbers that people named are kept; what is dropped names a template that was
-    shown, and was not said of code that was written with the key's own template.
+    """Why a proposal is refused, as one sentence for its author; "" if it is accepted. Every member is the source of
+    one entry, or dropped, or both if a part of it is dropped; entries and characters do not grow; numbers that people
+    stated are kept except in what is dropped; and a dropped member names a template in the prompt and does not correct
+    code that was written with the key's own template.
     """
     return (
         _misplaced(cluster, proposal)
@@ -222,7 +224,7 @@ def _wrongly_dropped(cluster: Cluster, proposal: Condensed) -> str:
 
 
 def _not_covered(cluster: Cluster, proposal: Condensed, gone: Dropped) -> str:
-    """Why a member may not go as one that says no more than a template; "" where it may."""
+    """Why a member may not be dropped as covered by a template; "" if it may."""
     text, template = cluster.members[gone.number - 1].text, cluster.templates[gone.template - 1]
     if not cluster.drop_covered:
         return "but what a template does anyway stays"
@@ -268,8 +270,8 @@ def same_words(text: str) -> str:
 
 
 def state_digest(members: Iterable[int], templates: Iterable[int], said_after: Iterable[int] = ()) -> str:
-    """A digest of a cluster's state. Entries never change, so their ids suffice; one part for each of the three
-    arguments."""
+    """A digest of a cluster's state: one part for each of the three arguments. Ids suffice, because entries never
+    change."""
     listed = (",".join(map(str, sorted(ids))) for ids in (members, templates, said_after))
     return ":".join(hashlib.sha256(ids.encode()).hexdigest()[:20] for ids in listed)
 

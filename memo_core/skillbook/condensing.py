@@ -1,6 +1,5 @@
-"""Finding clusters and committing what became of one: one transaction each, only if the members are still those read.
-
-What is superseded stays in the book with the reason; ``history`` shows and restores it.
+"""Finding clusters and committing the result for each: one transaction per cluster, only if its members are still those
+that were read. Superseded entries stay in the book with the reason; ``history`` shows and restores them.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ class ClusterLimits:
 @attrs.frozen(eq=False)
 class Clusters:
     """A book's clusters, keys in order, general statements last, read one key after the other as they are iterated: the
-    entries of a large book are not in memory at once. ``len`` is how many there are, or a few more.
+    entries of a large book are not in memory at once. ``len`` is an upper bound that is close to their number.
     """
 
     database: Database
@@ -108,11 +107,9 @@ def find_clusters(
     order: Callable[[Sequence[str]], list[int]],
     unchanged: bool = False,
 ) -> Clusters:
-    """The book's clusters, those that are as they were clustered last only with ``unchanged``. What cannot become
-    fewer or other (one member that no template is related to) is left out.
-
-    ``order`` gives the places of texts such that those alike are next to each other, for a cluster that is taken in
-    parts.
+    """The book's clusters; those that have not changed since they were last clustered only with ``unchanged``. A
+    cluster that cannot be condensed (one member without related templates) is left out. ``order`` returns the indices
+    of texts sorted so that similar ones are adjacent, for clusters that are divided into parts.
     """
     valid = _E.superseded_by.is_(None)
     ids: dict[int, list[int]] = {}
@@ -137,12 +134,12 @@ def find_clusters(
 
 
 def _faulted(key: Key, near: Iterable[RelatedTemplate], records: Records) -> list[Entry]:
-    """The key's own templates that were found fault with."""
+    """The key's own templates that were corrected."""
     return [t.entry for t in near if t.entry.key == key and records.failed(t.entry.id, key)]
 
 
 def condense(database: Database, cluster: Cluster, proposal: Condensed, model: str, reason: str) -> Clustered:
-    """Commit a proposal for a cluster. Returns what became of it; its last part also notes the key as clustered.
+    """Commit a proposal for a cluster. Returns the result; the last part also marks the key as clustered.
 
     Raises ``ClusterChanged`` when the members or templates are not those that were read, ``ValueError`` for a proposal
     that ``problem_with`` refuses (nothing is written then), ``ReadOnlyBook``.
@@ -173,7 +170,7 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
 
 
 def without_duplicates(database: Database, cluster: Cluster) -> Cluster:
-    """Make one entry of members that are the same words, and commit that; the cluster as it is then."""
+    """Merge members with the same text and commit that. Returns the cluster as it is afterwards."""
     proposal = duplicates(cluster.members)
     if proposal is None:
         return cluster
@@ -239,8 +236,8 @@ def _replace(connection: sa.Connection, cluster: Cluster, proposal: Condensed, r
 def _merged_entry(
     connection: sa.Connection, made_of: Sequence[Entry], one: Merged, revision: int, key: int, ordinal: int
 ) -> int:
-    """A merged entry keeps the sources of all its members; its use count is the largest of theirs, since they were
-    mostly retrieved together."""
+    """A merged entry has the sources of all its members; its use count is the largest of theirs, since they were mostly
+    retrieved together."""
     scenes = {member.scene for member in made_of}
     entry = queries.insert(
         connection,
@@ -275,13 +272,13 @@ def _clustered(database: Database, connection: sa.Connection) -> dict[Key, str]:
 
 
 def note_clustered(database: Database, connection: sa.Connection, key: int, digest: str, model: str) -> None:
-    """Pass over a key for as long as its state is this one."""
+    """Skip a key as long as it is in this state."""
     connection.execute(sa.delete(tables.clusterings).where(_C.key == key))
     queries.insert_plain(connection, tables.clusterings, key=key, digest=digest, time=database.now(), model=model)
 
 
 def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
-    """The state that the cluster's own changes made; what came in from elsewhere meanwhile is not of it."""
+    """The state after the cluster's own changes, without changes that others made in the meantime."""
     query = sa.select(_E.id).where(
         _E.key == key,
         _E.kind != "template",
@@ -298,8 +295,8 @@ def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
 
 @attrs.frozen(eq=False)
 class Related:
-    """Which templates are related to which keys; to general statements all are, the best proven first. In a large book
-    a key has hundreds, so they are listed when a key is asked for."""
+    """Which templates are related to which keys; all are related to general statements, those with the most approvals
+    first. They are computed per key on demand, since a key of a large book may have hundreds."""
 
     proven: list[Entry]  # the templates, the best proven first
     of_key: list[list[int]]  # of each key that has templates, their places in ``proven``
@@ -357,7 +354,7 @@ def _distinct(words: list[str]) -> tuple[list[str], list[int]]:
 
 
 def _within(templates: Sequence[RelatedTemplate], characters: int) -> tuple[RelatedTemplate, ...]:
-    """As many as have room, the first in any case."""
+    """As many as fit, but at least the first."""
     shown: list[RelatedTemplate] = []
     for template in templates:
         characters -= len(template.text)

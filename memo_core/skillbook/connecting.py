@@ -111,7 +111,7 @@ def server_engine(name: str, url: sa.URL, read_only: bool) -> sa.Engine:
 
 
 def _may_be_sqlite(path: Path) -> bool:
-    """SQLite itself takes a file of a few bytes for a new database, and writes over it."""
+    """Checked because SQLite itself treats a file of a few bytes as a new database and overwrites it."""
     try:
         with path.open("rb") as stream:
             start = stream.read(16)
@@ -164,7 +164,7 @@ def _begin_sqlite(connection: sa.Connection) -> None:
 
 
 def filesystem_of(path: Path, mountinfo: Path = Path("/proc/self/mountinfo")) -> str:
-    """The kind of file system ``path`` is or would be on ("ext4", "nfs4"); "" where the system does not tell."""
+    """The kind of file system ``path`` is or would be on ("ext4", "nfs4"); "" if the system does not report it."""
     try:
         lines = mountinfo.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""What the book holds, as values: feedback as it was given, and the entries made from it."""
+"""The contents of the book as values: feedback as it was given, and the entries made from it."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Feedback:
 
 @attrs.frozen
 class Note:
-    """One note to be stored, with the key it belongs to: of one remark, notes may belong to several subtasks. General
-    statements have ``GLOBAL_KEY``."""
+    """One note to be stored, with its key; the notes of one remark may belong to several subtasks. General statements
+    have ``GLOBAL_KEY``."""
 
     key: Key
     text: str = attrs.field()
@@ -59,8 +59,7 @@ class Note:
 
 @attrs.frozen
 class ReadBack:
-    """What a person said of a note that was read back to them: that it is right, what it should say instead
-    (``text``), or that it is to go."""
+    """A person's reaction to a note that was read back to them: accepted, reworded (``text``), or struck."""
 
     entry: int
     outcome: Outcome = attrs.field(validator=attrs.validators.in_(("accepted", "reworded", "struck")))
@@ -73,7 +72,7 @@ class ReadBack:
 
 @attrs.frozen
 class KeptReadBack:
-    """A read-back as the book keeps it. ``entry`` is None when that entry is gone."""
+    """A stored read-back. ``entry`` is None if that entry was deleted."""
 
     feedback: int
     entry: int | None
@@ -86,7 +85,8 @@ class KeptReadBack:
 
 @attrs.frozen
 class Entry:
-    """One correction, general statement or template. ``revision`` brought it in, ``superseded_by`` retired it."""
+    """One correction, general statement or template. ``revision`` added it, ``superseded_by`` is the revision that
+    retired it."""
 
     id: int
     kind: str  # EntryKind
@@ -102,7 +102,7 @@ class Entry:
 
 
 def headline(kind: str, text: str) -> str:
-    """One line of an entry for a list: of a template its function's name and what that says it does."""
+    """One line of an entry for a list: for a template, its function's name and the first line of its docstring."""
     if kind != "template":
         return " ".join(text.split())
     try:
@@ -117,8 +117,8 @@ def headline(kind: str, text: str) -> str:
 
 @lru_cache(maxsize=20_000)
 def spoken(kind: str, text: str) -> str:
-    """What an entry says in words, as it is compared with other texts: of a template its function's name and docstring,
-    of one without them the code."""
+    """The text of an entry for comparison with other texts: for a template, its function's name and docstring, or else
+    its code."""
     if kind != "template":
         return text
     if plain := _FUNCTION.match(text):  # as templates usually begin; parsing takes twenty times as long
@@ -153,8 +153,8 @@ class Stats:
 
 @attrs.frozen
 class Forgotten:
-    """What ``forget`` removed. ``rewritten`` and ``deleted`` are files outside the book; ``unreached`` says, a line
-    each, where words may still be."""
+    """What ``forget`` removed. ``rewritten`` and ``deleted`` are files outside the book; ``unreached`` has one line for
+    each place where words may remain."""
 
     who: str
     feedback: int
@@ -166,5 +166,5 @@ class Forgotten:
 
 
 def key_label(key: Key) -> str:
-    """The key as prompts and tables show it; general statements have none of their own."""
+    """The key as shown in prompts and tables; all general statements share one."""
     return str(key) if key.objects else "*"

@@ -1,7 +1,7 @@
 """Exporting a book as records, one per line: everything but the vectors, which are derived.
 
-Numbers in a record are the book's own; ``origin`` is the book a row was made in and its number there, so that books
-which were merged in any order know the same row again (``memo_core.skillbook.importing``).
+Numbers in a record are those of the exporting book; ``origin`` is the book in which a row was created and its number
+there, which identifies a row across books that were merged in any order (``memo_core.skillbook.importing``).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Removing a person's words from files other than skillbooks: run folders, recordings, exports.
 
-A text that holds the words is replaced as a whole, since what stands around them may repeat them in other words. The
-words are recognised by their letters and digits alone, so also quoted, wrapped, escaped or in other case.
+A text that contains the words is replaced completely, since the text around them may paraphrase them. The words are
+matched by their letters and digits alone, so they are also found when quoted, wrapped, escaped or in a different case.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _TEXT_LIMIT = 1 << 28  # bytes; a larger file holds pictures or films
 
 @attrs.frozen
 class Scrubbed:
-    """What was found under one path: files that held the words and were rewritten, and those that could not be."""
+    """The result for one path: files that contained the words and were rewritten, and files that could not be
+    rewritten."""
 
     rewritten: tuple[Path, ...] = ()
     unreached: tuple[str, ...] = ()  # path and reason
@@ -52,7 +53,8 @@ class Scrubber:
         return Scrubbed(tuple(rewritten), tuple(unreached))
 
     def text(self, text: str) -> str:
-        """The text, or ``[withdrawn]`` in its place, or in place of those of its lines that are nothing but words."""
+        """The text, ``[withdrawn]`` in its place, or the text with ``[withdrawn]`` in place of lines that consist only
+        of the words."""
         plain = _plain(text)
         if plain in self._short or any(words in plain for words in self._long):
             return WITHDRAWN
@@ -72,7 +74,7 @@ class Scrubber:
         return value
 
     def _member(self, name: str, value: Any) -> Any:
-        """Words that a model says it does not understand are quoted one by one: parts of what somebody said."""
+        """Words that a model reports as not understood are quoted one by one; they are parts of what somebody said."""
         if name == "not_understood" and isinstance(value, list):
             return [WITHDRAWN if isinstance(item, str) and self._part(item) else self.value(item) for item in value]
         return self.value(value)
@@ -115,7 +117,7 @@ class Scrubber:
         return self._lines(text)
 
     def _lines(self, text: str) -> str:
-        """Line by line, each a JSON value where it is one; the words may go over several lines of plain text."""
+        """Line by line, parsing JSON lines; in plain text the words may extend over several lines."""
         lines = []
         for line in text.split("\n"):
             try:

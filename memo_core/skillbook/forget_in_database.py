@@ -19,12 +19,11 @@ _CHUNK = 500
 
 
 def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[str]]:
-    """Delete inside a write transaction. Returns the counts and the texts that are gone.
-
-    An entry stays when it also derives from what somebody else said, but for two kinds whose text is or may be the
-    person's words: an entry that the person reworded goes, and the one before is valid again; of notes that clustering
-    merged, those of the others are valid again and can be merged anew. Words that came with another laboratory's book
-    go as well and do not come back with its next import: their numbers stay in ``origins``.
+    """Delete inside a write transaction. Returns the counts and the deleted texts. An entry stays if it also derives
+    from somebody else's feedback, with two exceptions whose text may be the person's own: an entry that the person
+    reworded is deleted and its predecessor becomes active again; and an entry into which clustering merged several
+    notes is deleted and the notes of the others become active again. Words that were imported with another laboratory's
+    book are deleted too and do not return with its next import, because their numbers stay in ``origins``.
     """
     return _forget(connection, who, _F.who == who)
 
@@ -39,8 +38,8 @@ def words_of(connection: sa.Connection, who: str) -> list[str]:
 
 
 def forget_feedback(connection: sa.Connection, ids: list[int], why: str) -> list[str]:
-    """Delete pieces of feedback and what derives only from them, inside a write transaction; the texts that are gone.
-    For words that were withdrawn where they were said."""
+    """Delete feedback and what derives only from it, inside a write transaction. Returns the deleted texts. For
+    feedback that was withdrawn in the book in which it was given."""
     gone = []
     for start in range(0, len(ids), _CHUNK):
         gone += _forget(connection, why, _F.id.in_(ids[start : start + _CHUNK]))[1]
@@ -88,7 +87,7 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
 
 
 def _no_longer_there(connection: sa.Connection, texts: list[str]) -> list[str]:
-    """Texts that no entry has. Texts have no index, so many are looked for at once."""
+    """The given texts that no entry has. Many are looked up at once, because texts have no index."""
     left = set(texts)
     for start in range(0, len(texts), _CHUNK):
         among = _E.text.in_(texts[start : start + _CHUNK])
@@ -97,7 +96,7 @@ def _no_longer_there(connection: sa.Connection, texts: list[str]) -> list[str]:
 
 
 def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:
-    """A model's reasons may quote what it read: those of revisions that touched a doomed entry go."""
+    """Delete the reasons of revisions that touched a deleted entry, because a model's reason may quote the entry."""
     for start in range(0, len(doomed), _CHUNK):
         touched = sa.select(_C.revision).where(_C.entry.in_(doomed[start : start + _CHUNK]))
         connection.execute(
@@ -106,14 +105,14 @@ def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:
 
 
 def _forget_answers(connection: sa.Connection, theirs: sa.Select[tuple[int]]) -> None:
-    """A model's answer to a question about a person's words may repeat them, whoever else the question was about."""
+    """Delete stored answers to questions about the person's words, since an answer may repeat them."""
     of = tables.answer_sources.c
     about = sa.select(of.digest).where(of.feedback.in_(theirs))
     connection.execute(sa.delete(tables.answers).where(tables.answers.c.digest.in_(about)))
 
 
 def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None:
-    """Entries superseded only by a deleted entry become active again; of templates one a key."""
+    """Entries superseded only by a deleted entry become active again; for templates, one per key."""
     by_key: dict[int, list[int]] = {}
     for start in range(0, len(entries), _CHUNK):
         where = _E.id.in_(entries[start : start + _CHUNK])

@@ -1,7 +1,7 @@
 """Forgetting a person in files: removing their words from the files that the book has registered.
 
-What no program can know of (copies that were moved or sent, books that others imported, a server's own backups, what a
-model's provider keeps) is reported, so that somebody can take care of it.
+Copies that MEMO cannot find (files that were moved or sent, books that others imported, a server's backups, data at a
+model's provider) are reported, so that a person can remove them.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Cleaned:
 
 
 def clean(places: Iterable[Place], who: str, words: Iterable[str], forget_in: Callable[[Path], None]) -> Cleaned:
-    """Go through places. ``forget_in`` forgets the person in another book; it raises ``UnknownName`` where that book
-    has nothing of them."""
+    """Clean all places. ``forget_in`` forgets the person in another book; it raises ``UnknownName`` if that book has
+    nothing from them."""
     scrubber, cleaned = Scrubber(words), Cleaned()
     for place in places:
         if not place.path.exists():
@@ -77,7 +77,8 @@ def _place(place: Place, who: str, scrubber: Scrubber, forget_in: Callable[[Path
 
 
 def _rewrite(file: Path, change: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]) -> bool:
-    """Change a file of JSON objects, one a line; whether anything is different. What is none is left to scrubbing."""
+    """Rewrite a file of JSON objects, one per line. Returns whether anything changed. Lines that are not JSON objects
+    are left to scrubbing."""
     text = file.read_text(encoding="utf-8", errors="replace")
     try:
         before = [parse_json(line) for line in text.splitlines() if line.strip()]
@@ -95,7 +96,7 @@ def _rewrite(file: Path, change: Callable[[list[dict[str, Any]]], list[dict[str,
 
 
 def _export_without(records: list[dict[str, Any]], who: str) -> list[dict[str, Any]]:
-    """An export as the book would write it after the person was forgotten, whoever imports it."""
+    """Rewrite an export as the book would write it after the person was forgotten."""
     theirs = {one["id"]: one for one in records if one.get("record") == "feedback" and one.get("who") == who}
     if not theirs:
         return records

@@ -27,7 +27,8 @@ _CHUNK = 500
 
 @attrs.frozen
 class Change:
-    """What a revision did to an entry: ``added``, ``superseded``, ``restored``, or ``joined`` from the key ``why``."""
+    """A change that a revision made to an entry: ``added``, ``superseded``, ``restored``, or ``joined`` (moved from the
+    key ``why``)."""
 
     change: str
     entry: Entry
@@ -51,7 +52,7 @@ class Revision:
 
 @attrs.frozen
 class Version:
-    """A template and how it did for its own key: ``state`` is served, superseded or rolled back."""
+    """A template and its record for its own key: ``state`` is served, superseded or rolled back."""
 
     entry: Entry
     state: str
@@ -61,7 +62,7 @@ class Version:
 
 @attrs.frozen
 class Difference:
-    """Entries valid at one time and not at the other, oldest first."""
+    """Entries active at one time and not at the other, oldest first."""
 
     removed: tuple[Entry, ...]
     added: tuple[Entry, ...]
@@ -90,7 +91,7 @@ def revisions(
     last: int | None = None,
     only: int | None = None,
 ) -> list[Revision]:
-    """All revisions, oldest first, or those that touched a key's entries; of these the ``last`` so many, or ``only``
+    """All revisions, oldest first, or those that touched a key's entries; of these only the ``last`` ones, or ``only``
     the one with this id."""
     ids = _ids(connection, key) if only is None else [only]
     if last is not None:
@@ -182,9 +183,8 @@ def difference(database: Database, connection: sa.Connection, one: int, other: i
 
 
 def roll_back(database: Database, connection: sa.Connection, revision: int) -> int:
-    """Take back what a revision did, inside a write transaction; the new revision's id.
-
-    Raises ``UnknownName``, ``CannotRollBack`` when later revisions rest on it or it was rolled back already.
+    """Undo a revision inside a write transaction. Returns the new revision's id. Raises ``UnknownName``,
+    ``CannotRollBack`` if later revisions depend on it or it was rolled back already.
     """
     _check(connection, revision)
     added = queries.entries_where(connection, _E.revision == revision)
@@ -220,7 +220,7 @@ def _check_untouched(
     mine: Sequence[sa.Row[Any]],
     entries: dict[int, Entry],
 ) -> None:
-    """Raises ``CannotRollBack`` unless everything that the revision touched is still as it left it."""
+    """Raises ``CannotRollBack`` if anything that the revision touched has changed since."""
     retired = {entry.id: entry.superseded_by for entry in [*added, *entries.values()]}
     left: list[int] = [entry.id for entry in added] + [row.entry for row in mine if row.change != "joined"]
     ids = [*left, *(row.entry for row in mine if row.change == "joined")]
@@ -243,13 +243,13 @@ def _check_untouched(
 
 
 def _undone(connection: sa.Connection, revision: int) -> bool:
-    """Whether a revision was rolled back, and that not rolled back itself."""
+    """Whether a revision was rolled back, and the rollback was not itself rolled back."""
     query = sa.select(_R.id).where(_R.reason == f"rollback of {revision}", _R.id > revision)
     return any(not _undone(connection, later) for later in queries.ids_of(connection.execute(query)))
 
 
 def _part(database: Database, connection: sa.Connection, new: int, joined: list[sa.Row[Any]]) -> None:
-    """Give entries back to the key they were under before it was joined to another."""
+    """Move entries back to the key they had before it was merged into another."""
     for spelling in {row.why for row in joined}:
         connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == spelling))
     for row in joined:

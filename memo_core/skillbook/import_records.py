@@ -25,7 +25,7 @@ _LAST_TIME = 253_402_300_799.0  # s since the epoch: the last second of the year
 
 @attrs.define(auto_exc=True, eq=False)
 class BadImport(MemoError):
-    """Records that are no book's. ``record`` counts from 1; it is the line of a file."""
+    """Invalid records of a book. ``record`` counts from 1 and is the line number in a file."""
 
     record: int
     problem: str
@@ -37,8 +37,8 @@ class BadImport(MemoError):
 
 
 class ImportRecords:
-    """The records of a file by kind, checked and kept in a temporary file: of each, memory holds a place and an id.
-    Raises ``BadImport``."""
+    """The records of a file by kind, validated and stored in a temporary file; memory holds only an offset and an id
+    for each. Raises ``BadImport``."""
 
     def __init__(self, records: Iterable[dict[str, Any]]) -> None:
         self._spool = tempfile.TemporaryFile("w+b", prefix="memo-import-")  # noqa: SIM115 - it lives as long as this
@@ -120,7 +120,7 @@ def key_of(record: dict[str, Any]) -> Key:
 
 
 def phase_of(record: dict[str, Any]) -> str:
-    """What made an entry; format 1 does not say."""
+    """The phase that made an entry; format 1 does not store it."""
     return str(record.get("phase") or KINDS[record["kind"]])
 
 

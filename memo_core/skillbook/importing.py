@@ -1,9 +1,10 @@
 """Merging another laboratory's book into this one.
 
-Each row is known by the book it was made in and its number there, so importing twice changes nothing, and two books
-that import each other come to hold the same: of what was said and made of it the union, and of each entry the state
-that the latest revision gave it, by the clock of the book it was made in. Uses are the larger count of the two. What
-was withdrawn here does not come back; what was withdrawn in the book it was said in goes here as well.
+Each row is identified by the book in which it was created and its number there. Importing twice therefore changes
+nothing, and two books that import each other end up with the same contents: the union of feedback and entries, and for
+each entry the state set by the latest revision, by the clock of the book in which it was made. Use counts are the
+larger of the two. Feedback that was withdrawn here does not return; feedback that was withdrawn in its own book is
+deleted here too.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _F, _E, _C, _R, _B = tables.feedback.c, tables.entries.c, tables.changes.c, tabl
 
 @attrs.frozen
 class ImportedBook:
-    """A book that was merged into this one. ``first`` and ``last`` (s since the epoch): when it brought anything."""
+    """A book that was merged into this one. ``first`` and ``last`` (s since the epoch): the first and last import that
+    added something."""
 
     book: str
     name: str
@@ -42,7 +44,8 @@ class ImportedBook:
 
 @attrs.frozen
 class Imported:
-    """What an import brought. ``known`` rows were here; ``left_out`` were withdrawn here and stay away."""
+    """The result of an import. ``known``: rows that were already here; ``left_out``: rows that had been withdrawn
+    here."""
 
     book: str
     name: str
@@ -66,7 +69,7 @@ class _NotForReal(Exception):
 def merge(
     database: Database, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False
 ) -> tuple[Imported, list[str]]:
-    """Merge in one write transaction. Returns what it brought and the texts that are gone with withdrawn feedback."""
+    """Merge in one write transaction. Returns the result and the texts that were deleted with withdrawn feedback."""
     checked = records if isinstance(records, ImportRecords) else ImportRecords(records)
     merging: _Merging | None = None
     try:
@@ -131,7 +134,7 @@ class _Merging:
 
     # -- what was said -------------------------------------------------------------------------------------------------
     def _withdraw(self) -> None:
-        """A book withdraws what was said in it, and nobody else's."""
+        """A book can withdraw only feedback that was given in it."""
         doomed = []
         for record in self._records.of("withdrawn"):
             origin = self._records.origin(record)
@@ -200,7 +203,7 @@ class _Merging:
             self._connection.execute(sa.update(tables.entries).where(_E.id == here).values(**larger))
 
     def _withdrawn_with(self, record: dict[str, Any], sources: list[int]) -> bool:
-        """Whether an entry goes with feedback that it derives from and that is withdrawn here, as in ``forget``."""
+        """Whether an entry is deleted together with withdrawn feedback that it derives from, as in ``forget``."""
         if phase_of(record) == CLUSTER and len(sources) < len(record["sources"]):
             return True
         if phase_of(record) == EDIT and record["feedback"] not in self._heard:
@@ -208,7 +211,8 @@ class _Merging:
         return bool(record["sources"]) and not sources
 
     def _made_here(self, record: dict[str, Any]) -> int | None:
-        """The entry that this book made of the same feedback by itself: one identity, whatever the words."""
+        """The entry that this book itself made of the same feedback; it is identified with the imported one, whatever
+        its text."""
         feedback = self._heard.get(record["feedback"]) if record["feedback"] is not None else None
         if feedback is None:
             return None
@@ -244,7 +248,7 @@ class _Merging:
         return here
 
     def _revision(self, number: int, key: int | None) -> int:
-        """A revision of the file, here; written when the first entry or change needs it."""
+        """The local counterpart of a revision in the file, created when an entry or change first needs it."""
         record = self._records.revision(number)
         origin = self._records.origin(record)
         here = self._revisions.find(origin)
@@ -327,7 +331,7 @@ class _Merging:
             self._connection.execute(sa.update(tables.records).where(*where).values(**larger))
 
     def _elect(self) -> None:
-        """One template is served under a key, as before the books were one."""
+        """Choose the one template that is served under each key, as without an import."""
         for key in sorted(self._keys):
             mine = queries.entries_where(self._connection, _E.key == key, _E.kind == "template")
             if not any(entry.superseded_by is None for entry in mine):
@@ -335,7 +339,8 @@ class _Merging:
             templates.elect(self._database, self._connection, key, "import")
 
     def _bring_back(self, key: int, entries: list[int]) -> None:
-        """Each of two books preferred the other version: none would be left. Those that gave way stand for election."""
+        """If each of two books preferred the other's version, none would be active; then the superseded versions become
+        candidates again."""
         outdone = sa.select(_E.id).join(
             tables.changes, sa.and_(_C.entry == _E.id, _C.revision == _E.superseded_by, _C.because.is_not(None))
         )

@@ -1,7 +1,8 @@
-"""Whether what stands in a book's rows can be what MEMO wrote: a file may be whole and yet hold anything.
+"""Checks that the values in a book's rows are values that MEMO can have written; an intact file may still contain
+anything.
 
-SQLite keeps values of any type in any column, and tables can be dropped. This looks at every row, so it is for ``memo
-skillbook check``, and for telling what was wrong after something failed.
+SQLite keeps values of any type in any column, and tables can be dropped. This reads every row, so it is used by ``memo
+skillbook check`` and to explain an error after it occurred.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _NEEDED = ("schema_version", "book", "generation", "created")
 
 
 def broken_tables(connection: sa.Connection) -> list[str]:
-    """Tables and columns of a SQLite book that are not there, and what does not belong there, in words."""
+    """Descriptions of missing tables and columns of a SQLite book, and of unexpected ones."""
     strange = "SELECT type, name FROM sqlite_master WHERE type IN ('trigger', 'view')"
     found = [f"a {kind} {name!r}, which MEMO never makes" for kind, name in connection.exec_driver_sql(strange)]
     there = _there(connection)
@@ -41,7 +42,7 @@ def broken_tables(connection: sa.Connection) -> list[str]:
 
 
 def broken_values(connection: sa.Connection) -> Iterator[str]:
-    """Values of a SQLite book that cannot be MEMO's, a line a table and column. Its tables are whole."""
+    """Descriptions of invalid values in a SQLite book, one line per table and column. Requires all tables."""
     there = _there(connection)
     for table in tables.metadata.tables.values():
         for column in table.columns if table.name in there else ():
@@ -56,7 +57,7 @@ def broken_values(connection: sa.Connection) -> Iterator[str]:
 
 
 def _there(connection: sa.Connection) -> dict[str, set[str]]:
-    """The columns of each table that is there."""
+    """The columns of each existing table."""
     inspector = sa.inspect(connection)
     return {name: {column["name"] for column in inspector.get_columns(name)} for name in inspector.get_table_names()}
 
@@ -66,7 +67,7 @@ def _meta(connection: sa.Connection) -> dict[str, str]:
 
 
 def _wrong(column: sa.Column[Any]) -> str:
-    """A condition in SQL that holds where a value is none that the column can have."""
+    """An SQL condition that is true for values that the column cannot have."""
     name, kind = f'"{column.name}"', column.type
     if isinstance(kind, sa.LargeBinary):
         wrong = f"typeof({name}) <> 'blob'"

@@ -1,8 +1,7 @@
-"""Near-identical keys, ``PLACE(mug, cupboard)`` and ``PUT(mugs, cupboard)``: found here, joined by aliases.
-
-Two keys are taken for one when their actions are of one synonym group (so never opposites) and name the same way of
-placing (in, on, out, ...), when they have the same roles, and when each role's names are near-identical vectors and do
-not contrast ("left drawer" and "right drawer" are 0.98 apart in no sentence model's eyes, and two things).
+"""Finding near-identical keys, such as ``PLACE(mug, cupboard)`` and ``PUT(mugs, cupboard)``, and merging them by
+aliases. Two keys are treated as one if their actions are in one synonym group (so never opposites) and state the same
+way of placing (in, on, out, ...), if they have the same roles, and if in each role the names have near-identical
+vectors and do not contrast ("left drawer" and "right drawer" have a cosine of 0.98 and are different objects).
 """
 
 from __future__ import annotations
@@ -59,7 +58,8 @@ class NearKeys:
 
 
 def near_keys(keys: Sequence[Key], key_vectors: KeyVectors, actions: Actions, least: float = NEAR) -> list[NearKeys]:
-    """Which of ``keys`` (the most important first: it gives the name) mean one that stands before them."""
+    """Those of ``keys`` that have the meaning of an earlier one (the most important key comes first, and its name is
+    kept)."""
     found: list[NearKeys] = []
     kept: dict[tuple[object, ...], _Alike] = {}
     for key, roles in zip(keys, _role_vectors(keys, key_vectors), strict=True):
@@ -74,14 +74,14 @@ def near_keys(keys: Sequence[Key], key_vectors: KeyVectors, actions: Actions, le
 
 
 class _Alike:
-    """Keys of one action and of the same roles that none before them means."""
+    """Keys with the same action and roles that are not aliases of an earlier one."""
 
     def __init__(self) -> None:
         self._keys: list[Key] = []
         self._roles = np.zeros((0, 0, 0), dtype=np.float32)  # keys x roles x dimension; has room for more keys
 
     def nearest(self, key: Key, roles: np.ndarray, least: float) -> tuple[Key, float] | None:
-        """The one that ``key`` means, with the least of the roles' cosines."""
+        """The key that has the meaning of ``key``, with the smallest cosine of its roles."""
         if not self._keys:
             return None
         cosines = np.einsum("krd,rd->kr", self._roles[: len(self._keys)], roles).min(axis=1)
@@ -102,7 +102,7 @@ class _Alike:
 
 
 def placing(action: str) -> frozenset[str]:
-    """The particles of an action that say where to: "put in" is another one than "put on"."""
+    """The particles of an action that state how something is placed: "put in" differs from "put on"."""
     return frozenset(_PLACING[word] for word in action.split() if word in _PLACING) - _EMPTY
 
 
@@ -127,7 +127,8 @@ def _words(name: str) -> set[str]:
 
 
 def _role_vectors(keys: Sequence[Key], key_vectors: KeyVectors) -> list[np.ndarray]:
-    """Of each key unit vectors of what is moved and, where there is one, of where to: shape (roles, dimension)."""
+    """For each key, unit vectors of the moved object and of the destination, if there is one: shape (roles,
+    dimension)."""
     if not keys:
         return []
     _, objects = key_vectors.get(keys)
@@ -140,8 +141,8 @@ def _role_vectors(keys: Sequence[Key], key_vectors: KeyVectors) -> list[np.ndarr
 
 
 def join(database: Database, connection: sa.Connection, spelling: Key, key: Key) -> None:
-    """Keep entries for ``spelling`` under ``key`` from now on, inside a write transaction. Entries that are there move:
-    a revision that can be rolled back. Of two templates the better one is served."""
+    """Store entries for ``spelling`` under ``key`` from now on, inside a write transaction. Existing entries move by a
+    revision, which can be rolled back. Of two templates the better one is served."""
     target = queries.key_id(connection, database.upsert(tables.keys), key)
     connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.spelling == str(spelling)))
     old = queries.known_key_id(connection, spelling)

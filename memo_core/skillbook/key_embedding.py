@@ -1,5 +1,5 @@
-"""From a key to its two unit vectors. What a sentence model is shown of a verb and a noun decides what it can tell
-apart; the phrases are settings and their defaults were measured (``docs/skillbook.md``)."""
+"""From a key to its two unit vectors. How well a sentence model separates verbs and nouns depends on the phrases in
+which they are embedded; the phrases are settings, and their defaults were measured (``docs/skillbook.md``)."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Wording:
 class KeyVectors:
     """Vectors of keys for one embedder, wording and table of actions.
 
-    The action is the phrase of the verb that stands for its synonym group. The objects are the concatenation of what is
-    moved (the mean, where several) and where to (zero, where none), made one unit vector: a phrase that names both
+    The action is embedded as the phrase of its group's representative verb. The objects are the concatenation of the
+    moved objects (their mean, if several) and the destination (zero, if none), normalised: a phrase that names both
     ("to move a {} to a {}") cannot keep the roles, its cosine with the exchanged one is 0.99.
     """
 
@@ -45,7 +45,7 @@ class KeyVectors:
         self._known: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
 
     def fingerprint(self) -> str:
-        """Changes with whatever the vectors of keys depend on besides the keys."""
+        """Changes with everything that the vectors depend on besides the keys."""
         groups = sorted(self._actions.groups.items())
         return f"{self._vectors.name}|{self._wording.action}|{self._wording.object}|{groups}"
 
@@ -61,7 +61,7 @@ class KeyVectors:
         return np.stack([action for action, _ in found]), np.stack([objects for _, objects in found])
 
     def parts(self, keys: Sequence[Key]) -> KeyParts:
-        """One or more keys taken apart: what ``get`` says of each, without a vector for each."""
+        """Keys split into their parts: the same information as ``get``, without a vector per key."""
         keys = [self._actions.about(key) for key in keys]
         names = sorted({name for key in keys for name in key.objects})
         nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))

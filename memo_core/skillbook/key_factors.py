@@ -1,8 +1,9 @@
 """Exact cosines of one key with all keys of a book, from the few parts that the keys are made of.
 
-A key's vectors are made of a verb's, of what is moved and of where to (``memo_core.skillbook.key_embedding``), and a
-book of thousands of keys names some dozens of verbs and some hundreds of things. So the products are taken once a
-distinct part and put together by key: a few numbers a key instead of its whole vectors.
+A key's vectors consist of those of a verb, the moved object and the destination
+(``memo_core.skillbook.key_embedding``), and a book of thousands of keys has some dozens of verbs and some hundreds of
+objects. So inner products are computed once per distinct part and combined per key: a few numbers per key instead of
+complete vectors.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ _Part = TypeVar("_Part", bound=Hashable)
 
 @attrs.frozen(eq=False)
 class KeyParts:
-    """Keys taken apart; d is the embedder's dimension. The objects' unit vector of key i is
+    """Keys split into their parts; d is the embedder's dimension. The objects' unit vector of key i is
     ``[moved[moved_of[i]] ; places[place_of[i]]] * share[i]``."""
 
     actions: np.ndarray  # unit vectors of the different verbs, float32 (verbs, d)
@@ -34,7 +35,7 @@ class KeyParts:
 
     def cosines(self, action: np.ndarray, objects: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cosines of all keys' actions with ``action``, shape (d,), of their objects with ``objects``, shape (2 d,),
-        both unit vectors, and of what is moved alone; float64, shape (keys,)."""
+        both unit vectors, and of the moved objects alone; float64, shape (keys,)."""
         half = len(objects) // 2
         by_action = np.vecdot(self.actions, action).astype(np.float64)[self.action_of]
         by_moved = np.vecdot(self.moved, objects[:half]).astype(np.float64)[self.moved_of]
@@ -49,7 +50,7 @@ class KeyParts:
 
 
 def distinct(parts: Sequence[_Part], make: Callable[[list[_Part]], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Vectors of the different parts, in order of appearance, and the place of each part among them, int64."""
+    """Vectors of the distinct parts, in order of appearance, and the index of each part among them, int64."""
     place_of = {part: place for place, part in enumerate(dict.fromkeys(parts))}
     vectors = np.ascontiguousarray(make([*place_of]), dtype=np.float32)
     return vectors, np.fromiter((place_of[part] for part in parts), dtype=np.int64, count=len(parts))

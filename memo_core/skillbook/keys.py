@@ -1,5 +1,5 @@
 """Keys: the action and the objects, roles kept, under which an entry is stored. ``PLACE(red cube, cabinet)`` moves the
-red cube to the cabinet: the last of several objects is where to, the others are what is moved."""
+red cube to the cabinet: the last of several objects is the destination, the others are moved."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_LENGTH = 80
 
 @attrs.define(auto_exc=True, eq=False)
 class NotAKey(MemoError):
-    """A text that names no action with its objects."""
+    """A text that does not name an action with its objects."""
 
     text: str
     problem: str
@@ -72,12 +72,12 @@ class Key:
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """What is acted on or moved: all objects but the last of several."""
+        """The objects that are acted on or moved: all but the last of several."""
         return self.objects if len(self.objects) == 1 else self.objects[:-1]
 
     @property
     def destination(self) -> str | None:
-        """Where to: the last of several objects."""
+        """The destination: the last of several objects."""
         return self.objects[-1] if len(self.objects) > 1 else None
 
     def __str__(self) -> str:

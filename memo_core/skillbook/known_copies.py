@@ -18,7 +18,7 @@ _P = tables.places.c
 
 @attrs.frozen
 class Place:
-    """A file or folder that was written with words of the book in it. ``path`` is absolute."""
+    """A file or folder that contains words of the book. ``path`` is absolute."""
 
     path: Path
     kind: str  # PlaceKind
@@ -26,13 +26,13 @@ class Place:
 
 
 def note_place(database: Database, connection: sa.Connection, kind: PlaceKind, path: Path) -> None:
-    """Remember a place, inside a write transaction."""
+    """Register a place, inside a write transaction."""
     values = {"path": str(path.absolute()), "kind": kind, "time": database.now()}
     connection.execute(database.upsert(tables.places).values(**values))
 
 
 def places_of(database: Database, connection: sa.Connection) -> list[Place]:
-    """In the order in which they were noted."""
+    """The registered places, oldest first."""
     if not database.has(connection, tables.places):
         return []
     query = sa.select(_P.path, _P.kind, _P.time).order_by(_P.time, _P.path)

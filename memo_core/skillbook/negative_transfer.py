@@ -1,15 +1,14 @@
-"""Withholding lessons that were retrieved for another key than their own and were corrected there.
-
-Each use is counted with the key that the code was for (table ``records``). An entry that is served for another key than
-its own is less likely to fit the less alike the two are, and each correction there is evidence against it. With n
-corrections more than approvals, it is served there only if
+"""Withholding lessons that were retrieved for a key other than their own and corrected there. Each use is counted with
+the key of the code's subtask (table ``records``). An entry that is served for another key is the less likely to apply
+the less similar the two keys are, and each correction there is evidence against it. With n corrections more than
+approvals, it is served there only if
 
     r(query, own key) >= LEAST + STEP n.
 
-"There" are the key where it happened and those that are as good as it (r > SAME), unless they are more like the
-entry's own: what failed on the drawer is not served for other drawers, and is for doors. An entry is never withheld
-from its own key, and general statements, which have none, are never withheld. Nothing is deleted: approvals there bring
-an entry back.
+"There" means the key where it happened and practically identical keys (r > SAME), unless they are more similar to the
+entry's own key: what failed on the drawer is not served for other drawers, but is still served for doors. An entry is
+never withheld from its own key, and general statements, which have none, are never withheld. Nothing is deleted:
+approvals there bring an entry back.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ _COUNTED = sa.select(_R.entry).where(_R.entry.in_([sa.bindparam(name) for name i
 
 @attrs.frozen
 class Evidence:
-    """How an entry did where it was served for one key."""
+    """How often an entry was served and approved for one key."""
 
     entry: int
     key: Key
@@ -52,7 +51,7 @@ class Evidence:
 
 
 def evidence_of(database: Database, connection: sa.Connection, entries: Sequence[int]) -> list[Evidence]:
-    """What was counted of entries, by key."""
+    """The counts of entries, by key."""
     if not entries or not database.has(connection, tables.records):
         return []
     query = sa.select(_R.entry, _K.action, _K.objects, _R.uses, _R.confirmed_uses).join(tables.keys, _R.key == _K.id)
@@ -64,7 +63,7 @@ def evidence_of(database: Database, connection: sa.Connection, entries: Sequence
 
 
 def is_evidence(database: Database, entries: Sequence[int]) -> bool:
-    """Whether anything was counted of entries; much faster than reading it."""
+    """Whether there are any counts for the entries; much faster than reading them."""
     with_table = database.has_table(tables.records)
     return with_table and any(database.fetch(_COUNTED, places(part)) for part in batched(entries, PLACES))
 

@@ -1,8 +1,7 @@
-"""What people said last: of contradicting notes of one person the newer counts.
-
-Whether two notes contradict each other no likeness of texts tells ("pull it straight" is close to "pull it along an
-arc" and so is what agrees with it). So nothing is decided about that: what each person said last under the subtask's
-own key is always served, and before whatever that person said earlier under the same key.
+"""The latest feedback of each person: of contradicting notes of one person the newer counts. The similarity of texts
+does not tell whether two notes contradict each other ("pull it straight" is close to "pull it along an arc", and so is
+a note that agrees with it). So contradictions are not detected; instead, what each person said last under the subtask's
+own key is always served, before what the same person said earlier under that key.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ _SAID = (
 
 def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list[int]:
     """The corrections under some keys, at most 32, that were made of what each person said last there, the latest
-    speakers' first. Of a remark that would make them more than ``most`` one correction: each person is heard."""
+    speakers' first. If they would exceed ``most``, one correction per remark, so that every person is represented."""
     last: dict[str, tuple[float, int]] = {}
     made: dict[tuple[float, int], list[int]] = {}
     for entry, who, when, feedback in database.fetch(_SAID, {"kind": "correction"} | places(list(keys))):
@@ -57,8 +56,8 @@ def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list
 
 
 def newest_before_older(served: Sequence[Served], known: Mapping[int, Provenance]) -> tuple[Served, ...]:
-    """With what one person said last under a key before what the same person said there earlier: they exchange places.
-    Entries that several people's words were merged into stay where they are. ``known``: by entry."""
+    """Sort the entries of one person under one key newest first, within the positions that these entries have. Entries
+    merged from several people's words keep their positions. ``known``: provenance by entry."""
     places_of: dict[tuple[Key, str], list[int]] = {}
     for place, one in enumerate(served):
         who = known[one.entry.id].who if one.entry.id in known else ()

@@ -1,7 +1,7 @@
 """The origin of rows: a row is identified by the book it was made in and its number there.
 
-Rows of the book's own have no row in ``origins``, but those that were withdrawn: their numbers stay, so that another
-laboratory's copy is not taken for something new.
+The book's own rows have no row in ``origins`` unless they were withdrawn; the numbers of withdrawn rows stay, so that
+another laboratory's copy is not mistaken for something new.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ class Origins:
     of: dict[int, Origin]
 
     def find(self, origin: Origin) -> int | None:
-        """The local id; None for what is not here, be it new or withdrawn."""
+        """The local id; None for a row that is not here, whether new or withdrawn."""
         if origin[0] == self.book:
             number = int(origin[1]) if origin[1].isdecimal() and len(origin[1]) < 19 else 0
             return number if number in self.own else None
         return self.local.get(origin)
 
     def withdrawn(self, origin: Origin) -> bool:
-        """Whether it was in this book once. Rows that were made here and are gone were withdrawn."""
+        """Whether the row was in this book once. Missing rows that were created here were withdrawn."""
         return origin in self.gone or (origin[0] == self.book and self.find(origin) is None)
 
     def origin(self, local: int) -> Origin:
         return self.of.get(local, (self.book, str(local)))
 
     def note(self, connection: sa.Connection, origin: Origin, local: int) -> None:
-        """Remember where a row that was just written comes from."""
+        """Store the origin of a row that was just written."""
         queries.insert_plain(connection, tables.origins, kind=self.kind, book=origin[0], id=origin[1], local=local)
         self.local[origin] = local
         self.of[local] = origin
@@ -70,7 +70,7 @@ def origins_of(database: Database, connection: sa.Connection, kind: str, book: s
 
 
 def note_withdrawn(connection: sa.Connection, feedback: Iterable[int]) -> None:
-    """Keep the numbers, and nothing else, of feedback that is about to be deleted, inside a write transaction."""
+    """Store only the numbers of feedback that is about to be deleted, inside a write transaction."""
     ids = list(feedback)
     book = connection.execute(sa.select(tables.meta.c.value).where(tables.meta.c.name == "book")).scalar_one()
     for start in range(0, len(ids), _CHUNK):

@@ -22,7 +22,7 @@ _SAID = (
 
 @attrs.frozen
 class Provenance:
-    """Where an entry comes from. Several people where their words were clustered into one entry."""
+    """Where an entry comes from; several people if their notes were clustered into one entry."""
 
     who: tuple[str, ...] = ()  # names or pseudonyms, the latest speaker last
     when: float = 0.0  # s since the epoch, of the latest words

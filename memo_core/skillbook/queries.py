@@ -40,7 +40,7 @@ FEEDBACK_FIELDS = tuple(field.name for field in attrs.fields(Feedback))
 
 @attrs.frozen
 class ValidRow:
-    """What the index is built from."""
+    """One active entry, as the index is built from it."""
 
     id: int
     kind: str
@@ -72,9 +72,8 @@ def generation_of(database: Database) -> int:
 
 def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key]) -> tuple[int, dict[int, Entry]]:
     """The book's generation and entries by id, as one statement and so of one state of the book. ``keys`` are those
-    that the caller knows by their ids; entries under another are left out.
-
-    The statement has a fixed number of places, filled up with the first id: it is prepared once.
+    that the caller knows, by id; entries under other keys are left out. The statement has a fixed number of parameters,
+    padded with the first id, so that it is prepared only once.
     """
     if not 0 < len(ids) <= _PLACES:
         with database.read() as connection:
@@ -87,7 +86,7 @@ def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key])
 
 
 def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, Entry]:
-    """Ids that the book does not have are left out."""
+    """Unknown ids are left out."""
     if not ids:
         return {}
     found = connection.execute(_BY_ID, {"ids": list(ids)}).all()
@@ -99,7 +98,7 @@ def entries_where(connection: sa.Connection, *conditions: sa.ColumnElement[bool]
 
 
 def each_entry(connection: sa.Connection, *conditions: sa.ColumnElement[bool]) -> Iterator[Entry]:
-    """One after the other, without holding all of a large book in memory."""
+    """Iterate over entries without holding all of a large book in memory."""
     query = _ENTRY.where(*conditions).order_by(_E.id)
     for row in connection.execute(query, execution_options={"yield_per": _BATCH}):
         yield entry_of(row)
@@ -136,7 +135,7 @@ def group_sizes(connection: sa.Connection, keys: Sequence[int] | None = None) ->
 
 
 def _among(column: sa.ColumnElement[int], values: Sequence[int] | None) -> Iterable[sa.ColumnElement[bool]]:
-    """Conditions that together let these values pass, or all."""
+    """Conditions that select these values, or all."""
     if values is None:
         yield sa.true()
         return
@@ -166,7 +165,7 @@ def key_id(connection: sa.Connection, upsert: sa.Insert, key: Key) -> int:
 
 
 def known_key_id(connection: sa.Connection, key: Key) -> int | None:
-    """The id of a key that the book has, under this or another spelling; None for one it has not."""
+    """The id of a key in the book, under this or another spelling; None if the book does not have it."""
     alias = connection.execute(sa.select(tables.aliases.c.key).where(tables.aliases.c.spelling == str(key))).scalar()
     if alias is not None:
         return int(alias)

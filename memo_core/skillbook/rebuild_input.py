@@ -19,7 +19,7 @@ _F, _C, _S, _A = tables.feedback.c, tables.changes.c, tables.sources.c, tables.a
 
 @attrs.frozen(eq=False)
 class RawLog:
-    """What was said up to some moment, oldest first, with what became of it in the book it is read from."""
+    """Feedback up to some moment, oldest first, with the entries that the source book has from it."""
 
     book: str  # that book's identity
     feedback: tuple[Feedback, ...]  # corrections and approvals; rewordings are among the read-backs
@@ -29,8 +29,8 @@ class RawLog:
 
 
 def read_log(database: Database, connection: sa.Connection, until: int | float | None = None) -> RawLog:
-    """The log up to and with feedback number ``until`` (an int), or what was said before a time (a float, s since the
-    epoch); None: all of it."""
+    """The feedback up to and including number ``until`` (an int), or before a time (a float, s since the epoch); None:
+    all."""
     said = [one for one in queries.feedback_where(connection) if one.kind != "edit"]
     chosen = [one for one in said if _within(one, until)]
     later = [one.time for one in said if not _within(one, until)]
@@ -59,7 +59,7 @@ def _within(one: Feedback, until: int | float | None) -> bool:
 
 
 def _first_keys(database: Database, connection: sa.Connection) -> dict[int, Key]:
-    """Of entries that were moved to another key, the one they were made under."""
+    """For entries that were moved to another key, the key under which they were made."""
     if not database.has(connection, tables.changes):
         return {}
     moved = sa.select(_C.entry, _C.why).where(_C.change == "joined").order_by(_C.revision.desc())
@@ -70,7 +70,7 @@ def _first_keys(database: Database, connection: sa.Connection) -> dict[int, Key]
 
 
 def kept_answer(database: Database, connection: sa.Connection, model: str, question: str) -> str | None:
-    """What a model answered to a question (its digest) when a book was made from this one before."""
+    """The stored answer of a model to a question (its digest), from an earlier rebuild from this book."""
     if not database.has(connection, tables.answers):
         return None
     found = connection.execute(sa.select(_A.answer).where(_A.digest == _digest(model, question))).scalar()
@@ -86,7 +86,7 @@ def keep_answer(
     answer: str,
     about: Iterable[int],
 ) -> None:
-    """Keep an answer with the feedback that its question was about, so that ``forget`` removes it. The first answer
+    """Store an answer with the feedback that its question was about, so that ``forget`` removes it. An existing answer
     stays."""
     digest = _digest(model, question)
     values = {"digest": digest, "phase": phase, "model": model, "answer": answer, "time": database.now()}

@@ -19,15 +19,15 @@ _IN_A_ROW = 10_000  # rows that cannot be read one after the other: beyond is th
 
 @attrs.frozen
 class Rescued:
-    """Rows by table: that were read, and that were left out since something that they refer to is lost."""
+    """Numbers of rows by table: recovered ones, and ones left out because a row that they refer to is lost."""
 
     read: dict[str, int]
     dangling: int
 
 
 def rescue(damaged: Path, out: Path) -> Rescued:
-    """Write what can be read of a SQLite book into the new file ``out``. The damaged one is not touched. Raises
-    ``InvalidArgument`` where ``out`` exists, ``SkillbookError`` where nothing at all can be read."""
+    """Write what can be read of a SQLite book into the new file ``out``. The damaged file is not changed. Raises
+    ``InvalidArgument`` if ``out`` exists, ``SkillbookError`` if nothing can be read."""
     if out.exists():
         raise InvalidArgument("--rescue", f"{out} is there already", "a new file")
     new = Database(str(out))
@@ -74,7 +74,7 @@ def _copy(source: sqlite3.Connection, target: sqlite3.Connection, table: sa.Tabl
 
 
 def _drop_dangling(target: sqlite3.Connection) -> int:
-    """Rows that refer to something that is lost go, and what refers to these."""
+    """Delete rows that refer to lost rows, and then rows that refer to these."""
     gone = 0
     while dangling := target.execute("PRAGMA foreign_key_check").fetchall():
         for name, rowid, *_ in dangling:

@@ -14,7 +14,7 @@ from memo_core.skillbook.text_vectors import TextVectors
 def reembed(url: str, embedder: Embedder) -> int:
     """Embed all texts of a book with another embedder. Returns the number of texts.
 
-    The switch is one transaction; interrupted before it, the book still belongs to the former embedder.
+    The switch is one transaction; if interrupted before it, the book still uses the former embedder.
     """
     database = Database(url)
     database.open()

@@ -1,8 +1,8 @@
 """Entries that people accept, reword or strike, when notes are read back to them or at any later time.
 
 Nothing is overwritten: a rewording is a new entry that supersedes the former, a strike supersedes without a successor;
-each call is one revision, which can be rolled back. What was said of notes made from one person's feedback is kept with
-that feedback (table ``read_backs``), so that a book which is rebuilt applies it to the notes made of the same words.
+each call is one revision, which can be rolled back. Reactions to notes made from one person's feedback are stored with
+that feedback (table ``read_backs``), so that a rebuilt book applies them to the notes with the same words.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def read_back(
     who: str,
     when: float,
 ) -> None:
-    """Keep and apply what a person said of notes made from one feedback. What was said of a note before stays as it
-    is, so that a call may be repeated. Raises ``UnknownName`` (entry), ``InvalidArgument`` (an entry that derives from
+    """Store and apply a person's reactions to notes made from one feedback. An earlier reaction to a note is not
+    changed, so a call may be repeated. Raises ``UnknownName`` (entry), ``InvalidArgument`` (an entry that derives from
     other feedback)."""
     entries = queries.entries_by_id(connection, [one.entry for one in said])
     for one in said:
@@ -50,9 +50,8 @@ def read_back(
 
 
 def edit(database: Database, connection: sa.Connection, entry: Entry, text: str, who: str) -> int | None:
-    """Put another text in place of an entry's; the new entry's id, or None where the text is the same.
-
-    Raises ``InvalidArgument``: an empty text, an entry that is superseded, a template that is no function.
+    """Replace an entry's text. Returns the new entry's id, or None if the text is the same. Raises ``InvalidArgument``
+    for an empty text, a superseded entry, or a template that is not a function.
     """
     _check_valid(entry)
     if entry.text == text:
@@ -72,7 +71,7 @@ def remove(database: Database, connection: sa.Connection, entry: Entry, who: str
 def kept_read_backs(
     database: Database, connection: sa.Connection, feedback: Sequence[int] | None = None
 ) -> list[KeptReadBack]:
-    """What was said of the notes of these pieces of feedback, or of all, in the order in which it was said."""
+    """The reactions to the notes of these pieces of feedback, or of all, oldest first."""
     if not database.has(connection, tables.read_backs):
         return []
     query = sa.select(*(_B[name] for name in _FIELDS)).order_by(_B.id)
@@ -98,7 +97,7 @@ def _apply(
     who: str,
     when: float,
 ) -> list[int]:
-    """One revision for all of it; the ids of the entries it brought in."""
+    """Apply everything as one revision. Returns the ids of the entries it added."""
     changing = [
         (entry, one)
         for entry, one in said
@@ -128,8 +127,8 @@ def _apply(
 def _reworded(
     connection: sa.Connection, entry: Entry, key: int, text: str, revision: int, who: str, when: float
 ) -> int:
-    """The new entry. Its text is somebody's words: they are kept as feedback of their own, so that this person can
-    withdraw them."""
+    """The new entry. Its text is somebody's words and is stored as separate feedback, so that this person can withdraw
+    it."""
     words = queries.insert(
         connection,
         tables.feedback,
@@ -177,7 +176,7 @@ def _sources(connection: sa.Connection, entry: int) -> list[int]:
 
 
 def _first_feedback(connection: sa.Connection, entry: int) -> list[int]:
-    """What the entry derives from but for what people put in place of its text."""
+    """The feedback from which the entry derives, without later rewordings."""
     query = sa.select(_S.feedback).join(tables.feedback, _S.feedback == _F.id)
     return sorted(queries.ids_of(connection.execute(query.where(_S.entry == entry, _F.kind != "edit"))))
 

@@ -2,8 +2,8 @@
 
 ``pickle.Unpickler`` with a guarded ``find_class`` is not enough: before any class is asked for, it allocates what a
 file claims to hold (a memo index of 2**31 is 32 GiB, a bytearray its stated length) and hashes tuples that are nested
-so deep that it ends the process. Here ``pickletools`` splits the file into operations, and the few that data needs are
-carried out. What numpy's pickles call is recognised by its name and never looked up.
+so deep that it ends the process. Here ``pickletools`` splits the file into operations, and only the few that plain data
+needs are executed. The functions in numpy's pickles are recognised by name and never looked up.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _ALLOWED = {
 
 @attrs.define(auto_exc=True, eq=False)
 class UnsafePickle(MemoError):
-    """A pickle that is damaged, or holds something else than plain data. Nothing of it was run."""
+    """A pickle that is damaged or contains something other than plain data. None of it was executed."""
 
     problem: str
     position: int | None = None  # byte
@@ -49,7 +49,7 @@ class UnsafePickle(MemoError):
 
 @attrs.frozen(eq=False)
 class _Named:
-    """A function or class that a pickle names, as our word for it."""
+    """Placeholder for a function or class that a pickle names."""
 
     what: str
 
@@ -264,7 +264,7 @@ def _fill_array(target: _Array, version: Any, shape: Any, kind: Any, fortran: An
 
 
 def _array(content: Any, kind: Any, shape: Any, order: Any) -> Any:
-    """From its bytes, which must be as many as its shape and type say; a list of its members for one of objects."""
+    """An array from its bytes, whose number must match shape and type; for object arrays, a list of the members."""
     if not isinstance(kind, _Array) or kind.dtype is None or not isinstance(shape, tuple) or len(shape) > 4:
         raise UnsafePickle("an array has no type or no shape")
     if any(not isinstance(size, int) or size < 0 for size in shape):
@@ -346,8 +346,8 @@ _METHODS: dict[str, Callable[[_Machine], None]] = {
 
 
 def _finished(value: Any, depth: int, known: dict[int, Any]) -> Any:
-    """The value with arrays in the place of what they were built in. What occurs often is visited once: ten lists of
-    ten lists of ten ... would be more visits than there is time."""
+    """The value with finished arrays in place of the intermediate objects. Shared objects are visited once, because
+    nested shared lists would otherwise take exponential time."""
     if not isinstance(value, (dict, list, tuple, _Array, _Named)):
         return value
     if id(value) in known:

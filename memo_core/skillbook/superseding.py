@@ -12,19 +12,19 @@ _E, _C = tables.entries.c, tables.changes.c
 
 
 def supersede(connection: sa.Connection, revision: int, entry: int, why: str, because: int | None = None) -> None:
-    """Retire an entry by a revision, with the reason and what it gave way to, inside a write transaction."""
+    """Retire an entry by a revision, with the reason and its replacement, inside a write transaction."""
     connection.execute(sa.update(tables.entries).where(_E.id == entry).values(superseded_by=revision))
     _note(connection, revision, entry, "superseded", why, because)
 
 
 def restore(connection: sa.Connection, revision: int, entry: int, why: str) -> None:
-    """Make a retired entry valid again by a revision, inside a write transaction."""
+    """Make a retired entry active again by a revision, inside a write transaction."""
     connection.execute(sa.update(tables.entries).where(_E.id == entry).values(superseded_by=None))
     _note(connection, revision, entry, "restored", why, None)
 
 
 def gave_way_to(connection: sa.Connection, entries: Iterable[int]) -> list[int]:
-    """Retired entries that gave way to one of ``entries`` and to nothing else."""
+    """Retired entries that were superseded by one of ``entries`` and by nothing else."""
     query = (
         sa.select(_C.entry)
         .join(tables.entries, _C.entry == _E.id)

@@ -2,8 +2,8 @@
 
 Approved code becomes the new version, because it worked most recently and includes earlier corrections. A version whose
 code is corrected is replaced by an older one with a better record: the share of approvals, (confirmed uses + 1) / (uses
-+ 1), counting the approval that made it; of equals the newest. Only uses for the template's own key count. A version
-that fails when it is retested in a simulator is replaced by one that does not, whatever their records.
++ 1), counting the approval that created it; the newest if several are equal. Only uses for the template's own key
+count. A version that fails when it is retested in a simulator is replaced by one that does not, whatever their records.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Records:
         return self.of.get((entry, key), (0, 0))
 
     def failed(self, entry: int, key: Key) -> bool:
-        """Whether code for ``key`` that the entry was served to was found fault with."""
+        """Whether code for ``key`` for which the entry was served was corrected."""
         uses, confirmed = self.record(entry, key)
         return uses > confirmed
 
     def share(self, entry: Entry) -> float:
-        """Of approvals under the entry's own key, the one that made it counted."""
+        """Share of approvals under the entry's own key, including the one that created it."""
         uses, confirmed = self.record(entry.id, entry.key)
         return (confirmed + 1) / (uses + 1)
 
@@ -71,7 +71,7 @@ def count_use(connection: sa.Connection, entries: Iterable[int], key: int, succe
 
 
 def same_code(one: str, other: str) -> bool:
-    """Whether two functions differ in nothing but comments and layout."""
+    """Whether two functions differ only in comments and layout."""
     try:
         return ast.dump(ast.parse(one)) == ast.dump(ast.parse(other))
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -79,13 +79,13 @@ def same_code(one: str, other: str) -> bool:
 
 
 def served_version(connection: sa.Connection, key: int, code: str) -> Entry | None:
-    """The valid version under a key that is this very code."""
+    """The active version under a key that is exactly this code."""
     valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
     return next((entry for entry in valid if same_code(entry.text, code)), None)
 
 
 def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> None:
-    """Let the version ``newest`` take the place of the others under its key, inside a write transaction."""
+    """Make the version ``newest`` replace the others under its key, inside a write transaction."""
     valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
     for entry in valid:
         if entry.id != newest:
@@ -93,8 +93,8 @@ def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> 
 
 
 def elect(database: Database, connection: sa.Connection, key: int, reason: str) -> int | None:
-    """Serve the best version under a key, inside a write transaction; one that somebody rolled back is no candidate.
-    Returns the revision, or None where nothing had to change."""
+    """Activate the best version under a key, inside a write transaction; a version that was rolled back is not a
+    candidate. Returns the revision, or None if nothing had to change."""
     every = queries.entries_where(connection, _E.key == key, _E.kind == "template")
     gave_way = sa.select(_C.revision, _C.entry).where(
         _C.entry.in_([entry.id for entry in every]), _C.change == "superseded", _C.because.is_not(None)

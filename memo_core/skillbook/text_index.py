@@ -1,9 +1,8 @@
-"""Which entries of a key are most like a text, without holding every entry's vector in memory.
-
-Of a key with many entries each has a *sketch* in the book: its vector rounded to 16 bits a component. The sketches of a
-key are one value, its *sheet*, so that one short read brings them all, and they are compared as they lie there. By
+"""The entries of a key that are most similar to a text, without holding every entry's vector in memory. For a key with
+many entries, the book has a *sketch* of each: its vector rounded to 16 bits per component. The sketches of a key are
+stored as one value, its *sheet*, so that one short read returns them all, and they are compared without unpacking. By
 Cauchy–Schwarz a cosine with a rounded vector is off by at most ‖v - v'‖, which is below 1e-4 (2e-6 is usual); equal
-texts have equal sketches and tie all the same.
+texts have equal sketches and therefore still tie.
 
 A matrix product is no faster here and waits for a second thread wherever other processes are busy: of 5 000 vectors
 its slowest hundredth took 9 ms and more, one dot product after the other 0.4 ms.
@@ -76,7 +75,8 @@ class Group:
 
 
 class Likeness:
-    """Nearest entries by text, by kind and key. Keeps one generation's in memory: ``forget`` what changed."""
+    """The most similar entries by text, per kind and key. Caches one generation in memory: call ``forget`` for keys
+    that changed."""
 
     def __init__(self, database: Database, vectors: TextVectors) -> None:
         self._database = database
@@ -88,7 +88,7 @@ class Likeness:
         self._sheets: bool | None = None  # whether the book has the table
 
     def forget(self, keys: Iterable[int] | None) -> None:
-        """Read these keys' groups again when they are asked for; None: all."""
+        """Discard the cached groups of these keys; None: of all."""
         changed = {key for _, key in [*self._groups, *self._whole]} if keys is None else set(keys)
         for where in [where for where in self._groups if where[1] in changed]:
             self._bytes -= self._groups.pop(where).nbytes
@@ -106,7 +106,7 @@ class Likeness:
         return [group.nearest(meant, count) for group in found]
 
     def nearest_of_all(self, kind: str, key: int, meant: np.ndarray, count: int) -> Nearest:
-        """As ``nearest``, of a key that every subtask asks for: its vectors stay in memory, exact ones."""
+        """As ``nearest``, for a key that every subtask needs: its exact vectors stay in memory."""
         return self._entire(kind, key).nearest(meant, count)
 
     def all_of(self, kinds: Sequence[str], keys: Sequence[int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -118,7 +118,7 @@ class Likeness:
                     yield group.ids, vectors
 
     def prepare(self, kind: str, key: int) -> None:
-        """Make what is missing of a group ahead of being asked, also of a small one."""
+        """Compute what is missing of a group in advance, also for a small one."""
         self._read(kind, [key], least=0)
 
     # -- inside --------------------------------------------------------------------------------------------------------
@@ -133,8 +133,8 @@ class Likeness:
                 return
 
     def _read(self, kind: str, keys: list[int], least: int = _FEW) -> dict[int, Group]:
-        """Groups from the book. A sheet that lacks more than ``least`` entries, and more than a fiftieth, is made
-        anew where that can be."""
+        """Groups from the book. A sheet that lacks more than ``least`` entries, and more than a fiftieth, is rewritten
+        if the book is writable."""
         asked = {"kind": kind} | places(keys)
         members: dict[int, list[int]] = {key: [] for key in keys}
         for key, entry in self._database.fetch(_MEMBERS, asked):
@@ -182,7 +182,7 @@ class Likeness:
         return group
 
     def _write(self, kind: str, key: int, group: Group) -> None:
-        """Only of entries that are there now: what somebody withdrew meanwhile leaves no trace."""
+        """Write only entries that exist now, so that words withdrawn in the meantime leave no trace."""
         with self._database.write() as connection:
             query = sa.select(_E.id).where(_E.key == key, _E.kind == kind)
             there = np.isin(group.ids, [entry for (entry,) in connection.execute(query)])
@@ -193,7 +193,7 @@ class Likeness:
                 connection.execute(sa.insert(tables.sheets), values)
 
     def _entire(self, kind: str, key: int) -> Group:
-        """All of a group; of the generation before, what is still valid is kept."""
+        """All vectors of a group; those of the previous generation that are still valid are reused."""
         where = (kind, key)
         if where in self._whole_is_current:
             return self._whole[where]
@@ -214,7 +214,7 @@ class Likeness:
         return self._whole[where]
 
     def _has_sheets(self) -> bool:
-        """Not in an older book that is open read-only."""
+        """False for an older book that is open read-only."""
         if self._sheets is None:
             with self._database.read() as connection:
                 self._sheets = self._database.has(connection, tables.sheets)

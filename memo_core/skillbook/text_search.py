@@ -1,8 +1,7 @@
-"""Which entries' texts are most like a text, through the vector store.
-
-The store holds one vector for each correction and template and is derived data: it is brought up to date from the
-book's revisions, and made anew where that cannot be told. What it returns is looked up in the book and scored again
-there, so a store that is approximate, stale or damaged can miss but never serve what is not there.
+"""The entries whose texts are most similar to a text, found through the vector store. The store contains one vector for
+each correction and template and is derived data: it is updated from the book's revisions, or rebuilt if that is not
+possible. Its results are looked up in the book and scored again, so an approximate, stale or damaged store can miss
+entries but never serve one that does not exist.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ class ExactStore(VectorStore):
 
 
 class TextSearch:
-    """Entries by likeness of their texts, for one book. The store is this search's alone."""
+    """Entries by similarity of their texts, for one book. No other search may use the same store."""
 
     def __init__(self, database: Database, vectors: TextVectors, likeness: Likeness, store: VectorStore | None) -> None:
         self._database = database
@@ -83,9 +82,9 @@ class TextSearch:
         self._current: tuple[str, int] | None = None  # book and generation that the store was last brought up to
 
     def nearest(self, meant: np.ndarray, count: int, state: Contents, distrust: bool = False) -> np.ndarray:
-        """Ids of the ``count`` entries most like ``meant``, a unit vector of shape (d,), best first, as far as the
-        store finds them; some may not be valid any more. ``distrust``: what it answered before was of no
-        use. Raises ``BackendUnavailable``."""
+        """Ids of the ``count`` entries most similar to ``meant``, a unit vector of shape (d,), best first, as far as
+        the store finds them; some may be outdated. ``distrust``: its previous answer was unusable. Raises
+        ``BackendUnavailable``."""
         if not _size(state):
             return np.zeros(0, np.int64)
         for anew in (distrust, True, True):
@@ -105,7 +104,7 @@ class TextSearch:
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _follow(self, state: Contents, anew: bool) -> bool:
-        """Bring the store to the book's state; whether it is there now."""
+        """Update the store to the book's state. Returns whether that succeeded."""
         now = (state.book, state.generation)
         if self._current != now or anew:
             self._store.open()
@@ -122,7 +121,8 @@ class TextSearch:
         return (parts[0] << 42) | (parts[1] << 28) | state.revision
 
     def _bring_up_to_date(self, state: Contents) -> bool:
-        """Whether that went well; it cannot where the store holds nothing, or another book or embedder."""
+        """Returns whether updating succeeded; it cannot if the store is empty or belongs to another book or
+        embedder."""
         stamp, wanted = self._store.generation(), self._stamp(state)
         if stamp is None or stamp >> 42 != wanted >> 42 or not len(self._store):
             return False
@@ -148,7 +148,7 @@ class TextSearch:
             return _array(connection.execute(new)), _array(connection.execute(gone))
 
     def _difference(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same against what the store says that it holds."""
+        """The same, compared with the ids that the store reports."""
         held = self._store.ids()
         if held is None:
             raise LookupError("the store cannot tell what it holds")

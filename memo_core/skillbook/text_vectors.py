@@ -37,12 +37,12 @@ def places(values: list[Any]) -> dict[str, Any]:
 
 
 def digest(text: str) -> str:
-    """What a text's vector is stored under."""
+    """The name under which a text's vector is stored."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 class TextVectors:
-    """Unit vectors, float32. The embedder is opened when a text is met that nobody embedded before."""
+    """Unit vectors, float32. The embedder is opened only for a text that has not been embedded before."""
 
     def __init__(self, database: Database, embedder: Embedder) -> None:
         self._database = database
@@ -78,7 +78,7 @@ class TextVectors:
         return np.stack([self._known[text] for text in texts])
 
     def chain(self, texts: Sequence[str]) -> list[int]:
-        """Places of the texts in an order in which each is followed by the most similar of those left."""
+        """Indices of the texts, ordered so that each is followed by the most similar of the remaining ones."""
         vectors = self.get(texts)
         taken = np.zeros(len(texts), dtype=bool)
         order = [0]

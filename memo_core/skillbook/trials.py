@@ -1,4 +1,4 @@
-"""How templates did when they were run again in a simulator (``memo skillbook retest``).
+"""Results of running templates again in a simulator (``memo skillbook retest``).
 
 A template fails there when fewer than half of its trials succeed: it is served after those that do not, and an older
 version that does not fail takes its place under its own key.
@@ -19,7 +19,7 @@ _T = tables.trials.c
 
 @attrs.frozen
 class Trial:
-    """One run of a template: ``start`` is the stored start ("run NAME") or the fresh scene ("TASK seed N")."""
+    """One run of a template: ``start`` is the stored start ("run NAME") or the new scene ("TASK seed N")."""
 
     start: str
     success: bool
@@ -43,7 +43,7 @@ def trials_of(
 
 
 def fails(trials: Iterable[Trial]) -> bool:
-    """Whether fewer than half of these succeeded; of none nothing is known."""
+    """Whether fewer than half of these trials succeeded; False without trials."""
     successes = [trial.success for trial in trials]
     return 2 * sum(successes) < len(successes)
 

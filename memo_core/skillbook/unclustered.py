@@ -18,13 +18,13 @@ _CHUNK = 500
 
 
 def is_clustered(database: Database, connection: sa.Connection) -> bool:
-    """Whether clustering retired an entry that is still retired by it."""
+    """Whether clustering superseded an entry that is still superseded."""
     return connection.execute(sa.select(_E.id).where(_E.superseded_by.in_(_clusterings())).limit(1)).first() is not None
 
 
 def copy_without_clustering(database: Database, copy: Database) -> None:
-    """Fill ``copy``, an open and empty book, with everything of ``database`` but what clustering did. Entries keep
-    their numbers. What people edited or removed after it was merged stays as they left it."""
+    """Fill ``copy``, an open and empty book, with everything in ``database`` except the changes of clustering. Entries
+    keep their numbers. Edits and removals that people made after clustering are kept."""
     with database.read() as connection, copy.write() as target:
         for table in tables.metadata.sorted_tables:
             if table.name in _DERIVED or not database.has(connection, table):
@@ -52,8 +52,7 @@ def _undo(connection: sa.Connection) -> None:
 def _stands(
     entry: Entry, clusterings: set[int], merged: dict[int, Entry], gave_way_to: dict[tuple[int, int], int | None]
 ) -> bool:
-    """Whether nothing but clustering retired an entry: also what it was merged into, and that again, was retired by
-    nothing else."""
+    """Whether only clustering superseded an entry, and likewise the entries into which it was merged, recursively."""
     at: Entry | None = entry
     while at is not None and at.superseded_by in clusterings:
         at = merged.get(gave_way_to.get((at.superseded_by or 0, at.id)) or 0)
@@ -61,6 +60,6 @@ def _stands(
 
 
 def _clusterings() -> sa.Select[tuple[int]]:
-    """Revisions that clustering made, here or in a book that was imported."""
+    """Revisions made by clustering, here or in an imported book."""
     reasons = [prefix + word for prefix in ("", IMPORTED) for word in (CLUSTERED, DUPLICATES)]
     return sa.select(_R.id).where(sa.or_(*(_R.reason.startswith(reason, autoescape=True) for reason in reasons)))
