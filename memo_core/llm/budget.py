@@ -18,7 +18,7 @@ CHARACTERS_A_TOKEN = 4  # the usual rule of thumb, for calls whose tokens nobody
 
 @attrs.define(auto_exc=True, eq=False)
 class BudgetExceeded(MemoError):
-    """A limit is reached, so no further request is sent. ``whose``: "this run", or the study with its ledger."""
+    """A limit is reached, so no further request may be sent. ``whose``: "this run", or the study with its ledger."""
 
     whose: str
     setting: str
@@ -31,7 +31,7 @@ class BudgetExceeded(MemoError):
 
 @attrs.define(auto_exc=True, eq=False)
 class UnknownPrice(MemoError):
-    """A limit in dollars cannot be enforced for a model of unknown price."""
+    """A limit in dollars cannot be enforced for a model whose price is unknown."""
 
     setting: str
     why: str
@@ -60,8 +60,8 @@ class Limit:
 class Budget:
     """Checked before every call and updated after it; safe from several threads.
 
-    A limit is looked at before a call, so a run goes over it by at most the call that reached it; several runs that
-    share a ledger by at most one call each.
+    A limit is checked before each call, so a run exceeds it by at most the call that reached it; several runs that
+    share a ledger exceed it by at most one call each.
     """
 
     def __init__(
@@ -73,8 +73,9 @@ class Budget:
         already: Spent = Spent(),
         known: Mapping[int, Usage | None] | None = None,
     ) -> None:
-        """``already``: what earlier parts of a resumed run spent; ``known``: on which calls, by their entry in its log.
-        The ledger hears of those whose process was killed before it could say what they cost."""
+        """``already``: spending of earlier parts of a resumed run; ``known``: the calls it was spent on, by their entry
+        in the log. Calls whose process was killed before it could complete their line in the ledger are completed
+        there."""
         self._limit = limit
         self._ledger = ledger
         self._study = study
@@ -86,7 +87,7 @@ class Budget:
         self._change = threading.Condition()
 
     def open(self, llm: LanguageModel) -> None:
-        """Before the first call, with the opened model. Raises ``UnknownPrice``, ``LedgerError``,
+        """Call before the first request, with the opened model. Raises ``UnknownPrice``, ``LedgerError``,
         ``BudgetExceeded``."""
         if self._dollars and (why := llm.unpriced()):
             raise UnknownPrice(self._dollars, why)
@@ -122,8 +123,8 @@ class Budget:
             return len(self._open)
 
     def begin(self, request: Request, model: str, entry: int | None = None) -> int:
-        """A call is about to be made, which is this entry of the run's log; returns its number for ``end``. Raises
-        ``BudgetExceeded``, ``UnknownPrice``."""
+        """Register a call that is about to be made, with its entry in the run's log. Returns its number for ``end``.
+        Raises ``BudgetExceeded``, ``UnknownPrice``."""
         with self._change:
             if self._dollars and self._spent.unpriced:
                 raise UnknownPrice(self._dollars, f"a call of {model} came back without a cost")
@@ -141,7 +142,7 @@ class Budget:
         self._study.check(spent, f"the study of {self._ledger.path}", "run.study_")
 
     def end(self, number: int, usage: Usage | None) -> None:
-        """The call is over; ``usage`` None where nothing was spent."""
+        """Register the end of a call; ``usage`` None if nothing was spent."""
         with self._change:
             line = self._open.pop(number, None)
             self._spent = self._spent.plus(usage)
@@ -150,7 +151,7 @@ class Budget:
             self._change.notify_all()
 
     def wait(self, seconds: float) -> None:
-        """Until calls that were given up have ended, so that they are counted; at most so long."""
+        """Wait, for a limited time, until abandoned calls have ended, so that they are counted."""
         end = time.monotonic() + seconds
         with self._change:
             while self._open and (left := end - time.monotonic()) > 0:

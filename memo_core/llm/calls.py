@@ -34,8 +34,8 @@ _PAUSE: Effect[None] = Effect("wait to ask again")
 
 @attrs.frozen
 class Retrying:
-    """``times`` at most after a failure that may pass; before the first, ``first_wait_s`` pass, twice that before the
-    second, and so on, with a random variation of a quarter, so that several runs do not retry at the same time."""
+    """Retry at most ``times`` after a transient failure: after ``first_wait_s``, then after twice that time, and so on,
+    with a random variation of a quarter, so that several runs do not retry at the same time."""
 
     times: int = 3
     first_wait_s: float = 1.0
@@ -58,7 +58,7 @@ class _Answered:
 
 
 class ModelCalls:
-    """Puts requests to one model."""
+    """Sends requests to one model."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class ModelCalls:
         return self._llm.name
 
     def to(self, llm: LanguageModel) -> ModelCalls:
-        """Calls of another model, in the same log and budget."""
+        """Calls to another model with the same log and budget."""
         return ModelCalls(llm, self._stop, self._log, self._emit, self._budget, self._retrying, self._on_text)
 
     def answer(self, request: Request) -> tuple[Answer, str]:
@@ -101,7 +101,7 @@ class ModelCalls:
             self._back_off(request, attempt, failed)
 
     def _back_off(self, request: Request, attempt: int, failed: LanguageModelError) -> None:
-        """Wait before asking again. Raises ``failed`` where that does not help, ``Stopped``."""
+        """Wait before asking again. Raises ``failed`` if a retry cannot help, ``Stopped``."""
         wait = self._log.effect(_BACK_OFF, str(attempt), lambda _: self._retrying.wait_s(attempt - 1, failed))
         if wait is None:
             raise failed
@@ -129,8 +129,8 @@ class ModelCalls:
         return answered.answer, answered.file
 
     def _answered_before(self, about: str) -> _Answered | None:
-        """An answer to this very question that was paid for and not used: to a call that was given up, or that a
-        resumed run does anew."""
+        """A paid, unused answer to exactly this question: from a call that was abandoned or that a resumed run
+        repeats."""
         folder = self._log.folder
         while folder is not None and (value := self._log.kept(about)) is not None:
             if read_call(folder, value["file"])["answer"] is not None:
@@ -139,7 +139,7 @@ class ModelCalls:
         return None
 
     def _found(self, file: str) -> _Answered | None:
-        """What became of a call whose end the log does not tell: its file is written before."""
+        """The result of a call that has no end in the log, from its file, which is written first."""
         folder = self._log.folder
         result = result_in(folder, file, self._llm.name) if folder is not None else None
         if isinstance(result, LanguageModelError):
@@ -160,7 +160,7 @@ class ModelCalls:
             return attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text)))
 
         def over(result: Answer | BaseException, abandoned: bool) -> str:
-            """The call has ended: its file is written, then the budget is told."""
+            """Register the end of a call: write its file, then update the budget."""
             if not begun:
                 return ""  # it was never made
             try:

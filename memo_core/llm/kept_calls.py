@@ -1,4 +1,4 @@
-"""Calls of models as files of a run (``calls/``): what was asked, what was answered or went wrong, what it cost."""
+"""Calls of models as files of a run (``calls/``): question, answer or error, and cost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def call_name(number: int, phase: str) -> str:
 
 
 def call_text(request: Request, result: Answer | BaseException, problem: str, abandoned: bool) -> str:
-    """A call as its file holds it; ``problem``: why there is no answer."""
+    """The contents of a call's file; ``problem``: why there is no answer."""
     answer = result if isinstance(result, Answer) else None
     spent = None if answer is not None else usage_of(result)
     kept = {
@@ -72,12 +72,12 @@ def answer_in(folder: Path, name: str) -> Answer:
 
 
 def usage_of(result: Answer | BaseException) -> Usage | None:
-    """What a call cost; None where nothing was spent."""
+    """The cost of a call; None if nothing was spent."""
     return getattr(result, "usage", None)
 
 
 def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelError | None:
-    """What a call came to whose end the log does not tell: its file is written before. None where it has none."""
+    """The result of a call that has no end in the log, from its file, which is written first; None without a file."""
     if not (folder / name).exists():
         return None
     kept = read_call(folder, name)
@@ -96,7 +96,7 @@ def spent_in(history: History, folder: Path) -> Spent:
 
 
 def usages_in(history: History, folder: Path) -> dict[int, Usage | None]:
-    """What each call of a run cost that is known to be over, by its entry in the log."""
+    """The cost of each finished call of a run, by its entry in the log."""
     return {number: usage for number, (over, usage) in _calls_in(history, folder).items() if over}
 
 
@@ -111,7 +111,7 @@ def _calls_in(history: History, folder: Path) -> dict[int, tuple[bool, Usage | N
 
 
 def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:
-    """Whether the call is over as far as is known, and what it cost."""
+    """Whether the call is known to be over, and what it cost."""
     for found in (entry.late, entry.value, entry.raised):
         if isinstance(found, dict) and "usage" in found:
             return True, None if found["usage"] is None else _usage(found["usage"], folder / FILE)
@@ -120,7 +120,7 @@ def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:
 
 
 def _usage(record: Any, file: Path) -> Usage:
-    """Raises ``InvalidArgument`` naming the file that it stands in."""
+    """Raises ``InvalidArgument``, which names the file."""
     try:
         return read_as(Usage, record)
     except ValueError as error:

@@ -1,7 +1,7 @@
 """The ledger of a study: every call of every run that shares it, in one SQLite file.
 
-A call is written down before it is made and completed after it, so that calls of a killed run are recorded, and runs in
-several processes see what the others are about to spend."""
+A line for a call is inserted before the call and completed after it, so that calls of a killed run are recorded and
+processes see what the others are about to spend."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Ledger:
         self._lock = threading.RLock()
 
     def open(self) -> None:
-        """Idempotent; makes the file where there is none. Raises ``LedgerError``."""
+        """Idempotent; creates the file if there is none. Raises ``LedgerError``."""
         with self._lock:
             if self._connection is not None:
                 return
@@ -69,14 +69,14 @@ class Ledger:
             self._connection = connection
 
     def close(self) -> None:
-        """Idempotent; a call that ends later opens it again for a moment."""
+        """Idempotent; a call that ends later reopens the ledger briefly."""
         with self._lock:
             connection, self._connection = self._connection, None
             if connection is not None:
                 connection.close()
 
     def spent(self) -> Spent:
-        """By everyone."""
+        """Spending of all runs."""
         with self._writing() as connection:
             return _sums(connection)
 
@@ -89,8 +89,9 @@ class Ledger:
         check: Callable[[Spent], None],
         entry: int | None = None,
     ) -> int:
-        """Write down that a call begins, and return its line. ``check`` sees what is spent by then and raises where no
-        more may be; the check and the insertion are one transaction. ``entry``: the call's entry in the run's log."""
+        """Insert a line for a call that begins, and return its number. ``check`` receives the spending so far and
+        raises if no more is allowed; the check and the insertion are one transaction. ``entry``: the call's entry in
+        the run's log."""
         with self._writing() as connection:
             check(_sums(connection))
             inserted = connection.execute(
@@ -100,13 +101,13 @@ class Ledger:
             return int(inserted.lastrowid or 0)
 
     def end(self, line: int, usage: Usage | None) -> None:
-        """Complete a call's line; ``usage`` None where nothing was spent."""
+        """Complete a call's line; ``usage`` None if nothing was spent."""
         with self._writing() as connection:
             _end(connection, line, usage)
 
     def recover(self, run: str, known: Mapping[int, Usage | None]) -> None:
-        """Complete the lines of calls that ended although the process that made them was killed before it could say so
-        here: entry of the run's log -> what it cost. A call that was made again has a later line: that one is meant."""
+        """Complete the lines of calls that had ended when their process was killed before it could do so: log entry ->
+        cost. If a call was repeated, its latest line is completed."""
         newest = "SELECT max(id) FROM calls WHERE run = ? GROUP BY entry"
         unfinished = f"SELECT entry, id FROM calls WHERE run = ? AND ended IS NULL AND id IN ({newest})"
         with self._writing() as connection:
@@ -157,8 +158,8 @@ def _sums(connection: sqlite3.Connection) -> Spent:
 
 
 def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
-    """What each run spent, in the order of their first calls, and all of them together. Nothing is written. Raises
-    ``LedgerError``, also for another kind of file."""
+    """Spending per run, in the order of their first calls, and in total. Read-only. Raises ``LedgerError``, also for
+    another kind of file."""
     by_run = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
     try:
         address = f"{path.resolve().as_uri()}?mode=ro"

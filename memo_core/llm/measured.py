@@ -1,7 +1,6 @@
-"""Which tasks a language backend was measured to do: untaught, only when it is taught, or not at all.
-
-A backend that is known to reach only so far declares a YAML file (``Backend.measured``, ``PACKAGE/path/in/it``):
-``tasks`` maps a task's name to ``untaught``, ``taught`` or ``no``; ``commands`` and ``date`` say how that was measured.
+"""Measured results of a language backend per task: done untaught, done only when taught, or not done. A backend with
+known limits declares a YAML file (``Backend.measured``, ``PACKAGE/path/in/it``): ``tasks`` maps a task's name to
+``untaught``, ``taught`` or ``no``; ``commands`` and ``date`` say how that was measured.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ Reach = Literal["untaught", "taught", "no"]
 
 @attrs.frozen(eq=False)
 class Measured:
-    """What was measured. ``tasks`` holds only what was tried."""
+    """Measured results. ``tasks`` contains only tasks that were tried."""
 
     tasks: dict[str, Reach]
     commands: dict[str, str]
@@ -37,7 +36,8 @@ class Measured:
 
 
 def measured_of(backend: Backend) -> Measured | None:
-    """What a backend declares; None where it declares nothing. Raises ``InvalidArgument`` naming file and key."""
+    """The results that a backend declares; None if it declares none. Raises ``InvalidArgument``, which names file and
+    key."""
     if not backend.measured:
         return None
     package, _, name = backend.measured.partition("/")
@@ -54,5 +54,5 @@ def measured_of(backend: Backend) -> Measured | None:
 
 
 def summary(measured: Measured | None, task: str) -> dict[str, Any]:
-    """The column of a list of tasks: empty where nothing was measured."""
+    """The text for a list of tasks; empty if nothing was measured."""
     return {} if measured is None else {"reach": measured.tasks.get(task, "")}

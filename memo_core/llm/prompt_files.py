@@ -1,7 +1,6 @@
-"""The prompts' files: one a phase, versioned, replaceable from a config, and checked before anything is asked.
-
-A file is a Jinja template below a front matter, which is ``version: …`` between two lines ``---``. Version and digest
-of the files that a question was made from are kept with it.
+"""Prompt files: one per phase, versioned, replaceable from a config, and checked before they are used. A file is a
+Jinja template after a front matter, which is ``version: …`` between two lines ``---``. Version and digest of the files
+are stored with every question rendered from them.
 """
 
 from __future__ import annotations
@@ -192,7 +191,7 @@ class BadPrompt(MemoError):
 
 @attrs.frozen
 class PromptText:
-    """One prompt's text without its front matter; ``line`` is where it begins in its file, less one."""
+    """One prompt's text without its front matter; ``line`` is the number of lines before it in its file."""
 
     name: str  # system or a phase
     text: str
@@ -211,8 +210,8 @@ class PromptText:
         return f"{self.name} v{self.version or '?'} {self.digest}"
 
     def render(self, context: Mapping[str, Any]) -> str:
-        """The text with its placeholders filled. Raises ``BadPrompt`` for one that has no value, and for an expression
-        that fails or that a prompt may not contain."""
+        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value and for an
+        expression that fails or is not allowed."""
         import jinja2
 
         given = {**OPTIONAL.get(self.name, {}), **context}
@@ -226,8 +225,7 @@ class PromptText:
             raise BadPrompt(self.source, line, f"fails when it is filled in: {error}") from None
 
     def check(self) -> None:
-        """Raise ``BadPrompt`` for what is wrong: no Jinja, an unknown placeholder, or one that must be there and is
-        not."""
+        """Raise ``BadPrompt`` for invalid Jinja, an unknown placeholder, or a missing required one."""
         import jinja2
         from jinja2 import meta, nodes
 
@@ -259,7 +257,7 @@ _MOST_BYTES = 4 << 20  # of one file
 
 
 def read_prompt(name: str, file: Path) -> PromptText:
-    """A prompt from a file. Raises ``BadPrompt`` where it cannot be read."""
+    """A prompt from a file. Raises ``BadPrompt`` if it cannot be read."""
     try:
         return _split(name, read_at_most(file, _MOST_BYTES).decode("utf-8"), str(file))
     except FileNotFoundError:
@@ -326,8 +324,8 @@ def _override(phase: str) -> Any:
 
 @attrs.frozen
 class PromptSettings:
-    """The ``prompts`` section of an experiment: files that stand in for the built-in texts (relative to where memo is
-    started). Unknown placeholders and missing files raise ``BadPrompt``."""
+    """The ``prompts`` section of an experiment: files that replace the built-in texts (relative to the working
+    directory). Unknown placeholders and missing files raise ``BadPrompt``."""
 
     folder: str = attrs.field(
         default="",
@@ -347,7 +345,7 @@ class Prompts:
     """The prompts of one experiment."""
 
     def __init__(self, settings: PromptSettings | None = None) -> None:
-        """Reads what ``settings`` replace. Raises ``BadPrompt``."""
+        """Reads the replacements in ``settings``. Raises ``BadPrompt``."""
         settings = settings or PromptSettings()
         self._texts = {name: _chosen(settings, name) for name in PLACEHOLDERS}
 
@@ -358,12 +356,12 @@ class Prompts:
         return self._texts[name]
 
     def stamp(self, phase: str) -> str:
-        """Which files a question of this phase is made from: versions and digests."""
+        """Versions and digests of the files from which this phase's questions are rendered."""
         return f"{self.text(SYSTEM).stamp}, {self.text(phase).stamp}"
 
     def messages(self, phase: str, context: Mapping[str, Any]) -> tuple[Message, ...]:
-        """The messages of one phase; the system message only where ``context`` has the ``robot`` it is about. Raises
-        ``BadPrompt`` for a placeholder without a value."""
+        """The messages of one phase; with the system message only if ``context`` has a ``robot``. Raises ``BadPrompt``
+        for a placeholder without a value."""
         user = Message("user", self.text(phase).render(context))
         if context.get("robot") is None:
             return (user,)
@@ -379,7 +377,7 @@ def _chosen(settings: PromptSettings, name: str) -> PromptText:
 
 
 def _line_of(error: BaseException, before: int) -> int:
-    """The line of the file in which a template failed, 0 where that is unknown."""
+    """The line of the file in which a template failed, 0 if unknown."""
     line, trace = getattr(error, "lineno", None), error.__traceback__
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == "<template>":

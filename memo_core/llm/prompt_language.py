@@ -1,9 +1,7 @@
-"""The language of prompt files: Jinja, confined to filling in what a phase declares.
-
-A prompt file may come from somebody else, with a config or a repository. Its expressions can read the fields of what
-the phase hands over and call methods of texts, numbers, lists and dicts; they reach no module, no function and no other
-object (Jinja's immutable sandbox, without Jinja's global functions). Time and memory are not bounded: a file can still
-ask for a very long text.
+"""The language of prompt files: Jinja, restricted to the values that a phase declares. A prompt file may be untrusted,
+for example part of a downloaded config. Its expressions can read the fields of the phase's values and call methods of
+strings, numbers, lists and dicts; they cannot reach modules, functions or other objects (Jinja's immutable sandbox,
+without Jinja's global functions). Time and memory are not limited: a file can still produce a very long text.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ _LARGEST_PRODUCT = 10**9
 
 @cache
 def prompt_environment() -> jinja2.Environment:
-    """The environment that all prompt files are parsed and rendered in. What they may not do raises Jinja's
+    """The environment that all prompt files are parsed and rendered in. Forbidden expressions raise Jinja's
     ``SecurityError``."""
     import jinja2
     from jinja2.sandbox import ImmutableSandboxedEnvironment, SecurityError

@@ -1,8 +1,8 @@
 """Values filled into a prompt, escaped so that no value can end its own block.
 
-A prompt is read by its lines: headings, fences, quotations, bullets. Values come from people, books, models, programs,
-labels and scenes and must not make such a line. So every value becomes one line, unless it was made fit to have
-several: by ``quoted``, by ``unfenced``, as a scene's table, or because only this package and its plugins write it.
+The structure of a prompt is in its lines: headings, fences, quotations, bullets. Values come from people, books,
+models, programs, labels and scenes and must not create such a line. So every value becomes a single line, unless it was
+made safe by ``quoted``, by ``unfenced`` or as a scene's table, or is written only by this package and its plugins.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _CONTROL = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f]")
 
 
 class Block(str):
-    """Text of several lines that is fit to stand in a prompt as it is."""
+    """Text of several lines that is safe to insert into a prompt unchanged."""
 
     __slots__ = ()
 
@@ -28,8 +28,8 @@ def prepared(name: str, value: Any) -> Any:
 
 
 def one_line(value: Any) -> Any:
-    """What every expression of a prompt file becomes: a single line that no reader takes for a heading, a fence or a
-    quotation, without control characters. Numbers and blocks stay as they are."""
+    """The value of an expression in a prompt file as a single line that cannot be read as a heading, a fence or a
+    quotation, without control characters. Numbers and blocks are unchanged."""
     plain = isinstance(value, str) and not isinstance(value, Block)
     return _tamed(" ".join(_visible(value).split())) if plain else value
 
@@ -40,12 +40,12 @@ def quoted(text: str) -> Block:
 
 
 def unfenced(text: str) -> Block:
-    """Fit to stand between fences: lines of its own that look like one no longer do."""
+    """Text that is safe between fences: its own lines that look like a fence are changed."""
     return Block(re.sub(r"^(\s*)(?:```|~~~)", r"\1'''", _visible(text), flags=re.MULTILINE))
 
 
 def _table(text: str) -> Block:
-    """A scene's table, perhaps as a book keeps it: one heading, no fences, no quotations."""
+    """A scene's table, possibly from a book: one heading, no fences, no quotations."""
     first, *rest = _visible(text).splitlines() or [""]
     heading = first if re.fullmatch(r"## Scene\s*", first) else _tamed(first)
     return Block("\n".join((heading, *map(_tamed, rest))))

@@ -1,4 +1,4 @@
-"""What was spent on language models: the one account that budgets, ledgers, summaries and reports share."""
+"""Spending on language models: the single account that budgets, ledgers, summaries and reports share."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from memo_core.interfaces.llm import Usage
 
 @attrs.frozen
 class Spent:
-    """Sums over calls. ``cost`` (US dollars) is of those with a known price, ``unpriced`` counts the others;
-    ``unfinished`` those without a recorded end (their prompt tokens are estimates)."""
+    """Sums over calls. ``cost`` (US dollars) covers calls with a known price; ``unpriced`` counts the others, and
+    ``unfinished`` those without a recorded end (whose prompt tokens are estimates)."""
 
     calls: int = 0
     prompt_tokens: int = 0
@@ -25,11 +25,11 @@ class Spent:
 
     @property
     def known_cost(self) -> float | None:
-        """US dollars; None where no call has a known price."""
+        """US dollars; None if no call has a known price."""
         return None if not self.cost and (self.unpriced or not self.calls) else self.cost
 
     def plus(self, usage: Usage | None) -> Spent:
-        """With one more call, which cost ``usage``; None: it was refused, and cost nothing."""
+        """The sums with one more call of cost ``usage``; None: the call was refused and cost nothing."""
         if usage is None:
             return attrs.evolve(self, calls=self.calls + 1)
         return attrs.evolve(

@@ -30,7 +30,7 @@ LATE_CALLS_S = 2.0
 
 @attrs.define
 class Spending:
-    """What was spent on models, and which words they did not understand, as their events say."""
+    """Spending on models, and the words they did not understand, summed from events."""
 
     spent: Spent = Spent()
     not_understood: list[str] = attrs.field(factory=list)
@@ -53,7 +53,7 @@ class Spending:
 
 
 def check_method(experiment: Experiment) -> None:
-    """Raises ``InvalidArgument`` for a method that keeps no clusters."""
+    """Raises ``InvalidArgument`` for a method that does not cluster."""
     memory = getattr(experiment.create("method"), "memory", None)
     if memory is not None and not memory.clusters:
         name = experiment.choice("method").backend.name
@@ -69,9 +69,9 @@ def calls_without_a_run(
     what: str,
     keep: Path | None = None,
 ) -> Iterator[ModelCalls]:
-    """Calls of a command that is no run: the chosen model, opened, within the limits of the ``run`` section; ``what``
-    names it in a study's ledger. ``keep``: a new folder for questions and answers. Raises ``MemoError`` for what cannot
-    be opened."""
+    """Model calls of a command that is not a run: the chosen model, opened, within the limits of the ``run`` section;
+    ``what`` names the command in a study's ledger. ``keep``: a new folder for questions and answers. Raises
+    ``MemoError`` if something cannot be opened."""
     llm: LanguageModel = choice.create()
     folder = RunFolder(keep, option="--keep") if keep is not None else None
     log = RunLog(keep)
@@ -141,7 +141,7 @@ class AfterRun:
 
 
 def after_run(experiment: Experiment) -> AfterRun | None:
-    """What the experiment says about the end of a run; None for nothing. Raises as ``check_method``."""
+    """The clustering that the experiment wants after a run; None for none. Raises as ``check_method``."""
     if experiment.section("skillbook").cluster == "off" or experiment.section("skillbook").read_only:
         return None
     check_method(experiment)
@@ -151,10 +151,10 @@ def after_run(experiment: Experiment) -> AfterRun | None:
 def watch(
     book: Skillbook, clustering: Clustering, stop: StopSwitch, interval_s: float, report: Callable[[Any], None]
 ) -> None:
-    """Condense whatever changes, until ``stop`` is pressed. ``report`` hears each ``NearKeys`` that is joined, each
-    ``Outcome``, and each error after which it goes on. A cluster for which the model gave no usable answer is not asked
-    about again until it changes. Raises ``Stopped``, and what makes going on pointless: ``BudgetExceeded``, a book that
-    is gone."""
+    """Condense clusters as they change, until ``stop`` is pressed. ``report`` receives each ``NearKeys`` that is
+    merged, each ``Outcome``, and each error after which it continues. A cluster for which the model gave no usable
+    answer is not asked about again until it changes. Raises ``Stopped``, and errors that make continuing pointless:
+    ``BudgetExceeded``, a deleted book."""
     tried: set[tuple[str, str]] = set()
     seen = -1
     while True:
@@ -165,7 +165,7 @@ def watch(
 
 
 def _round(clustering: Clustering, tried: set[tuple[str, str]], report: Callable[[Any], None]) -> bool:
-    """Whether all that could be done is done."""
+    """Whether everything that could be done was done."""
     near: NearKeys
     for near in clustering.near_keys():
         clustering.join(near)
@@ -195,7 +195,7 @@ def _pause(stop: StopSwitch, seconds: float) -> None:
 
 
 def outcome_record(outcome: Outcome) -> dict[str, Any]:
-    """An outcome as JSON can hold it: entries by their ids in the book."""
+    """An outcome as JSON values, with entries by their ids in the book."""
     cluster, proposal = outcome.cluster, outcome.proposal
     ids = {number: member.id for number, member in enumerate(cluster.members, start=1)}
     texts = {number: member.text for number, member in enumerate(cluster.members, start=1)}

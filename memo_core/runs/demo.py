@@ -1,8 +1,8 @@
 """The demo: teach the simulated arm once by language, and test whether the lesson transfers (``memo demo``).
 
 Four runs on one seed, each judged by its task's success check: the taught task without any memory; the same with a
-simulated teacher who sees it fail and says what was wrong; then another task, which nobody ever corrected and where
-nobody watches, once with an empty book and once with this book, read-only."""
+simulated teacher who sees it fail and says what was wrong; then another task, which was never corrected, without a
+teacher, once with an empty book and once with this book, read-only."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def run_demo(
     chapter: Callable[[str], None] = lambda title: None,
     on_text: Callable[[str, str], None] | None = None,
 ) -> DemoReport:
-    """Run the story on the experiment's seed in a new folder under ``out``. ``listener`` hears every event, ``chapter``
-    the title of each run as it begins, ``on_text`` (phase, piece) while models write. Call it in the main thread.
-    Raises ``MemoError`` for what keeps it from beginning."""
+    """Run the demo on the experiment's seed in a new folder under ``out``. ``listener`` receives every event,
+    ``chapter`` the title of each run as it begins, ``on_text`` (phase, piece) while models write. Call it in the main
+    thread. Raises ``MemoError`` if it cannot begin."""
     suite = experiment.choice("suite").backend
     if suite.demo is None:
         raise InvalidArgument("suite.backend", f"{suite.name!r} offers no demo", "a suite that declares one")
@@ -79,8 +79,8 @@ def run_demo(
 def _props(
     experiment: Experiment, part: Chapter, lesson: str, task: Task
 ) -> tuple[Skillbook | None, SimulatedTeacher | None]:
-    """The book and the person of one chapter. The demo's participant never misjudges, and knows what is to be known of
-    the task's things: what it shows is the lesson."""
+    """The book and the teacher of one run. The demo's simulated teacher never misjudges and knows the properties of the
+    task's objects, since the demo is about the lesson."""
     if part.name == "empty_book":
         return None, None
     if part.name == "after_feedback":

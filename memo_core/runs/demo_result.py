@@ -50,12 +50,12 @@ class DemoReport:
         return len(self.runs) < len(CHAPTERS) or any(run.ended_by_person for run in self.runs.values())
 
     def why(self) -> dict[str, str]:
-        """A sentence for each run: what the success check said, and how the run ended."""
+        """A sentence for each run: the success check's reason, and how the run ended."""
         return {name: run.why for name, run in self.runs.items()}
 
     @property
     def unjudged(self) -> tuple[str, ...]:
-        """The runs whose success check was never asked: something kept them from taking place."""
+        """The runs whose success check was never called because they could not take place."""
         return tuple(name for name, run in self.runs.items() if run.outcome is None)
 
     def summary(self) -> dict[str, Any]:

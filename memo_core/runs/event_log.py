@@ -1,4 +1,4 @@
-"""The event log of a run, ``events.jsonl``: everything that was observed, one JSON object per line, as it happened."""
+"""The event log of a run, ``events.jsonl``: all events, one JSON object per line, written as they happen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class EventLog:
     """Appends to the event log of a run folder, one process at a time. Safe to use from several threads."""
 
     def __init__(self, folder: Path, option: str) -> None:
-        """Raises ``InvalidArgument`` naming ``option`` where another process writes to it, ``CannotWrite``."""
+        """Raises ``InvalidArgument``, naming ``option``, if another process writes to it, and ``CannotWrite``."""
         with writing(folder / FILE):
             self._file = (folder / FILE).open("a", encoding="utf-8", errors="surrogatepass")
         self._lock = threading.Lock()
@@ -54,7 +54,7 @@ class EventLog:
                     self._file.flush()
 
     def cut_incomplete_line(self) -> int:
-        """Remove what follows the last complete line; its number of bytes."""
+        """Remove an incomplete last line; returns its number of bytes."""
         path = Path(self._file.name)
         data = path.read_bytes()
         whole = data.rfind(b"\n") + 1

@@ -23,12 +23,12 @@ from memo_core.skills.skill import Skill, skill_library
 
 
 def tasks_of(experiment: Experiment) -> tuple[Task, ...]:
-    """The tasks of the experiment's suite. Raises ``NoDefaultBackend`` where none is installed."""
+    """The tasks of the experiment's suite. Raises ``NoDefaultBackend`` if none is installed."""
     return tuple(experiment.create("suite"))
 
 
 def task_of(experiment: Experiment, name: str) -> Task:
-    """One task by name. Raises ``UnknownName`` with those there are."""
+    """One task by name. Raises ``UnknownName``, which lists the available ones."""
     return find_task(tasks_of(experiment), name)
 
 
@@ -39,8 +39,8 @@ def library_of(experiment: Experiment) -> dict[str, Skill]:
 
 
 def environment_of(experiment: Experiment, task: Task, seed: int) -> SimulatedEnvironment:
-    """An unopened simulated environment of a task, with parts of its own. Raises ``BackendUnavailable`` for a robot
-    driver that moves hardware: what asks for this runs unattended, several at once, or needs a success check."""
+    """An unopened simulated environment of a task, with its own parts. Raises ``BackendUnavailable`` for a robot driver
+    that moves hardware, because callers run unattended, in parallel, or need a success check."""
     world = world_of(experiment, task, seed)
     if isinstance(world, HardwareEnvironment):
         name = experiment.choice("robot_driver").backend.name
@@ -50,7 +50,7 @@ def environment_of(experiment: Experiment, task: Task, seed: int) -> SimulatedEn
 
 
 def world_of(experiment: Experiment, task: Task, seed: int) -> World:
-    """An unopened environment of a task, with parts of its own: the simulator's, or that of a real robot."""
+    """An unopened environment of a task, with its own parts: simulated, or on a real robot."""
     driver, gripper = experiment.create("robot_driver"), experiment.create("gripper_driver")
     if not driver.simulated:
         return HardwareEnvironment(
@@ -83,7 +83,7 @@ def prompts_of(experiment: Experiment) -> Prompts:
 
 
 def book_of(experiment: Experiment, url: str | None = None, read_only: bool | None = None) -> Skillbook:
-    """The experiment's skillbook, unopened, with its embedder and store; ``url`` and ``read_only`` win over it."""
+    """The experiment's skillbook, unopened, with its embedder and store; ``url`` and ``read_only`` take precedence."""
     settings = experiment.section("skillbook")
     return Skillbook(
         url or settings.url,
@@ -97,7 +97,7 @@ def book_of(experiment: Experiment, url: str | None = None, read_only: bool | No
 def budget_of(
     settings: RunSettings, run: str, already: Spent = Spent(), known: Mapping[int, Usage | None] | None = None
 ) -> Budget:
-    """What may be spent on language models, as the ``run`` section of an experiment says."""
+    """The budget for language models from the ``run`` section of an experiment."""
     ledger = Ledger(Path(settings.study_ledger)) if settings.study_ledger else None
     study = Limit(settings.study_max_cost, settings.study_max_tokens)
     return Budget(Limit(settings.max_cost, settings.max_tokens), ledger, study, run, already, known)

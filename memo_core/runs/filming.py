@@ -1,4 +1,4 @@
-"""An environment that films: a video of every attempt where the simulator can draw, and a picture of how it ended."""
+"""An environment that records a video of every attempt and an image of its end, if the simulator can render."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _Shown = TypeVar("_Shown", Episode, TaskEpisode)
 
 
 class Filmed:
-    """A world that is filmed while somebody watches (``start_watching``). What cannot be filmed is said once."""
+    """An environment that records while a teacher watches (``start_watching``). If it cannot record, that is reported
+    once."""
 
     def __init__(self, world: World, folder: Path, settings: RunSettings, emit: Callable[[Event], None]) -> None:
         self._world = world
@@ -40,15 +41,16 @@ class Filmed:
         return getattr(self._world, name)
 
     def heard(self, event: Event) -> None:
-        """Which attempt is filmed next. Every event of the run comes here, also those that were sent before."""
+        """Determines from events which attempt is recorded next. Receives every event of the run, also replayed
+        ones."""
         if isinstance(event, SubtaskStarted):
             attempt = attempt_name(event.attempt, event.take)
             self._name = f"{event.number:02d}-{file_name(event.subtask)}-{attempt}"
             self._names[event.number] = self._name
 
     def shown(self, episode: _Shown) -> _Shown:
-        """The episode with the paths of the videos and pictures that there are: of the latest attempt, or, for a whole
-        task, of the latest attempt at each subtask."""
+        """The episode with the paths of existing videos and images: of the latest attempt, or, for a whole task, of the
+        latest attempt at each subtask."""
         names = self._names.values() if isinstance(episode, TaskEpisode) else (self._name,)
         files = [path for name in names for path in (self._video(name), self._folder / _picture_name(name))]
         return attrs.evolve(episode, recordings=tuple(str(path) for path in files if path.is_file()))
@@ -78,7 +80,7 @@ class Filmed:
         return seen
 
     def put_back_by(self, ask: PutBack) -> PutBack:
-        """``ask``, which shows pictures of how things stood at the subtask's start where a camera saw them."""
+        """``ask``, extended by camera images of the subtask's start, if there are any."""
 
         def put_back(episode: Episode) -> bool:
             shown = tuple(self._kept(name, picture) for name, picture in episode.before.observation.rgb.items())
@@ -92,7 +94,7 @@ class Filmed:
         return str(path)
 
     def close(self) -> None:
-        """End the film. Idempotent."""
+        """Finish the recording. Idempotent."""
         film, self._film = self._film, None
         if film is not None:
             film.stop()

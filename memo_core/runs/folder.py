@@ -1,4 +1,4 @@
-"""The folder of one run. Everything is on disk when the call that writes it returns; whole files appear at once.
+"""The folder of one run. Everything is on disk when the call that writes it returns; complete files appear atomically.
 
 config.yaml           what was asked for, resolved, without secrets
 log.jsonl             every effect of the run before and after it happened: what `memo run --resume` runs again from
@@ -31,7 +31,8 @@ from memo_core.runs.event_log import EventLog, read_events
 
 
 class RunFolder:
-    """Writes one run's folder. Safe to use from several threads: late answers of models come from their own."""
+    """Writes one run's folder. Safe to use from several threads, since late answers of models arrive in their own
+    threads."""
 
     def __init__(self, path: Path, again: bool = False, option: str = "") -> None:
         """Makes the folder, or with ``again`` continues in it. Raises ``InvalidArgument`` naming ``option`` if it holds
@@ -68,8 +69,8 @@ class RunFolder:
         self.write("config.yaml", yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True))
 
     def event(self, event: Event, at: str | None = None) -> None:
-        """Append one event; ``at``: its place in the run (``RunLog.place``). Flushed to the system at once; the lines
-        survive the end of this process."""
+        """Append one event; ``at``: its position in the run (``RunLog.place``). Passed to the operating system at once,
+        so that it survives the end of this process."""
         place = {} if at is None else {"at": at}
         if self._events.closed:
             return
@@ -94,7 +95,7 @@ def json_text(value: Any) -> str:
 
 
 def new_run_folder(out: Path, task: str, seed: int) -> Path:
-    """A name for a run's folder under ``out`` that no other has: date, time, task, seed."""
+    """A unique name for a run's folder under ``out``: date, time, task, seed."""
     stamp = time.strftime("%Y-%m-%dT%H-%M-%S")
     for number in range(1, 1000):
         path = out / f"{stamp}-{file_name(task)}-seed{seed}{f'-{number}' if number > 1 else ''}"
@@ -111,7 +112,7 @@ def new_run_folder(out: Path, task: str, seed: int) -> Path:
 
 
 def attempt_name(attempt: int, take: int) -> str:
-    """What the files of an attempt are called; one that began again has files of its own."""
+    """The file name of an attempt; an attempt that was restarted has its own files."""
     return f"attempt-{attempt}" + (f"-take-{take}" if take > 1 else "")
 
 
@@ -121,7 +122,7 @@ def file_name(text: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it."""
+    """A value as JSON values."""
     if attrs.has(type(value)):
         return {field.name: plain(getattr(value, field.name)) for field in attrs.fields(type(value))}
     if isinstance(value, dict):

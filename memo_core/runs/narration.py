@@ -1,4 +1,4 @@
-"""The console output of a run: which entries were retrieved and why, the code, what went wrong, what was learnt."""
+"""The console output of a run: retrieved entries and why, code, errors, and what was learnt."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ NEAR_MISSES = 3
 
 
 class Narrator:
-    """Prints events as they happen. Speaks to stderr, so that results on stdout stay clean; safe from any thread."""
+    """Prints events as they happen to stderr, which leaves stdout to results. Safe from any thread."""
 
     def __init__(self, console: Console | None = None, code: bool = True, skills: bool = False) -> None:
-        """``code``: show the code that was written, rather than how long it is; ``skills``: show every skill call."""
+        """``code``: print generated code rather than only its length; ``skills``: print every skill call."""
         self.console = console or terminal.console(stderr=True, highlight=False)
         self._code = code
         self._skills = skills
@@ -54,7 +54,7 @@ class Narrator:
 
     @property
     def on_text(self) -> Callable[[str, str], None] | None:
-        """Shows what a model is writing, as it comes (phase, piece); None where nobody looks: no terminal."""
+        """Prints a model's output as it arrives (phase, piece); None without a terminal."""
         return self._piece if self.console.is_terminal else None
 
     def _piece(self, phase: str, text: str) -> None:
@@ -78,7 +78,7 @@ class Narrator:
             self.console.print()
 
     def heading(self, words: str) -> None:
-        """A line between the chapters of a longer story."""
+        """A heading between several runs."""
         self.console.rule(f"[bold]{escape(words)}", align="left")
 
     def say(self, words: str, style: str = "") -> None:

@@ -25,7 +25,7 @@ from memo_core.stop_switch import StopSwitch
 
 @attrs.frozen(eq=False)
 class _Opened:
-    """What ``calls_without_a_run`` makes its model from."""
+    """The components that ``calls_without_a_run`` needs."""
 
     model: LanguageModel
 
@@ -113,4 +113,4 @@ def _condense(
 
 
 def _ignore(event: Event) -> None:
-    """What became of it is in the book."""
+    """Ignore the event; the result is in the book."""

@@ -1,6 +1,5 @@
-"""The short forms ``--record`` and ``--replay``: an experiment whose language model is recorded, or played back.
-
-Core names no backend: it takes the one whose descriptor says that it ``replays``.
+"""The options ``--record`` and ``--replay``: an experiment whose language model is recorded or replayed. The core names
+no backend; it uses the one whose descriptor has ``replays``.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from memo_core.plugins import Registry
 
 
 def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experiment:
-    """The same experiment, each call of its language model added to ``file``. Raises ``BackendUnavailable`` where no
-    plugin records, ``InvalidArgument`` for a file that cannot be recorded to."""
+    """The same experiment with every call of its language model appended to ``file``. Raises ``BackendUnavailable`` if
+    no plugin records, ``InvalidArgument`` for a file that cannot be written."""
     if file.is_dir():
         raise InvalidArgument("--record", f"{file}: is a folder", "a file to add to, or the name of a new one")
     inner = experiment.choice("llm")
@@ -29,8 +28,8 @@ def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experime
 
 
 def replayed(experiment: Experiment, registry: Registry, file: Path, **settings: Any) -> Experiment:
-    """The same experiment, answered from ``file`` alone. ``settings`` are further ones of the backend that replays.
-    Raises ``BackendUnavailable`` where no plugin replays, ``InvalidArgument`` where there is no such file."""
+    """The same experiment with answers from ``file`` only. ``settings`` are further settings of the replaying backend.
+    Raises ``BackendUnavailable`` if no plugin replays, ``InvalidArgument`` if there is no such file."""
     if not file.is_file():
         problem = "is a folder" if file.is_dir() else "there is no such file"
         raise InvalidArgument("--replay", f"{file}: {problem}", "a file that --record wrote")
@@ -39,8 +38,8 @@ def replayed(experiment: Experiment, registry: Registry, file: Path, **settings:
 
 
 def shipped(experiment: Experiment) -> tuple[Path, int]:
-    """The recording of the demo's story that comes with the experiment's task suite, and the seed it was made on.
-    Raises ``InvalidArgument`` where there is none."""
+    """The recording of the demo that is shipped with the experiment's task suite, and its seed. Raises
+    ``InvalidArgument`` if there is none."""
     suite = experiment.choice("suite").backend
     package, _, name = (suite.demo.recording if suite.demo else "").partition("/")
     if suite.demo is None or not package:

@@ -1,5 +1,5 @@
-"""One self-contained HTML page about a demo: outcomes, code before and after, what was said, retrieved and learnt, and
-pictures where there are any."""
+"""One self-contained HTML page about a demo: outcomes, code before and after, feedback, retrieved and new entries, and
+images if there are any."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write_demo_report(report: DemoReport) -> Path:
 
 
 def changes(before: str, after: str) -> list[tuple[str, str]]:
-    """The lines of ``after`` and what became of them: ("same" | "new", line)."""
+    """The lines of ``after``, each marked as "same" or "new" compared with ``before``."""
     marked = difflib.ndiff(before.splitlines(), after.splitlines())
     return [("new" if line[0] == "+" else "same", line[2:]) for line in marked if line[0] in "+ "]
 
@@ -66,7 +66,7 @@ def _environment() -> jinja2.Environment:
 
 
 class _Pictures:
-    """Pictures of attempts as data URIs; empty where there are none."""
+    """Images of attempts as data URIs; empty if there are none."""
 
     def strip(self, one: Try) -> list[str]:
         """Frames of the attempt's video, evenly spaced in time, the last one included."""
@@ -77,7 +77,7 @@ class _Pictures:
         return [_jpeg(frame) for frame in chosen]
 
     def last(self, story: Story) -> str:
-        """What it looked like in the end."""
+        """The last frame."""
         for act in reversed(story.acts):
             for one in reversed(act.tries):
                 found = self.strip(one)
@@ -87,7 +87,7 @@ class _Pictures:
 
 
 def _frames(video: Path) -> list[np.ndarray]:
-    """All frames, scaled down. Empty where the video cannot be read."""
+    """All frames, scaled down. Empty if the video cannot be read."""
     try:
         import imageio_ffmpeg
 

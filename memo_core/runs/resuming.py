@@ -22,7 +22,7 @@ MAY_DIFFER = ("run.max_", "run.study_", "run.video")
 
 @attrs.frozen(eq=False)
 class CutOff:
-    """A run that was cut off. ``sent``: the places of the events that it sent, see ``RunLog.place``."""
+    """An interrupted run. ``sent``: the positions of the events that it sent, see ``RunLog.place``."""
 
     history: History
     sent: frozenset[str]
@@ -31,7 +31,7 @@ class CutOff:
 
 
 def read_cut_off(folder: Path) -> CutOff:
-    """Raises ``InvalidArgument``: no run, one that has ended, one of another version, a damaged log."""
+    """Raises ``InvalidArgument`` if there is no run, it has ended, has another version, or its log is damaged."""
     lines: Lines = read_lines(folder)
     history = read_history(folder, lines.records)
     if history.ended:
@@ -57,8 +57,8 @@ def run_config(folder: Path) -> Path:
 
 
 def check_config(folder: Path, now: Mapping[str, Any]) -> None:
-    """Raises ``InvalidArgument`` naming what the experiment says otherwise than the run's ``config.yaml``. A key that
-    the file does not have came with a newer version, and has its default."""
+    """Raises ``InvalidArgument``, naming each value in which the experiment differs from the run's ``config.yaml``. A
+    key that is missing there was added in a newer version and must have its default."""
     file = folder / "config.yaml"
     try:
         before = _flat(yaml.safe_load(file.read_text(encoding="utf-8")))
@@ -82,7 +82,8 @@ def _flat(tree: Any, path: str = "") -> dict[str, Any]:
 
 
 def check_place(history: History, book_url: str, here: Path) -> None:
-    """Raises ``InvalidArgument`` where the run's book has a name that means another file here."""
+    """Raises ``InvalidArgument`` if the name of the run's book refers to a different file from the present working
+    directory."""
     relative = "://" not in book_url and not Path(book_url).is_absolute()
     if relative and str(here) != history.head.get("started_in"):
         problem = f"the skillbook {book_url!r} is named from where the run was started"
@@ -90,7 +91,7 @@ def check_place(history: History, book_url: str, here: Path) -> None:
 
 
 def book_changes(history: History, book: Skillbook, run: str) -> str:
-    """What others did to the book since the run's last step; empty where nothing."""
+    """Changes that others made to the book since the run's last step; empty if none."""
     before, when = history.book
     now = book.generation()
     if before is None or now == before:

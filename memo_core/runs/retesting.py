@@ -1,8 +1,6 @@
-"""Running templates again in a simulator: from the start of the subtask that they were approved for, and in new scenes
-of the same task, where the code of the run's earlier subtasks leads to that start.
-
-What a template is judged by is the task's check of its subtask (``Task.check_subtask``). What cannot be run or judged
-is not a trial; the reason is reported."""
+"""Running templates again in a simulator: from the start of the subtask for which they were approved, and in new scenes
+of the same task, after running the code of the run's earlier subtasks. A template is judged by the task's check of its
+subtask (``Task.check_subtask``). A template that cannot be run or judged gives no trial; the reason is reported."""
 
 from __future__ import annotations
 
@@ -32,12 +30,12 @@ from memo_core.skillbook.entries import Entry, Feedback
 
 
 class CannotRetest(Exception):
-    """Why a template cannot be run again, or was not run to where it can be judged; no trial."""
+    """A template cannot be run again, or its run cannot be judged, so there is no trial."""
 
 
 @attrs.frozen(eq=False)
 class Source:
-    """The run that a template was approved in. ``start``: the world at the start of its subtask. ``earlier``: the
+    """The run in which a template was approved. ``start``: checkpoint of the start of its subtask. ``earlier``: the
     subtasks that were approved before it, with their code."""
 
     experiment: Experiment
@@ -51,7 +49,7 @@ class Source:
 
 @attrs.frozen
 class Planned:
-    """One trial that is to be made; ``seed`` None: from the stored start."""
+    """One planned trial; ``seed`` None: from the stored start."""
 
     template: Entry
     start: str  # what the book calls it
@@ -60,7 +58,7 @@ class Planned:
 
 @attrs.frozen
 class Retested:
-    """What became of a planned trial. ``success`` None: it was none, for ``reason``."""
+    """The result of a planned trial. ``success`` None: it could not be made, for ``reason``."""
 
     template: int
     key: str
@@ -70,7 +68,8 @@ class Retested:
 
 
 class Retesting:
-    """Retests the templates of one book. ``stopping`` is entered around whatever moves a robot, for signals."""
+    """Retests the templates of one book. ``stopping`` is a context manager that is entered around everything that moves
+    a robot, to handle signals."""
 
     def __init__(
         self,
@@ -85,7 +84,8 @@ class Retesting:
         self._sources: dict[int, Source] = {}
 
     def plan(self, templates: Sequence[Entry], seeds: Sequence[int]) -> Iterator[Planned | Retested]:
-        """The trials of each template: from its stored start and on these seeds; what has no start is told at once."""
+        """The trials of each template: from its stored start and on these seeds; templates without a start are reported
+        at once."""
         for template in templates:
             try:
                 source = self._source(template)
@@ -99,7 +99,7 @@ class Retesting:
                     yield Planned(template, f"{source.task.name} seed {seed}", seed)
 
     def run(self, planned: Planned) -> Retested:
-        """Make one trial and keep it. Raises ``KeyboardInterrupt`` for a stop, with nothing kept of this trial."""
+        """Make one trial and store it. Raises ``KeyboardInterrupt`` for a stop; this trial is then not stored."""
         template, source = planned.template, self._source(planned.template)
         key = str(template.key)
         try:
@@ -112,7 +112,7 @@ class Retesting:
         return Retested(template.id, key, planned.start, success, reason)
 
     def _tried(self, template: Entry, source: Source, seed: int | None) -> tuple[bool, str]:
-        """Whether the template did its subtask, and why not. Raises ``CannotRetest``, ``MemoError``."""
+        """Whether the template completed its subtask, and if not, why. Raises ``CannotRetest``, ``MemoError``."""
         world = environment_of(source.experiment, source.task, source.seed if seed is None else seed)
         with world, sandbox_of(source.experiment) as sandbox, self._stopping(world.link):
             if seed is None:
@@ -122,7 +122,7 @@ class Retesting:
             return self._judged(world, sandbox, source.subtask, program(template))
 
     def _lead(self, world: SimulatedEnvironment, sandbox: Sandbox, source: Source) -> None:
-        """To the start of the subtask in a fresh scene."""
+        """Bring a new scene to the start of the subtask."""
         for subtask, code in source.earlier:
             done, why = self._judged(world, sandbox, subtask, code)
             if not done:
@@ -177,7 +177,7 @@ class Retesting:
         )
 
     def _approval(self, template: Entry) -> Feedback:
-        """What made the template, or, of one that somebody edited, the version before."""
+        """The approval that created the template, or, for an edited template, the previous version."""
         sources = [self._book.feedback(number) for number in reversed(self._book.sources([template.id]))]
         approval = next((one for one in sources if one.kind == "approval" and one.run), None)
         if approval is None:
@@ -185,7 +185,7 @@ class Retesting:
         return approval
 
     def _folders(self) -> dict[str, Path]:
-        """The folders of the book's runs that are here, by the run's name."""
+        """The existing folders of the book's runs, by name of the run."""
         if self._runs is None:
             self._runs = {}
             for place in self._book.places():
@@ -198,8 +198,8 @@ class Retesting:
 
 
 def start_of(history: History, approval: int) -> bytes | None:
-    """The world at the start of the subtask whose approval this is, from a run's log: the first checkpoint after its
-    plan. None where the log has none, such as that of hardware."""
+    """The checkpoint of the start of the approved subtask, from a run's log: the first one after its plan. None if the
+    log has none, for example on hardware."""
     start, planned = None, False
     for effect in history.replayed:
         if effect.name == "ask a model" and effect.about.startswith("plan "):
@@ -215,8 +215,8 @@ def start_of(history: History, approval: int) -> bytes | None:
 
 
 def program(template: Entry) -> str:
-    """The template's code and a call of its function. Parameters without a default are the names of the things that its
-    subtask is about, in order. Raises ``CannotRetest``."""
+    """The template's code and a call of its function. Parameters without a default are filled with the names of the
+    objects of its subtask, in order. Raises ``CannotRetest``."""
     functions = [node for node in ast.parse(template.text).body if isinstance(node, ast.FunctionDef)]
     if not functions:
         raise CannotRetest("it has no function")

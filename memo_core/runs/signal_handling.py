@@ -2,8 +2,8 @@
 thread.
 
 Ctrl-C latches the stop: the arm's last command is sent within one control period, generated code is killed, a pending
-model call is given up, and whoever watches is asked what was wrong. A second Ctrl-C within two seconds, SIGTERM, or
-SIGHUP of a terminal that was closed ends the run with everything saved; a third Ctrl-C leaves at once.
+model call is abandoned, and the teacher is asked what was wrong. A second Ctrl-C within two seconds, SIGTERM, or SIGHUP
+of a terminal that was closed ends the run with everything saved; a third Ctrl-C leaves at once.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ENDING = (signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else 
 
 
 class _PromptInterrupted(KeyboardInterrupt):
-    """Thrown out of a teacher's waiting in the main thread by the signal handler."""
+    """Raised by the signal handler in the main thread while a teacher waits for input."""
 
 
 @attrs.frozen(eq=False)
@@ -51,7 +51,7 @@ class _Ended(Generic[T]):
 
 
 class Supervisor:
-    """Runs work in a worker thread, and in this thread what people are asked and the signals they send."""
+    """Runs work in a worker thread, and handles questions to people and signals in this thread."""
 
     def __init__(self, stop: StopSwitch, teacher: Teacher | None = None) -> None:
         self.stop = stop
@@ -66,12 +66,12 @@ class Supervisor:
 
     @property
     def ending(self) -> bool:
-        """Whether the run is to end rather than go on after the stop."""
+        """Whether the run is to end rather than continue after the stop."""
         return self._ending.is_set()
 
     def run(self, work: Callable[[], T]) -> T:
-        """``work()`` in a worker thread; its result, or what it raised. Meanwhile questions to the teacher are put and
-        signals are answered in this thread."""
+        """Run ``work()`` in a worker thread and return its result or raise its error. In the meantime this thread asks
+        the teacher and handles signals."""
 
         def worker() -> None:
             try:
@@ -105,27 +105,27 @@ class Supervisor:
         return self._asked(lambda teacher: teacher.judge(episode))
 
     def judge_task(self, episode: TaskEpisode) -> Verdict:
-        """What the teacher says about the whole task. Raises ``Stopped`` as ``ask``."""
+        """The teacher's verdict on the whole task. Raises ``Stopped`` as ``ask``."""
         return self._asked(lambda teacher: teacher.judge_task(episode))
 
     def judge_plan(self, proposal: Proposal) -> Verdict:
-        """What the teacher says about what is planned. Raises ``Stopped`` as ``ask``."""
+        """The teacher's verdict on the planned subtask. Raises ``Stopped`` as ``ask``."""
         return self._asked(lambda teacher: teacher.judge_plan(proposal))
 
     def read_back(self, noted: Noted) -> ReadBack:
-        """What the teacher says to the notes made of their words. Raises ``Stopped`` as ``ask``."""
+        """The teacher's reaction to the notes made of their words. Raises ``Stopped`` as ``ask``."""
         return self._asked(lambda teacher: teacher.read_back(noted))
 
     def permit(self, program: Program) -> Verdict:
-        """Whether the teacher lets a program move a real robot. Raises ``Stopped`` as ``ask``."""
+        """Whether the teacher permits a program to move a real robot. Raises ``Stopped`` as ``ask``."""
         return self._asked(lambda teacher: teacher.permit(program))
 
     def put_back(self, episode: Episode) -> bool:
-        """Have the teacher put the world back; called by the worker. Raises ``Stopped`` as ``ask``."""
+        """Ask the teacher to put the scene back; called by the worker. Raises ``Stopped`` as ``ask``."""
         return self.teacher is not None and self._asked(lambda teacher: teacher.put_back(episode))
 
     def confirm(self, episode: Episode) -> bool:
-        """Have the teacher confirm the scene as it is; called by the worker. Raises ``Stopped`` as ``ask``."""
+        """Ask the teacher to confirm the present scene; called by the worker. Raises ``Stopped`` as ``ask``."""
         return self.teacher is not None and self._asked(lambda teacher: teacher.confirm(episode))
 
     def _asked(self, put: Callable[[Teacher], T], after_a_stop: bool = False) -> T:
@@ -137,7 +137,7 @@ class Supervisor:
         return answer  # type: ignore[no-any-return]
 
     def press(self) -> None:
-        """What Ctrl-C does, for tests and other buttons."""
+        """The effect of Ctrl-C, for tests and other buttons."""
         now = time.monotonic()
         self.presses += 1
         if now - self._last_press < SECOND_PRESS_S:

@@ -1,4 +1,4 @@
-"""Reading a run folder: what happened in which order, for reports."""
+"""Reading a run folder as a sequence of subtasks and attempts, for reports."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from memo_core.runs.folder import attempt_name, file_name
 
 @attrs.define
 class Try:
-    """One attempt at a subtask, or one take of an attempt that began again."""
+    """One attempt at a subtask; an attempt that was restarted counts again."""
 
     number: int
     take: int = 1
@@ -57,7 +57,7 @@ class Story:
 
 
 def read_story(folder: Path) -> Story:
-    """The story of a run's folder, also of one that was killed. Raises ``InvalidArgument`` where no run is."""
+    """The story of a run's folder, also of a killed run. Raises ``InvalidArgument`` if there is no run."""
     file = folder / "events.jsonl"
     if not file.exists():
         raise InvalidArgument("folder", f"{folder} holds no run", "a folder with events.jsonl")
@@ -99,7 +99,7 @@ def _note(story: Story, event: dict[str, Any]) -> None:
 
 
 def _try_of(story: Story, feedback: int | None) -> Try | None:
-    """The attempt about which that was said."""
+    """The attempt to which a remark refers."""
     tries = (one for act in story.acts for one in act.tries)
     return next((one for one in tries if feedback and one.feedback == feedback), None)
 

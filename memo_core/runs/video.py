@@ -1,6 +1,5 @@
-"""Recording what a simulator's camera sees as an mp4 (H.264, yuv420p), frames at equal steps of simulated time.
-
-A recording never makes a run fail: if nothing can render or encode, one ``Problem`` is reported."""
+"""Recording a simulator's camera as an mp4 (H.264, yuv420p), with frames at equal steps of simulated time. A recording
+never makes a run fail: if rendering or encoding is not possible, one ``Problem`` is reported."""
 
 from __future__ import annotations
 
@@ -19,10 +18,10 @@ _PATIENCE_S = 20.0  # for the encoder to write its last frames
 
 
 class Encoder:
-    """An ffmpeg that takes frames of one size. The file appears under its name only when it is whole."""
+    """An ffmpeg process that encodes frames of one size. The file appears under its name only when it is complete."""
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        """Raises ``BackendUnavailable`` without imageio-ffmpeg, and ``OSError`` where the folder cannot be written."""
+        """Raises ``BackendUnavailable`` without imageio-ffmpeg, and ``OSError`` if the folder cannot be written."""
         try:
             import imageio_ffmpeg
         except ImportError as error:
@@ -56,7 +55,7 @@ class Encoder:
         self._process.stdin.write(np.ascontiguousarray(frame).data)
 
     def close(self) -> None:
-        """Finish the file. Raises ``OSError`` with ffmpeg's own words when it could not."""
+        """Finish the file. Raises ``OSError`` with ffmpeg's message on failure."""
         process = self._process
         try:
             _, errors = process.communicate(timeout=_PATIENCE_S)
@@ -75,8 +74,8 @@ class Encoder:
 class Recording:
     """Records one camera while it is open. Use as a context manager, or ``start`` and ``stop``.
 
-    ``report`` is given a ``Problem`` at most once, when recording turns out not to be possible. Time that jumps back
-    (a restored checkpoint) just goes on in the same video.
+    ``report`` receives at most one ``Problem``, if recording is not possible. If time jumps back (a restored
+    checkpoint), the same video continues.
     """
 
     def __init__(
@@ -107,7 +106,7 @@ class Recording:
         return self._encoder is not None
 
     def start(self) -> None:
-        """Record the first frame now and the others as time passes."""
+        """Record the first frame now and further frames as time passes."""
         try:
             first = self._simulator.render(self._camera, *self._size)
             self._encoder = Encoder(self._path, *self._size, 1.0 / self._period)
@@ -120,7 +119,7 @@ class Recording:
         self._simulator.add_tick_listener(self._tick)
 
     def stop(self) -> Path | None:
-        """Finish the video; its path, or None where there is none. Idempotent."""
+        """Finish the video; returns its path, or None if there is none. Idempotent."""
         if self._encoder is None:
             return self._path if self.frames and self._path.exists() else None
         self._simulator.remove_tick_listener(self._tick)
@@ -158,7 +157,7 @@ class Recording:
         self.frames += 1
 
     def _give_up(self, error: Exception) -> None:
-        """Nothing more is recorded; the run goes on."""
+        """Stop recording; the run continues."""
         self._simulator.remove_tick_listener(self._tick)
         encoder, self._encoder = self._encoder, None
         if encoder is not None:
@@ -168,12 +167,12 @@ class Recording:
 
 
 def save_picture(simulator: Simulator, camera: str, path: Path, width: int = 640, height: int | None = None) -> None:
-    """Write what the camera sees now as a PNG. Raises ``BackendUnavailable`` where nothing can draw."""
+    """Write the camera's present image as a PNG. Raises ``BackendUnavailable`` if rendering is not possible."""
     write_picture(simulator.render(camera, width, height or width * 3 // 4), path)
 
 
 def write_picture(picture: np.ndarray, path: Path) -> None:
-    """RGB, uint8, shape (H, W, 3), as a PNG. Raises ``BackendUnavailable`` where nothing can write one."""
+    """RGB, uint8, shape (H, W, 3), as a PNG. Raises ``BackendUnavailable`` if no encoder is installed."""
     try:
         from PIL import Image
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""The sandbox's side of the process that checks and rewrites generated code: starting, asking and killing it."""
+"""Starting, using and killing the process that checks and rewrites generated code."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ _SERVE = "import sys; sys.path[:0] = sys.argv[1:]; from memo_core.sandbox.check_
 
 
 class Checker:
-    """One process for all programs, started again after it had to be killed. From any thread, one program at a time."""
+    """One process for all programs, restarted after it had to be killed. Callable from any thread, one program at a
+    time."""
 
     def __init__(self, skills: Iterable[Skill], limits: Limits) -> None:
         self._limits = limits
@@ -42,7 +43,7 @@ class Checker:
         self._lock = threading.Lock()
 
     def open(self) -> None:
-        """Start the process; it gets ready in the background. Idempotent."""
+        """Start the process, which initialises in the background. Idempotent."""
         with self._lock:
             self._running()
 
@@ -52,8 +53,8 @@ class Checker:
             self._kill()
 
     def check(self, code: str, stopped: Callable[[], bool] = lambda: False) -> Checked:
-        """``code`` checked and rewritten under the sandbox's limits on time and memory; what takes more is a finding.
-        Raises ``Stopped`` within milliseconds when ``stopped`` says so."""
+        """Check and rewrite ``code`` under the sandbox's limits on time and memory; exceeding them is a finding. Raises
+        ``Stopped`` within milliseconds after ``stopped`` becomes true."""
         with self._lock:
             try:
                 # Twice: a process that was killed between two programs is not this program's fault.
@@ -64,7 +65,7 @@ class Checker:
         return answer or _refusal("the code cannot be checked within the sandbox's limits; write it more simply")
 
     def _asked(self, code: str, stopped: Callable[[], bool]) -> Checked | None:
-        """None when the process ended over it."""
+        """The answer; None if the process died."""
         process = self._running()
         assert process.stdin is not None and process.stdout is not None
         limit = self._limits.seconds_between_calls

@@ -1,7 +1,7 @@
-"""The process that checks and rewrites generated code; it is separate because its work depends on hostile source.
-
-The parent (``check_process``) starts ``serve`` without environment, and kills it when it takes too long. One line of
-JSON in (a program), one line of JSON out. Little is imported, so that the process is there within a tenth of a second.
+"""The process that checks and rewrites generated code; it is separate because hostile source decides how much work that
+is. The parent (``check_process``) starts ``serve`` with an empty environment and kills it when it takes too long. It
+reads one line of JSON per program and answers with one. It imports little, so that it starts within a tenth of a
+second.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ _INTERPRETER_BYTES = 256 << 20  # of addresses that the process has before it ha
 
 @attrs.frozen
 class Checked:
-    """A program as the interpreter can run it, or why it cannot. ``lines`` as in ``Rewritten``."""
+    """A program in the form that the interpreter can run, or the reason why it cannot. ``lines`` as in
+    ``Rewritten``."""
 
     source: str = ""
     lines: tuple[tuple[int, int], ...] = ()
@@ -63,7 +64,7 @@ def serve() -> None:
 
 
 def from_json(answer: dict[str, Any]) -> Checked:
-    """What ``serve`` wrote."""
+    """Parse what ``serve`` wrote."""
     return Checked(
         answer["source"],
         tuple((new, old) for new, old in answer["lines"]),
@@ -73,7 +74,7 @@ def from_json(answer: dict[str, Any]) -> Checked:
 
 
 def _confine(memory: int) -> None:
-    """No core dumps, no writing of files, and no more than ``memory`` bytes on top of what Python itself takes."""
+    """Forbid core dumps and writing files, and limit memory to ``memory`` bytes beyond what Python itself uses."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
     resource.setrlimit(resource.RLIMIT_AS, (memory + _INTERPRETER_BYTES,) * 2)

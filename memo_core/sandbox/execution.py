@@ -15,8 +15,8 @@ Ended = Literal["done", "error", "stopped", "limit"]
 
 @attrs.frozen
 class Execution:
-    """``error`` is empty or one line for the next attempt: where, which kind, what. ``findings`` are those of the check
-    before anything moved; ``line`` (from 1) is where the error arose, None where that is unknown."""
+    """``error`` is empty or one line for the next attempt: line, type and message. ``findings`` are those of the check
+    before anything moved; ``line`` (from 1) is where the error occurred, None if unknown."""
 
     ended: Ended
     printed: str = ""
@@ -33,7 +33,7 @@ class Execution:
 
 
 def refused(findings: Sequence[Finding]) -> Execution:
-    """The end of code that was not run because of what the check found (at least one)."""
+    """The result for code that was not run because of findings (at least one)."""
     shown = "; ".join(str(finding) for finding in findings[:5])
     more = f"; and {len(findings) - 5} more" if len(findings) > 5 else ""
     error = f"not run: {shown}{more}"[:2000]

@@ -1,4 +1,4 @@
-"""The process that interprets generated code: started without environment or files to write, killed for a stop."""
+"""The process that interprets generated code: it has no environment, cannot write files, and is killed for a stop."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _POLL = 0.004  # s between two looks at the stop while code computes
 
 
 class WorkerPool:
-    """One warm worker; every session gets a process of its own, so nothing a program did to it reaches the next."""
+    """Keeps one worker ready; every session gets its own process, so one program cannot affect the next."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -59,7 +59,7 @@ class WorkerPool:
 
     @contextlib.contextmanager
     def session(self) -> Iterator[MontySession]:
-        """A fresh interpreter in a process of its own, under the limits."""
+        """A new interpreter in its own process, under the limits."""
         self.open()
         assert self._pool is not None
         with self._pool.checkout(
@@ -97,7 +97,7 @@ class WorkerPool:
 
 
 class Watch(threading.Thread):
-    """Kills a worker within milliseconds of a stop while its code computes, when nobody else is looking."""
+    """Kills a worker within milliseconds of a stop while its code computes and no skill call checks the stop."""
 
     def __init__(self, pid: int, stopped: Callable[[], bool]) -> None:
         super().__init__(name="sandbox-watch", daemon=True)
@@ -121,7 +121,8 @@ class Watch(threading.Thread):
 
     @contextlib.contextmanager
     def computing(self) -> Iterator[None]:
-        """While the code runs in the worker; elsewhere the thread sleeps and costs the control loop nothing."""
+        """Watch while the code runs in the worker; otherwise the thread sleeps and does not disturb the control
+        loop."""
         self._computing.set()
         try:
             yield
@@ -130,14 +131,14 @@ class Watch(threading.Thread):
                 self._computing.clear()
 
     def kill(self) -> None:
-        """Kill the worker; nothing it was about to do happens."""
+        """Kill the worker immediately."""
         with self._kill_lock:
             if not self._ended.is_set():
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(self._pid, signal.SIGKILL)
 
     def end(self) -> None:
-        """Before the session is given back: from here on the process id may belong to someone else."""
+        """Call before the session is returned, since afterwards the process id may belong to another process."""
         with self._kill_lock:
             self._ended.set()
         self._computing.set()
@@ -146,7 +147,7 @@ class Watch(threading.Thread):
 
 @contextlib.contextmanager
 def watching(session: MontySession, stopped: Callable[[], bool]) -> Iterator[Watch]:
-    """A watch over the session's worker, which is killed when the block raises."""
+    """A watch on the session's worker, which is also killed when the block raises."""
     if session.worker_pid is None:
         raise RuntimeError("the sandbox's worker has no process")
     watch = Watch(session.worker_pid, stopped)

@@ -1,5 +1,5 @@
-"""What one run of generated code may use. Limits on computing do not count the time that a skill takes; that on the
-clock on the wall, looked at before each call, counts everything."""
+"""Limits on one run of generated code. Limits on computing time do not count the duration of skills; the wall-clock
+limit, checked before each call, counts everything."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that cross between the sandbox and the robot: plain data only, bounded before anything looks at them."""
+"""Values passed between the sandbox and the robot: plain data only, limited in size before they are used."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LARGEST_INTEGER = 2**53
 
 
 class _Budget:
-    """Counts down over a whole call: a list that contains itself many times would keep a traversal busy forever."""
+    """Counts down over a whole call, because traversing a list that contains itself many times would never end."""
 
     def __init__(self, items: int) -> None:
         self.left = items
@@ -69,7 +69,7 @@ def _kind(value: Any) -> str:
 
 
 def result_for_sandbox(value: Any) -> Any:
-    """A skill's result as plain data. Raises ``TypeError`` when a skill returns something that is none."""
+    """A skill's result as plain data. Raises ``TypeError`` for anything else."""
     if value is None or isinstance(value, (bool, str)):
         return value
     if isinstance(value, (int, np.integer)):

@@ -1,4 +1,4 @@
-"""What robot code may import, and the built-in names it may use: what the interpreter really has (a test compares)."""
+"""What robot code may import, and the built-in names it may use; a test compares this with the interpreter."""
 
 from __future__ import annotations
 

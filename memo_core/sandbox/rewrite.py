@@ -1,7 +1,8 @@
 """Rewrites of the syntax tree that let the interpreter run more of Python; lines in errors stay those of the model.
 
-What it does silently otherwise matters most: it evaluates a generator expression at once, so ``any(grasp(n) for n in
-names)`` would go on grasping after the first success. Here ``any``, ``all`` and ``next`` ask item by item.
+The most important case is a silent difference: the interpreter evaluates a generator expression at once, so
+``any(grasp(n) for n in names)`` would continue grasping after the first success. With the rewrite, ``any``, ``all`` and
+``next`` evaluate item by item.
 """
 
 from __future__ import annotations
@@ -39,9 +40,8 @@ class Rewritten:
 
 
 def rewrite(code: str, tree: ast.Module, arrays: bool) -> Rewritten:
-    """The code as the interpreter can run it. ``tree`` is changed; ``arrays``: whether it works with numpy's.
-
-    Raises ``ValueError`` and ``RecursionError`` where Python cannot write the changed tree down again.
+    """The code in the form that the interpreter can run. ``tree`` is modified; ``arrays``: whether the code uses numpy.
+    Raises ``ValueError`` and ``RecursionError`` if Python cannot unparse the modified tree.
     """
     visitor = _Rewriter(arrays, bound_names(tree))
     changed = ast.fix_missing_locations(visitor.visit(tree))

@@ -1,8 +1,8 @@
 """Running code that a model wrote, which is treated as hostile and killed by a stop.
 
-The code runs in an interpreter in a process of its own. Each skill call comes back to this process, which checks types,
-ranges and workspace before the robot hears of it. Python's own names for what goes wrong are used towards the code:
-skills raise ``RuntimeError`` (also under the names ``MotionError`` and ``SkillError``), wrong arguments ``ValueError``.
+The code runs in an interpreter in a separate process. Each skill call is passed to this process, which checks types,
+ranges and workspace before the robot receives it. The code sees built-in Python exceptions: skills raise
+``RuntimeError`` (also named ``MotionError`` and ``SkillError``), wrong arguments ``ValueError``.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _CLOCK = tuple(f"time.{name}{unit}" for name in ("time", "monotonic", "perf_coun
 
 @attrs.define(auto_exc=True, eq=False)
 class _LimitReached(Exception):
-    """A limit the parent keeps: ended with the worker, never shown to the code."""
+    """A limit enforced by the parent: it kills the worker and is never shown to the code."""
 
     kind: str
     problem: str
@@ -59,7 +59,7 @@ class _LimitReached(Exception):
 
 @attrs.frozen
 class _Program:
-    """Code made ready for the interpreter, or why it is not."""
+    """Code prepared for the interpreter, or the reason why it was refused."""
 
     source: str = ""
     lines: tuple[tuple[int, int], ...] = ()  # (line of the source, line of the model's code); empty: the same
@@ -67,7 +67,7 @@ class _Program:
     findings: tuple[Finding, ...] = ()
 
     def line(self, line: int) -> int:
-        """The line of the model's code for one of the source."""
+        """The line of the model's code for a line of the rewritten source."""
         if not self.lines:
             return line
         return self.lines[max(0, bisect_right(self.lines, line, key=lambda pair: pair[0]) - 1)][1]
@@ -105,8 +105,8 @@ class Sandbox:
         return text.format(memory_mib=self.limits.memory >> 20, **attrs.asdict(self.limits)).rstrip("\n")
 
     def check(self, code: str) -> list[Finding]:
-        """What will not work, found without running anything: syntax, what is outside the subset, unknown names,
-        skills called with wrong arguments."""
+        """Find, without running anything, what will not work: syntax errors, constructs outside the subset, unknown
+        names, skills called with wrong arguments."""
         return list(self._prepare(code).findings)
 
     def run(
@@ -121,13 +121,12 @@ class Sandbox:
         clock: Callable[[], float] | None = None,
         wall_seconds: float | None = None,
     ) -> Execution:
-        """Check the code, then run it to its end, an error, a limit or a stop.
-
-        ``stopped`` is the latched stop: asked before and after every skill call and, from another thread, every few
-        milliseconds while the code computes. ``on_call`` hears of every call when it is over, ``on_print`` of every
-        piece of output; ``clock`` (s) is the robot's, and what ``time.time()`` shows the code; ``wall_seconds`` is what
-        is left of a longer limit, where that is less than this sandbox's own. What a skill raises goes to the code; a
-        ``RobotFault``, and any other exception, a bug in MEMO, kills the worker and is raised here."""
+        """Check the code, then run it until its end, an error, a limit or a stop. ``stopped`` reads the latched stop;
+        it is called before and after every skill call and, from another thread, every few milliseconds while the code
+        computes. ``on_call`` receives every finished call, ``on_print`` every piece of output; ``clock`` (s) is the
+        robot's clock and the code's ``time.time()``; ``wall_seconds`` is the remainder of a longer limit, if less than
+        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, or any other exception (a bug in
+        MEMO), kills the worker and is raised here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:
@@ -144,7 +143,8 @@ class Sandbox:
             return run.execute(session, program)
 
     def _prepare(self, code: str, stopped: Callable[[], bool] = lambda: False) -> _Program:
-        """Raises ``Stopped``. Nothing here works on the code in this process: its text decides how long that takes."""
+        """Raises ``Stopped``. The code is not processed in this process, because its text decides how long that
+        takes."""
         if len(code) > self.limits.code:
             return _Program(findings=(Finding(1, f"{len(code)} characters of code", f"at most {self.limits.code}"),))
         if "\x00" in code or any("\ud800" <= c <= "\udfff" for c in code):
@@ -163,7 +163,8 @@ class Sandbox:
         return program
 
     def _interpreter_refuses(self, code: str, stopped: Callable[[], bool]) -> Finding | None:
-        """Let the interpreter compile the code behind a call that is never answered. Raises ``Stopped``."""
+        """Let the interpreter compile the code without running it, by putting it after a call that is never answered.
+        Raises ``Stopped``."""
         with self._workers.session() as session, watching(session, stopped) as watch:
             try:
                 with watch.computing():
@@ -182,7 +183,7 @@ class Sandbox:
 
 
 class _Run:
-    """One execution: the loop that answers the interpreter, and what it has seen so far."""
+    """One execution: the loop that answers the interpreter's requests, and its state."""
 
     def __init__(
         self,
@@ -250,7 +251,7 @@ class _Run:
                 snapshot = answer()
 
     def _answer(self, snapshot: Any) -> Callable[[], Any]:
-        """How to go on from where the code waits."""
+        """The reply to the request for which the code waits."""
         if self._stopped():
             raise Stopped("running code")
         if snapshot.position.filename == self._filename:
@@ -270,7 +271,7 @@ class _Run:
         return lambda: snapshot.resume(result)
 
     def _call(self, snapshot: FunctionSnapshot) -> Any:
-        """One skill call: refused, or made; its outcome in the interpreter's terms."""
+        """Refuse or execute one skill call; its outcome in the interpreter's terms."""
         name = "wait" if snapshot.is_os_function else str(snapshot.function_name)
         skill = self._skills.get(name)
         if skill is None:
@@ -314,7 +315,8 @@ class _Run:
             self._on_call(call)
 
     def _time(self, function: str) -> float | int:
-        """A clock that code can wait on: the robot's, or the seconds waited, and a millisecond a reading."""
+        """A clock that code can wait on: the robot's, or otherwise the sum of waiting times plus a millisecond per
+        reading."""
         self._clock_readings += 1
         now = (self._clock() if self._clock is not None else self._waited) + 0.001 * self._clock_readings
         return int(now * 1e9) if function.endswith("_ns") else now
@@ -380,7 +382,7 @@ def _given(snapshot: FunctionSnapshot, name: str) -> tuple[tuple[Any, ...], dict
 
 
 def _stub(name: str) -> Callable[[], None]:
-    """What a skill is as a value, for code that passes it on. Only its name crosses."""
+    """A skill as a value, for code that passes it on; only its name is passed to the interpreter."""
 
     def stub() -> None: ...
 
@@ -389,7 +391,7 @@ def _stub(name: str) -> Callable[[], None]:
 
 
 def _line(error: MontyError, filename: str) -> int | None:
-    """The innermost line of the code itself: frames of the prelude are of other feeds."""
+    """The innermost line of the code itself, ignoring frames of the prelude."""
     frames = error.traceback() if isinstance(error, (MontyRuntimeError, MontySyntaxError)) else []
     lines = [frame.line for frame in frames if frame.filename == filename]
     return lines[-1] if lines else None

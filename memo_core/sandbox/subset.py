@@ -18,7 +18,7 @@ from memo_core.sandbox.modules import BUILTINS, MODULES, REFUSED
 
 @attrs.frozen
 class Finding:
-    """Something that will not work: its line (from 1), what it is, and what would be right."""
+    """Something that will not work: its line (from 1), what it is, and a suggestion."""
 
     line: int
     problem: str
@@ -30,7 +30,7 @@ class Finding:
 
 @attrs.frozen
 class SkillShape:
-    """What the check knows of a skill: its name, its arguments, those that have no default, and the line shown."""
+    """What the check knows about a skill: its name, its arguments, the required ones, and the signature to show."""
 
     name: str
     parameters: tuple[str, ...]
@@ -58,7 +58,7 @@ _MOST_CANDIDATES = 500
 
 
 def check(tree: ast.Module, skills: dict[str, SkillShape]) -> list[Finding]:
-    """What was found, in the order of lines."""
+    """The findings, in the order of lines."""
     every = chain(
         _unsupported(tree), _imports(tree), _module_attributes(tree), _names(tree, skills), _skill_calls(tree, skills)
     )
@@ -139,7 +139,7 @@ def _no_member(line: int, module: str, name: str) -> Finding:
 
 
 def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
-    """``np.foo`` where the module, under the name it was imported by, offers no foo."""
+    """Findings for ``np.foo`` if the module, under the name it was imported by, has no foo."""
     aliases = {"np": "numpy"}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -160,8 +160,8 @@ def _module_attributes(tree: ast.Module) -> Iterator[Finding]:
 
 
 def _module_path(node: ast.expr) -> str:
-    """``np`` or ``np.linalg`` as text, "" for anything longer: no module lies deeper, and a chain of attributes is not
-    written out once for each of its links."""
+    """``np`` or ``np.linalg`` as text, "" for anything longer: no module is nested deeper, and this avoids quadratic
+    work on long attribute chains."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

@@ -1,4 +1,4 @@
-"""Where generated code may send the hand. Checked in the parent, before the robot hears of it."""
+"""Where generated code may send the hand. Checked in the parent process, before the robot receives the command."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ MARGIN_M = 0.15  # beyond the arm's reach
 
 @attrs.frozen
 class Workspace:
-    """A box along the base frame's axes (m) and a sphere about ``centre`` of what the arm can reach at most."""
+    """A box along the base frame's axes (m) and a sphere about ``centre`` that contains everything the arm can
+    reach."""
 
     lower: tuple[float, float, float] = (-1.5, -1.5, -0.5)
     upper: tuple[float, float, float] = (1.5, 1.5, 2.0)
@@ -26,15 +27,15 @@ class Workspace:
 
     @classmethod
     def around(cls, reach: float, table_height: float) -> Workspace:
-        """What an arm that reaches ``reach`` (m) can get at over a table at ``table_height`` (m, base frame), and a
-        little more: at its very limit the arm itself says better what cannot be reached."""
+        """The space that an arm with this ``reach`` (m) can use above a table at ``table_height`` (m, base frame), plus
+        a margin: close to its limit the arm's own error says more precisely what cannot be reached."""
         side = reach + MARGIN_M
         return cls((-side, -side, table_height - 0.05), (side, side, side + 0.4), side + 0.35)
 
     def refuse(self, skill: Skill, arguments: dict[str, Any]) -> None:
         """Raise ``MotionError`` (cause ``workspace``) when a motion's position or path leaves the workspace.
 
-        ``arguments`` are the checked ones of ``Skill.bind``. Skills that only compute or ask may name any point.
+        ``arguments`` are those checked by ``Skill.bind``. Skills that only compute or query may use any point.
         """
         if skill.kind != "motion":
             return

@@ -1,5 +1,6 @@
-"""From a model's answer to what was asked for: one reader a phase. Tolerant of fences, prose and bullets around the
-answer; strict about the answer itself. ``Unreadable`` says precisely what was wrong, so that it can be asked again."""
+"""Parsing a model's answers, with one reader per phase. Readers tolerate fences, prose and bullets around the answer
+and are strict about the answer itself. ``Unreadable`` states precisely what was wrong, so that the question can be
+asked again."""
 
 from memo_core.llm.readers.code import read_code
 from memo_core.llm.readers.json_objects import json_objects

@@ -19,8 +19,8 @@ _FENCE = re.compile(
 
 
 def code_blocks(text: str) -> list[str]:
-    """The Python of an answer, block by block in its order: fenced as Python or as nothing, else fenced as anything
-    that parses, else unfenced code between prose. Every line is one of the answer's."""
+    """The Python blocks of an answer, in order: blocks fenced as Python or without a language; otherwise any fenced
+    block that parses; otherwise unfenced code between prose. Every line is a line of the answer."""
     fences = [(match["tongue"].lower(), match["body"]) for match in _FENCE.finditer(text)]
     blocks = [_bare(body) for tongue, body in fences if tongue in PYTHON]
     blocks = [block for block in blocks if block.strip()]
@@ -38,7 +38,7 @@ def left_open(text: str) -> bool:
 
 
 def syntax_problem(code: str) -> str:
-    """Where and why code does not parse, with the line itself; "" where it does."""
+    """Where and why code does not parse, with the line itself; "" if it parses."""
     try:
         ast.parse(code)
     except SyntaxError as error:
@@ -52,7 +52,7 @@ def syntax_problem(code: str) -> str:
 
 
 def calls_something(code: str) -> bool:
-    """Whether code parses and something in it is called when it runs: beside functions that are only defined."""
+    """Whether code parses and calls something when it runs, rather than only defining functions."""
     if syntax_problem(code):
         return False
     return any(_has_call(node) for node in acting(ast.parse(code)))
@@ -69,7 +69,7 @@ def _has_call(tree: ast.AST) -> bool:
 
 
 def _bare(code: str) -> str:
-    """Without what a block is quoted, indented or labelled with; lines lose only what stands before and after them."""
+    """A block without quotation marks, indentation and labels; lines lose only text before and after them."""
     lines = code.split("\n")
     marked = [line for line in lines if line.strip()]
     for mark in (r"> ?", r"(?:>>>|\.\.\.)(?: |$)"):
@@ -96,7 +96,7 @@ def _unfenced(text: str) -> Iterator[str]:
 
 
 def _joined(text: str, paragraphs: Sequence[str], first: int, last: int) -> str:
-    """Paragraphs with the blank lines that stand between them."""
+    """Paragraphs with the blank lines between them."""
     at, start, end = 0, 0, 0
     for number, paragraph in enumerate(paragraphs[:last]):
         at = text.index(paragraph, at)

@@ -13,9 +13,9 @@ WANTED = "answer with one Python code block that holds the whole code"
 
 
 def read_code(text: str) -> str:
-    """The Python code of an answer. Of several blocks the last whole program counts (models correct themselves), and
-    blocks that need each other are put together. Raises ``Unreadable`` for none, a syntax error, code that leaves
-    something out, and code that does nothing."""
+    """The Python code of an answer. Of several blocks the last complete program counts (models correct themselves);
+    blocks that depend on each other are joined. Raises ``Unreadable`` for a missing program, a syntax error, code with
+    omissions, and code that does nothing."""
     said = spoken("code", text, WANTED)
     blocks = code_blocks(said)
     if not blocks:
@@ -31,7 +31,7 @@ def read_code(text: str) -> str:
 
 
 def _candidates(blocks: Sequence[str]) -> list[str]:
-    """What may be meant, best first."""
+    """The possible programs, best first."""
     whole = [code for code in blocks if calls_something(code)]
     by_length = sorted(whole, key=len, reverse=True)
     if any(_uses(code, blocks) for code in whole):

@@ -15,8 +15,8 @@ _QUOTES = str.maketrans({"\u201c": '"', "\u201d": '"', "\u201e": '"', "\u2018": 
 
 def json_objects(text: str) -> Iterator[dict[str, Any]]:
     """Every JSON object in a text, fenced or not, outermost first, then those within. Python's literals (single quotes,
-    trailing commas), comments, typographic quotes and keys without quotes are understood; an object that breaks off is
-    not completed."""
+    trailing commas), comments, typographic quotes and keys without quotes are understood; a truncated object is not
+    completed."""
     at = text.find("{")
     for _ in range(MOST):
         if at < 0:
@@ -37,7 +37,7 @@ def _within(value: Any) -> Iterator[dict[str, Any]]:
 
 
 def _object_at(text: str, at: int) -> tuple[dict[str, Any] | None, int]:
-    """The object that begins at a brace and where to look on; None where there is none."""
+    """The object that begins at a brace, and the position after it; None if there is none."""
     try:
         value, end = json.JSONDecoder(strict=False).raw_decode(text, at)
         return (value, end) if isinstance(value, dict) else (None, at + 1)

@@ -23,8 +23,9 @@ _NOTHING = re.compile(r"\W*(?:none|nothing|n/?a|null|empty|-)?\W*", re.IGNORECAS
 
 @attrs.frozen
 class Notes:
-    """What phase 3 made of what a person said: notes for the subtask at hand, for everything, for plans, and for other
-    subtasks of the run. ``unclear`` is a question to the person where nothing could be learnt; then all are empty."""
+    """The result of phase 3: notes for the current subtask, general statements, notes for plans, and notes for other
+    subtasks of the run. ``unclear`` is a question to the person if nothing could be learnt; then all lists are
+    empty."""
 
     corrections: tuple[str, ...]
     general: tuple[str, ...]
@@ -37,8 +38,8 @@ class Notes:
 
 
 def read_notes(text: str, subtasks: Sequence[Key] = ()) -> Notes:
-    """Notes from JSON; ``subtasks`` are those under which one may be filed beside the subtask at hand. Raises
-    ``Unreadable``, also for notes with coordinates and where there is neither a note nor a reason why."""
+    """Notes from JSON; ``subtasks`` are the other subtasks under which a note may be filed. Raises ``Unreadable``, also
+    for notes with coordinates and for an answer with neither a note nor a reason."""
     said = spoken("feedback", text, WANTED)
     found = next((named for value in json_objects(said) if (named := _named(value))), None)
     if found is None:
@@ -62,7 +63,7 @@ def read_notes(text: str, subtasks: Sequence[Key] = ()) -> Notes:
 
 
 def _elsewhere(found: dict[str, Any], subtasks: Sequence[Key], text: str) -> tuple[tuple[Key, str], ...]:
-    """Notes with the subtask that each belongs to. Raises ``Unreadable`` for one that the run has not had."""
+    """Notes with the subtask that each belongs to. Raises ``Unreadable`` for a subtask that is not one of the run's."""
     value = found.get("elsewhere") or []
     items = [value] if isinstance(value, dict) else value
     notes = []

@@ -27,8 +27,8 @@ _LEAD = re.compile(
 
 
 def read_plan(text: str, names: Sequence[str] | None = None) -> Key | None:
-    """The next subtask, or None for DONE. ``names`` are the labels in the scene: an object that is called by a part of
-    a label that no other shares gets the label, one that is not there is refused with the nearest names. Raises
+    """The next subtask, or None for DONE. ``names`` are the labels in the scene: an object named by a part of a label
+    that no other label shares gets that label; an unknown object is refused with the closest names. Raises
     ``Unreadable``."""
     said = spoken("plan", text, WANTED)
     key = _first_subtask(said, text)
@@ -71,7 +71,7 @@ def _first_subtask(said: str, text: str) -> Key | None:
 
 
 def _bare_line(line: str) -> str:
-    """Without bullets, numbering, emphasis and a lead-in such as ``Next subtask:``."""
+    """A line without bullets, numbering, emphasis and a lead-in such as ``Next subtask:``."""
     bare = unicodedata.normalize("NFKC", line).replace("**", "").replace("`", "")
     bare = re.sub(r"^\s*(?:[-*+>#]+|\(?\d+[.):])\s+", "", bare).strip()
     bare = _LEAD.sub("", bare)
@@ -83,8 +83,8 @@ def _is_shouted(action: str) -> bool:
 
 
 def _key(call: re.Match[str], whole: bool) -> Key:
-    """The subtask that a call names. Within a sentence (not ``whole``) its action is in capitals, or a verb that is
-    known: the words before may be of the sentence. Raises ``NotAKey``."""
+    """The subtask in a call expression. Within a sentence (not ``whole``) its action must be in capitals or a known
+    verb, because the words before it may belong to the sentence. Raises ``NotAKey``."""
     action, inner = call.groups()
     if not whole and not _is_shouted(action):
         shouted = re.search(r"[A-Z][A-Z_]+(?:[ -][A-Z_]+)*$", action)
@@ -108,7 +108,7 @@ def _arguments(inner: str) -> list[str]:
 
 
 def _from_json(value: dict[str, Any]) -> Key | None:
-    """``{"action": "OPEN", "object": "jar"}`` and the like; None where it is none of them. Raises ``NotAKey``."""
+    """``{"action": "OPEN", "object": "jar"}`` and similar forms; None for anything else. Raises ``NotAKey``."""
     lower = {str(key).lower().replace(" ", "_"): item for key, item in value.items()}
     action = next((lower[name] for name in ("action", "verb", "skill") if isinstance(lower.get(name), str)), "")
     if not action or "(" in action:
@@ -125,7 +125,8 @@ def _from_json(value: dict[str, Any]) -> Key | None:
 
 
 def _in_scene(key: Key, names: Sequence[str], text: str) -> Key:
-    """The key with the scene's own names. Raises ``Unreadable`` naming the closest for one that is not there."""
+    """The key with the names used in the scene. Raises ``Unreadable``, with the closest names, for an unknown
+    object."""
     known = dict(_spelt(names))
     found = []
     for name in key.objects:
@@ -146,7 +147,7 @@ def _spelt(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _called(name: str, known: dict[str, str]) -> list[str]:
-    """The labels that hold all words of ``name``, those first that end with it; a number may be left off."""
+    """The labels that contain all words of ``name``, those that end with it first; a number may be omitted."""
     words = name.split()
     ending = [label for label in known if label.split()[-len(words) :] == words]
     if len(ending) == 1:

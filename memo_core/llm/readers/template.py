@@ -56,8 +56,8 @@ def _problem(tree: ast.Module) -> str:
 
 
 def _places(function: ast.FunctionDef) -> list[ast.List | ast.Tuple]:
-    """Lists of three or four plain numbers that say a place or an orientation: two or more that are neither 0 nor 1. A
-    unit direction or an offset along one axis is none, nor are values that are gone through one by one."""
+    """Lists of three or four literal numbers that state a position or an orientation, that is with at least two numbers
+    other than 0 and 1. Unit directions, offsets along one axis and values that a loop iterates over do not count."""
     alternatives = _alternatives(function)
     found = []
     for node in ast.walk(function):
@@ -94,7 +94,7 @@ def _alternatives(function: ast.FunctionDef) -> set[int]:
 
 
 def _plainly_through(iterable: ast.expr) -> ast.expr:
-    """What a loop goes through, without ``enumerate``, ``sorted``, ``reversed``, ``list`` or ``tuple`` around it."""
+    """The iterable of a loop, without ``enumerate``, ``sorted``, ``reversed``, ``list`` or ``tuple`` around it."""
     while isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and len(iterable.args) >= 1:
         if iterable.func.id not in ("enumerate", "sorted", "reversed", "list", "tuple"):
             break

@@ -20,7 +20,7 @@ _DECLINES = re.compile(
 
 @attrs.define(auto_exc=True, eq=False)
 class Unreadable(MemoError):
-    """An answer that is not what was asked for. ``problem`` is put to the model when it is asked again."""
+    """An answer that does not have the requested form. ``problem`` is told to the model when it is asked again."""
 
     phase: str
     problem: str
@@ -31,7 +31,7 @@ class Unreadable(MemoError):
 
     @property
     def told(self) -> str:
-        """The same for people: what the model answered, without the form in which it was asked to."""
+        """The same for people: the model's answer, without the required form."""
         answer = " ".join(self.text.split())
         shown = repr(answer if len(answer) <= 120 else answer[:119] + "…") if answer else "nothing"
         wanted = "names no subtask that can be done here" if self.phase == "plan" else "cannot be used"
@@ -39,8 +39,8 @@ class Unreadable(MemoError):
 
 
 def spoken(phase: str, text: str, wanted: str) -> str:
-    """An answer with plain line ends and without tagged reasoning. Raises ``Unreadable`` where
-    nothing is left, saying what is ``wanted``."""
+    """An answer with normalised line ends and without tagged reasoning. Raises ``Unreadable``, which says what is
+    ``wanted``, if nothing is left."""
     plain = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")
     said = _THOUGHT.sub("", plain)
     if said.strip():
@@ -51,7 +51,7 @@ def spoken(phase: str, text: str, wanted: str) -> str:
 
 
 def missing(phase: str, problem: str, text: str, wanted: str) -> Unreadable:
-    """That what was ``wanted`` is not there; a refusal is called one."""
+    """The error that what was ``wanted`` is missing; a refusal is reported as such."""
     if _DECLINES.match(text.replace("\u2019", "'")):
         problem = (
             "it declines to answer; if the scene or the functions do not allow it, say so in the form asked for "

@@ -1,4 +1,4 @@
-"""Code that runs inside the sandbox, before the model's: read as text and fed to it, never imported here."""
+"""Code that runs inside the sandbox before the model's code; it is read as text and never imported here."""
 
 from __future__ import annotations
 
