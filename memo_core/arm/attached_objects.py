@@ -1,4 +1,4 @@
-"""What moves with the hand: a held object, or the door or drawer whose handle is held."""
+"""Objects that move with the hand: a held object, or the door or drawer whose handle is held."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Attachment:
         return self.held is None and not self.carried
 
     def moved_along(self, motion: Array) -> Attachment:
-        """After the hand carried along what it holds by a rigid motion (4, 4)."""
+        """The state after the hand moved the attached objects by a rigid motion (4, 4)."""
         if not self.carried:
             return self
         poses = {name: Pose.from_matrix(motion @ pose.matrix) for name, pose in self.carried_poses.items()}
         return attrs.evolve(self, carried_poses=poses, moved={**self.moved, **poses})
 
     def released(self, tool: Pose) -> Attachment:
-        """What was held stays where it is now."""
+        """The state after release: the held object stays where it is now."""
         moved = dict(self.moved)
         if self.held is not None:
             moved[self.held.node] = tool * self.held.offset
@@ -51,7 +51,7 @@ class Attachment:
         return Attachment(absent=self.absent, moved=self.moved)
 
     def seen_again(self, scene: SceneGraph, tool: Pose, holding: bool) -> Attachment:
-        """After a new look: poses are those seen; what is held is held as seen."""
+        """The state after a new look: poses, including that of the held object, are those observed."""
         if not holding:
             return Attachment()
         by_id = {node.id: node for node in scene.nodes}
@@ -66,7 +66,7 @@ class Attachment:
 
 
 def grasped(scene: SceneGraph, before: Attachment, tool: Pose, gripper: GripperDescription) -> Attachment:
-    """What is between the fingers, by the last look."""
+    """The object between the fingers, according to the last look."""
     node = _between_fingers(scene, before, tool)
     if node is None:
         return before
@@ -86,7 +86,7 @@ def grasped(scene: SceneGraph, before: Attachment, tool: Pose, gripper: GripperD
 
 
 def bars(scene: SceneGraph) -> list[Node]:
-    """Parts that are long and thin: what a hand can hold across and turn about."""
+    """Long and thin parts, which a hand can grip crosswise and rotate about."""
     found = []
     for node in scene.nodes:
         _, middle, long = sorted(node.size)
@@ -123,7 +123,7 @@ def _between_fingers(scene: SceneGraph, before: Attachment, tool: Pose) -> Node 
 
 
 def _moving_with(scene: SceneGraph, node: Node, owner: Node | None) -> list[Node]:
-    """The parts that are rigidly one with a part, as far as a scene graph tells: a handle and the panel it sits on."""
+    """The parts rigidly connected to a part, as far as the scene graph shows: a handle and its panel."""
     if owner is not None and owner.kind == "part":
         return [one for one in scene.nodes if one.id == owner.id or (one.part_of == owner.id and one.kind == "part")]
     own = [one for one in scene.nodes if one.kind == "part" and one.part_of == node.id]
@@ -132,6 +132,6 @@ def _moving_with(scene: SceneGraph, node: Node, owner: Node | None) -> list[Node
 
 
 def _gap(a: Node, b: Node) -> float:
-    """m between two upright enclosing boxes."""
+    """Distance (m) between two upright enclosing boxes."""
     (low_a, high_a), (low_b, high_b) = a.bounds(), b.bounds()
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(low_a - high_b, low_b - high_a))))

@@ -37,7 +37,7 @@ class CartesianPath:
         return float(self.knots[-1])
 
     def parameter(self, number: int) -> float:
-        """s at the pose with this number in the list the path was made from."""
+        """s at the pose with this index in the list from which the path was made."""
         return float(self.knots[self._places[number]])
 
     def grid(self, step: float, most: int = 10_000) -> Array:
@@ -68,7 +68,7 @@ class CartesianPath:
 
 
 def tilted(rotation: Array, tilt: Array | float) -> Array:
-    """Rotations (3, 3, N) turned about their own y axis by ``tilt`` (N,) or one number (rad)."""
+    """Rotations (3, 3, N), rotated about their own y axis by ``tilt`` (N,) or one number (rad)."""
     c, s = np.cos(tilt), np.sin(tilt)
     return np.stack(
         [rotation[:, 0] * c - rotation[:, 2] * s, rotation[:, 1], rotation[:, 0] * s + rotation[:, 2] * c], axis=1
@@ -77,7 +77,7 @@ def tilted(rotation: Array, tilt: Array | float) -> Array:
 
 def turns_between(nominal: Pose, actual: Pose) -> tuple[float, float, float]:
     """Angles (a, b, c) about the x, then the turned y, then the turned z axis of the tool (rad) that turn ``nominal``
-    into ``actual``: b is a tilt about the closing direction, a what a bar does between the fingers."""
+    into ``actual``: b is a tilt about the closing direction, a the rotation of a bar between the fingers."""
     relative = nominal.rotation.T @ actual.rotation
     b = float(np.arcsin(np.clip(relative[0, 2], -1.0, 1.0)))
     a = float(np.arctan2(-relative[1, 2], relative[2, 2]))
@@ -91,8 +91,8 @@ def turned_about_x(pose: Pose, angle: float) -> Pose:
 
 
 def lagging(poses: Sequence[Pose], grasp: int, share: float, most: float) -> list[Pose]:
-    """Poses after the grasp with the hand left behind by a share of its turning about its own x axis, ``most`` rad at
-    most: a round bar turns between the fingers, so the hand need not turn as far as the door does."""
+    """Poses after the grasp in which the hand rotates less about its own x axis than the door does, by a share of the
+    rotation and at most by ``most`` (rad): a round bar can rotate between the fingers."""
     result = list(poses[: grasp + 1])
     for pose in poses[grasp + 1 :]:
         angle = turns_between(poses[grasp], pose)[0]

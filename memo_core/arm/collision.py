@@ -1,8 +1,7 @@
-"""Collisions of the arm with itself, with the scene as it was last seen, and of what the hand holds (coal, Pinocchio).
-
-The scene graph's boxes are all that is known of the world. A fixture with a visible inside is its box minus that
-inside, open towards its opening; a closed one is solid. What is perceived is a little wrong, so surfaces that are meant
-to touch may overlap by stated allowances, and a start that already touches something may always be left.
+"""Collisions of the arm and a held object with the arm itself and the scene as last observed (coal, Pinocchio). The
+world is known only as the boxes of the scene graph. A fixture with a visible inside is its box minus that inside, open
+towards its opening; a closed one is solid. Perception is inexact, so surfaces that are meant to touch may overlap by
+stated tolerances, and the arm may always leave a start configuration that already touches something.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _TABLE = "table"
 
 @attrs.frozen
 class Obstacle:
-    """A solid box in the base frame (m). ``node`` is the scene node's id, ``label`` what messages call it."""
+    """A solid box in the base frame (m). ``node`` is the scene node's id, ``label`` its name in messages."""
 
     node: str
     label: str
@@ -74,8 +73,8 @@ class Hit:
 def obstacles_of(
     scene: SceneGraph, moved: Mapping[str, Pose] | None = None, absent: Iterable[str] = ()
 ) -> list[Obstacle]:
-    """The solid boxes of a scene graph. ``moved``: poses known better than at the last look; ``absent``: node ids to
-    leave out (what is held)."""
+    """The solid boxes of a scene graph. ``moved``: poses that are known better than from the last look; ``absent``:
+    node ids to leave out (held objects)."""
     moved = moved or {}
     left_out = set(absent)
     spaces: dict[str, list[Node]] = {}
@@ -98,8 +97,7 @@ def obstacles_of(
 
 
 def _hollow(node: Node, pose: Pose, spaces: Sequence[Node]) -> list[Obstacle]:
-    """The node's box at ``pose`` minus its insides, which go with it, each carried on through its open side to beyond
-    the box."""
+    """The node's box at ``pose`` minus its insides, each extended through its open side beyond the box."""
     half = np.asarray(node.size) / 2
     boxes = [(-half, half)]
     for space in spaces:
@@ -142,7 +140,7 @@ def _subtract(box: tuple[Array, Array], low: Array, high: Array) -> list[tuple[A
 
 
 class RobotShape:
-    """The robot's collision shapes, read once; ``checker`` puts them into a scene."""
+    """The robot's collision shapes, read once; ``checker`` combines them with a scene."""
 
     def __init__(self, description: RobotDescription, kinematics: Kinematics) -> None:
         import pinocchio as pin
@@ -182,7 +180,7 @@ class RobotShape:
         self.self_pairs = self._self_pairs()
 
     def pad_span(self) -> tuple[float, float] | None:
-        """From where to where the pads' shapes reach along the tool's z (m, from the tool centre), or None without."""
+        """Range of the pads' shapes along the tool's z axis (m, from the tool centre), or None without pads."""
         description, corners = self.description, self.corners()
         urdf = read_urdf(description.urdf, description.mesh_folder)
         shut: dict[str, float] = {}
@@ -223,7 +221,8 @@ class RobotShape:
         return Pose.from_matrix(np.asarray(frame.placement.homogeneous)) * self.description.tool_offset
 
     def _self_pairs(self) -> list[tuple[int, int]]:
-        """Pairs of shapes whose contact counts: not of one link, of neighbours, allowed ones, or touching at home."""
+        """Pairs of shapes whose contact counts as a collision: not on one link or on neighbours, not allowed, and not
+        touching at home."""
         import pinocchio as pin
 
         model = self.kinematics.model
@@ -261,12 +260,12 @@ class RobotShape:
         touched: Iterable[str] = (),
     ) -> Checker:
         """A collision checker for this scene. ``carried``: node ids that move with the hand (a door it holds);
-        ``touched``: node ids the fingers and what is held may touch in any mode."""
+        ``touched``: node ids that the fingers and a held object may touch in any mode."""
         return Checker(self, obstacles, width, held, frozenset(carried), frozenset(touched))
 
 
 class Checker:
-    """Answers whether a configuration touches anything. One scene, one opening of the fingers, one held thing."""
+    """Checks configurations for contacts, for one scene, one opening of the fingers and one held object."""
 
     def __init__(
         self,
@@ -347,11 +346,12 @@ class Checker:
         return data
 
     def leave(self, joints: Array) -> None:
-        """Let the arm leave the configuration it is in: what touches there may touch a little deeper, anywhere."""
+        """Allow leaving the present configuration: pairs that touch there may penetrate slightly deeper, everywhere."""
         self._relieve(joints, *self._results)
 
     def near(self, joints: Array) -> None:
-        """Let a clear motion end at this configuration: what it comes near to may be as near anywhere."""
+        """Allow a motion with clearance to end at this configuration: pairs that are close there may be as close
+        everywhere."""
         self._relieve(joints, "clear")
 
     def _relieve(self, joints: Array, *modes: Mode) -> None:
@@ -367,7 +367,7 @@ class Checker:
                     request.security_margin = min(request.security_margin, distance - _START_RELIEF)
 
     def carry(self, motion: Array) -> None:
-        """Move what is carried by a rigid motion (4, 4) from where it was seen."""
+        """Move the carried objects by a rigid motion (4, 4) from their observed poses."""
         import pinocchio as pin
 
         for number, matrix in self._carried:

@@ -1,4 +1,4 @@
-"""The robot as skills see it: plans each motion, runs it tick by tick, polls the stop, tracks held objects."""
+"""The robot as seen by skills: plans each motion, executes it tick by tick, polls the stop, tracks held objects."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class ArmControl(Control):
         return reached
 
     def _move_fingers(self, width: float, force: float, doing: str) -> float:
-        """Command the fingers and wait until they are still; the gripper's speed bounds how long that may take."""
+        """Command the fingers and wait until they are at rest, for a time limited by the gripper's speed."""
         link = self._link
         link.check_stop(doing)
         target = link.joint_targets()
@@ -238,12 +238,12 @@ class ArmControl(Control):
             raise InvalidArgument(f"{skill}(force)", given, f"at most {most:.0f} N")
 
     def _carried_to(self, before: Pose) -> None:
-        """What the hand carries has gone with it from where the tool was."""
+        """Update attached objects after the tool moved from its previous pose."""
         self._attachment = self._attachment.moved_along(self.tool_pose().matrix @ before.inverse().matrix)
 
     # -- checkpoints -------------------------------------------------------------------------------------------------
     def state(self) -> bytes:
-        """What ``restore`` takes back: the scene as last seen (without images) and what is held. JSON in UTF-8."""
+        """State for ``restore``: the scene as last observed (without images) and held objects. JSON in UTF-8."""
         scene = None
         if self._scene is not None:
             seen = self._scene.observation
@@ -257,7 +257,7 @@ class ArmControl(Control):
         return json.dumps({"scene": scene, "attachment": held, "tare": self._tare.tolist()}).encode()
 
     def restore(self, state: bytes) -> None:
-        """Raises ``InvalidArgument`` for bytes that ``state`` did not give."""
+        """Raises ``InvalidArgument`` for bytes that do not come from ``state``."""
         try:
             memory = parse_json(state)
             self._attachment = cattrs.structure(memory["attachment"], Attachment)
@@ -291,7 +291,8 @@ class ArmControl(Control):
         )
 
     def _start(self, skill: str) -> Array:
-        """The joints (n,) a motion starts from: the last targets, brought back first to where the arm was pushed to."""
+        """The joints (n,) from which a motion starts: the last targets, after adjusting them to where the arm was
+        pushed."""
         link = self._link
         link.check_stop(skill)
         targets, actual = link.joint_targets(), link.joint_positions()
@@ -351,7 +352,7 @@ class ArmControl(Control):
 
 
 def _poses(waypoints: Sequence[tuple[list[float], list[float] | None]], before: Pose) -> list[Pose]:
-    """Poses of waypoints; an orientation of None is that of the waypoint before."""
+    """Poses of waypoints; an orientation of None means that of the previous waypoint."""
     found = []
     orientation: Sequence[float] = before.orientation
     for position, own in waypoints:

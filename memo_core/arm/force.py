@@ -1,9 +1,9 @@
 """Guarded and force-controlled motions: until contact, and along a path while pressing.
 
-Both follow a joint path that was planned before anything moved. A guarded motion brakes where it feels its force.
+Both follow a joint path that was planned before anything moved. A guarded motion brakes when its force is measured.
 Pressing is admittance control in one direction (Seraji, "Adaptive admittance control", ICRA 1994): the path is shifted
-along the pressing direction at a speed proportional to what is missing of the force, (f - felt) / b, with the damping b
-chosen from how stiff arm and contact are together; in all other directions the path is kept.
+along the pressing direction at a speed proportional to the force error, (f - felt) / b, with the damping b chosen from
+the combined stiffness of arm and contact; in all other directions the path is unchanged.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _EASE_TICKS = 12  # control periods in which the targets go to where the arm is
 
 @attrs.frozen(eq=False)
 class Pressed:
-    """What pressing along a path came to."""
+    """The result of pressing along a path."""
 
     mean_force: float  # N
     offset: float  # m along the direction that the path was shifted by at its end
@@ -52,7 +52,7 @@ class Pressed:
 
 
 class ForceMotion:
-    """Runs planned joint paths (T, n) under force. ``limit`` is the most that may be felt (N)."""
+    """Executes planned joint paths (T, n) under force control. ``limit`` is the largest allowed force (N)."""
 
     def __init__(self, link: Link, kinematics: Kinematics, limit: float) -> None:
         self._link = link
@@ -66,13 +66,14 @@ class ForceMotion:
         self._last = self._before = np.zeros(kinematics.count)
 
     def wrench(self) -> Array:
-        """Felt now: force (N) over torque (Nm) at the tool, base axes, shape (6,)."""
+        """The wrench measured now: force (N), then torque (Nm), at the tool, base axes, shape (6,)."""
         return self._link.contact_wrench()
 
     # -- until something is felt -------------------------------------------------------------------------------------
     def until_contact(self, skill: str, targets: Array, direction: Array, force: float, bias: Array) -> bool:
-        """Follow targets (T, n) until ``force`` (N) is felt against a unit direction, come to rest there and ease off
-        to that force. False when the path ended before. Raises ``MotionError`` (``force``) and ``Stopped``."""
+        """Follow targets (T, n) until ``force`` (N) is measured against a unit direction, come to rest there and reduce
+        the pressure to that force. False if the path ended without contact. Raises ``MotionError`` (``force``) and
+        ``Stopped``."""
         self._begin()
         try:
             for row in targets:
@@ -103,9 +104,9 @@ class ForceMotion:
         bias: Array,
         until: Callable[[float], bool] | None = None,
     ) -> Pressed:
-        """Press with ``force`` (N) in a unit direction while following targets (T, n). The hand first goes at most
-        ``STRAY`` along the direction until it touches something. ``until`` is asked every tick with the shift (m) since
-        then and ends the motion early. Raises ``MotionError`` (``no-contact``, ``force``) and ``Stopped``."""
+        """Press with ``force`` (N) in a unit direction while following targets (T, n). The hand first moves at most
+        ``STRAY`` along the direction until it touches something. ``until`` is called every tick with the shift (m)
+        since then and can end the motion early. Raises ``MotionError`` (``no-contact``, ``force``) and ``Stopped``."""
         self._begin()
         loop = _Loop(direction, force, bias, self._stiffness(direction))
         try:
@@ -119,7 +120,7 @@ class ForceMotion:
         return Pressed(loop.mean, loop.offset - loop.surface, loop.deepest - loop.surface, early)
 
     def _seek(self, skill: str, loop: _Loop) -> None:
-        """Go along the direction until something is touched; how fast the force then rises tells how stiff it is."""
+        """Move along the direction until contact; the rate at which the force then rises gives the stiffness."""
         start = self._last.copy()
         first: tuple[float, float] | None = None  # felt, and how far the hand was along the direction
         while (felt := loop.felt(self.wrench())) < _TOUCHED * loop.force:
@@ -139,14 +140,14 @@ class ForceMotion:
             loop.stiffness = 1 / (1 / loop.stiffness + 1 / soft)
 
     def _stiffness(self, direction: Array) -> float:
-        """N/m with which the arm's position servos resist along a direction: what pressing on a rock feels like."""
+        """Stiffness (N/m) of the arm's position servos along a direction, as measured against a rigid surface."""
         along = direction @ self._dynamics.jacobian(self._last)[:3]
         return 1 / max(float(along @ (along / self._gains)), 1e-6)
 
     def _bend(self, wrench: Array, loop: _Loop) -> float:
-        """How far (m) along the direction the arm's servos give way under all that is felt but the pressing itself. A
-        rubbing hand is drawn into the surface or lifted off it by its own friction and starts to chatter; compensating
-        for this deflection prevents it."""
+        """Deflection (m) of the arm's servos along the direction under all measured forces except the pressing force.
+        Friction pulls a sliding hand into the surface or lifts it off, which causes chatter; compensating for this
+        deflection prevents it."""
         jacobian = self._dynamics.jacobian(self._last)
         aside = wrench - loop.bias
         aside[:3] -= (aside[:3] @ loop.direction) * loop.direction
@@ -157,7 +158,8 @@ class ForceMotion:
         return float(self._dynamics.placement(self._link.joint_positions())[1] @ direction)
 
     def _along(self, skill: str, targets: Array, loop: _Loop, until: Callable[[float], bool] | None) -> bool:
-        """Whether ``until`` ended it. A search stands still while it drops, so as not to pass over what it found."""
+        """Whether ``until`` ended the motion. A search stops moving sideways while the hand drops, so that it does not
+        pass the hole."""
         lost = over = number = 0
         before = targets[0]
         while number < len(targets):
@@ -190,7 +192,8 @@ class ForceMotion:
         self._last = self._before = self._link.joint_targets()
 
     def _send(self, joints: Array, lead: Array) -> None:
-        """Command joints (n,), ahead by the servo's lag times ``lead`` (n,), their planned change in this tick."""
+        """Command joints (n,), with feed-forward of the servo's lag times ``lead`` (n,), their planned change in this
+        tick."""
         self._link.send(joints + lead / self._period * self._lag)
         self._before, self._last = self._last, joints
 
@@ -214,7 +217,7 @@ class ForceMotion:
             self._send(row, np.zeros_like(row))
 
     def _ease(self) -> None:
-        """Come to rest, no longer pressing: the targets end where the arm is."""
+        """Come to rest without pressing: the final targets are the arm's actual position."""
         self._rest()
         ahead = self._last
         here = self._link.joint_positions()
@@ -249,7 +252,7 @@ class _Loop:
     ticks: int = 0
 
     def felt(self, wrench: Array) -> float:
-        """Pressing force (N): what is felt against the direction."""
+        """Pressing force (N): the measured force against the direction."""
         return float(-(wrench - self.bias)[:3] @ self.direction)
 
     def step(self, felt: float, period: float) -> None:

@@ -19,8 +19,8 @@ from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 
 class ForwardKinematics:
-    """Poses and Jacobians of the tool frame of a described arm. Raises ``InvalidArgument`` where the description does
-    not fit its URDF."""
+    """Poses and Jacobians of the tool frame of a described arm. Raises ``InvalidArgument`` if the description does not
+    fit its URDF."""
 
     def __init__(self, description: RobotDescription) -> None:
         check_limits(description)

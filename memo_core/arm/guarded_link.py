@@ -1,7 +1,7 @@
-"""The last word on what a real robot is sent: limits that no program, plan or bug above can pass.
-
-Between the arm's code and a driver's link. What would leave the workspace, a joint's margin or the tool's speed is
-refused before it is sent; where too much force is felt the arm comes to rest. No certified safety function.
+"""The last check of commands to a real robot: limits that no program, plan or bug in the layers above can exceed. It is
+between the arm's code and a driver's link. Commands that would leave the workspace, violate a joint's margin or exceed
+the tool's speed are refused before they are sent; if the measured force is too large, the arm comes to rest. This is
+not a certified safety function.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ _FELT_TICKS = 3  # control periods of too much force that end a motion
 
 
 class GuardedLink(Link):
-    """A hardware link within ``limits``. ``robot`` is the whole description; planners get ``limits.kept_by(robot)``."""
+    """A hardware link that enforces ``limits``. ``robot`` is the unrestricted description; planners get
+    ``limits.kept_by(robot)``."""
 
     def __init__(self, inner: Link, robot: RobotDescription, limits: SafetyLimits) -> None:
         super().__init__(limits.kept_by(robot))
@@ -64,7 +65,7 @@ class GuardedLink(Link):
         self._inner.recover()
 
     def outside(self) -> str:
-        """How the arm stands outside of its limits, in one sentence; empty where it does not."""
+        """How the arm is outside its limits, in one sentence; empty if it is not."""
         joints = self._inner.joint_positions()
         return self._wrong(joints[:, None]) or ""
 
@@ -127,7 +128,7 @@ class GuardedLink(Link):
         self._felt = 0
 
     def _wrong(self, joints: Array) -> str:
-        """What is wrong with joints (n, T) as places to be; empty where nothing is."""
+        """The limit that joint positions (n, T) violate; empty if none."""
         if not np.isfinite(joints).all():
             return "a joint target is not a finite number"
         beyond = np.maximum(self._lower[:, None] - joints, joints - self._upper[:, None])
@@ -145,7 +146,8 @@ class GuardedLink(Link):
         return ""
 
     def _too_fast(self, joints: Array) -> str:
-        """What is wrong with going from one of joints (n, T) to the next in a control period each."""
+        """The speed limit that is violated by moving from one of the joint positions (n, T) to the next in one control
+        period."""
         _, places = self._kinematics.forward(joints)
         longest = float(np.sqrt((np.diff(places, axis=1) ** 2).sum(axis=0)).max(initial=0.0))
         if longest <= self._step:
@@ -164,5 +166,5 @@ class GuardedLink(Link):
             raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="force")
 
     def _rest(self) -> None:
-        """Decelerate within the joints' limits from where the last two targets were going."""
+        """Decelerate within the joints' limits from the velocity of the last two targets."""
         self.halt(stopping(self._kinematics, self._before, self._last, self.control_period))

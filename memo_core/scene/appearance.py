@@ -1,6 +1,5 @@
-"""What things look like, in words: colours by name from the colours of a scene description, and materials.
-
-Masses, frictions and joints have no words here: what is said is what a person sees.
+"""The appearance of objects in words: names of the colours in a scene description, and materials. Only what a person
+can see is described, so masses, frictions and joints are not.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ _NAMED = {
 def appearance(body: Body, part: Part | None = None) -> tuple[str, ...]:
     """Colours and material of a body without its parts, or of one of its parts: ``("white", "porcelain")``.
 
-    Of the colours of its geoms those are named that make up most of the surface: one, and a second with a fair share
-    (``SECOND_COLOUR``). To a part belong the geoms with their middle in its box; a part without any looks like its
+    The colours named are those that cover most of the surface: one, and a second one with a sufficient share
+    (``SECOND_COLOUR``). The geoms of a part are those whose centre is in its box; a part without any looks like its
     body.
     """
     geoms = [(geom, pose) for geom, pose in _geoms(body, Pose())]
@@ -64,8 +63,8 @@ def colours(geoms: Iterable[Geom]) -> tuple[str, ...]:
 
 
 def colour_name(colour: Colour | tuple[float, float, float]) -> str:
-    """The everyday word for an sRGB colour (0 to 1; opacity is not looked at): of the nearest sample in OKLab, where
-    lightness counts ``LIGHTNESS_WEIGHT``."""
+    """The everyday word for an sRGB colour (0 to 1; opacity is ignored): that of the nearest sample in OKLab, with
+    lightness weighted by ``LIGHTNESS_WEIGHT``."""
     seen = _perceived(colour[:3])
     return min(_SAMPLES, key=lambda sample: math.dist(seen, sample[1]))[0]
 
@@ -101,7 +100,7 @@ _SAMPLES = tuple(
 
 
 def _geoms(body: Body, pose: Pose) -> Iterator[tuple[Geom, Pose]]:
-    """Of a body and of what is attached to it without a name of its own, posed in the body's frame (joints at 0)."""
+    """The geoms of a body and of unlabelled bodies attached to it, posed in the body's frame (joints at 0)."""
     for geom in body.geoms:
         yield geom, pose * geom.pose
     for child in body.bodies:
@@ -115,7 +114,8 @@ def _within(part: Part, point: tuple[float, float, float]) -> bool:
 
 
 def _surface(geom: Geom) -> float:
-    """Its surface (m2). That of a mesh is in a file: it counts as 1 m2, more than the primitives beside it."""
+    """Surface area (m2). A mesh counts as 1 m2, more than the primitives beside it, because its area is only in its
+    file."""
     if geom.shape == "mesh":
         return 1.0
     if geom.shape == "box":

@@ -16,8 +16,9 @@ _SIZES = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "mesh": 1}
 
 
 def check_scene(scene: SceneDescription) -> None:
-    """Raise ``InvalidArgument`` naming what cannot be built: names that are not unique (``robot/`` and ``floor`` are
-    taken), bodies that cannot move as they say, joints without an axis or range, sizes that do not fit their shape."""
+    """Raise ``InvalidArgument`` for a scene that cannot be built: names that are not unique (``robot/`` and ``floor``
+    are reserved), bodies whose joint cannot work, joints without an axis or range, sizes that do not fit their
+    shape."""
     _check_names(scene)
     for body, parent in scene.walk():
         where = f"scene body {body.name!r}"
@@ -77,7 +78,7 @@ def check_size(geom: Geom, where: str) -> None:
 
 
 def default_table(height: float) -> Body:
-    """The table that every scene stands on unless it brings a body called ``table``: top 1.6 x 1.6 m at ``height``."""
+    """The table of every scene that has no body called ``table``: top 1.6 x 1.6 m at ``height``."""
     legs = FLOOR_DEPTH - 0.04
     grey = (0.55, 0.56, 0.58, 1.0)
     return Body(
@@ -97,8 +98,8 @@ def default_table(height: float) -> Body:
 def masses(body: Body, mesh_volume: Callable[[str], float]) -> tuple[float, ...]:
     """Mass of each geom (kg): stated ones as they are; the rest of the body's mass, or density 500 kg/m3, by volume.
 
-    Decoration (geoms that do not collide) weighs nothing unless it says so or there is nothing else. ``mesh_volume``
-    tells the volume (m3) that a mesh file encloses at scale 1.
+    Decoration (geoms that do not collide) has no mass unless one is stated or the body has no other geoms.
+    ``mesh_volume`` returns the volume (m3) that a mesh file encloses at scale 1.
     """
     volumes = [volume(geom, mesh_volume) if geom.mass is None and geom.collides else 0.0 for geom in body.geoms]
     if sum(volumes) == 0.0:
@@ -133,7 +134,8 @@ def volume(geom: Geom, mesh_volume: Callable[[str], float]) -> float:
 
 
 def joined_pairs(scene: SceneDescription) -> Iterator[tuple[str, str]]:
-    """Bodies on the two sides of a hinge or slide, with what is rigidly attached to either: these do not collide."""
+    """Pairs of bodies on the two sides of a hinge or slide, including bodies rigidly attached to either: these do not
+    collide."""
     group: dict[str, str] = {}
     joined: list[tuple[str, str]] = []
     for body, parent in scene.walk():

@@ -1,7 +1,7 @@
 """The scene description, from which every simulator builds; it has no simulator-specific terms.
 
 The world frame is the robot's base frame: x forward, y left, z up; metres, kilograms, radians, newtons. Boxes are given
-by their *full* extents. Nothing here is shown to a model or a participant: they see the scene graph.
+by their *full* extents. Models and teachers never see it; they see the scene graph.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ Colour = tuple[float, float, float, float]
 
 @attrs.frozen
 class Material:
-    """How a surface touches. The defaults are measured: parallel grippers hold small objects with them.
-
-    Where two surfaces meet, the larger friction of the two holds, sliding, torsional and rolling, and the larger number
-    of contact dimensions; the softer one decides how soft the contact is.
+    """Contact properties of a surface. The defaults are measured so that parallel grippers hold small objects. For two
+    surfaces in contact, the larger sliding, torsional and rolling friction applies, and the larger number of contact
+    dimensions; the softer surface determines the softness of the contact.
     """
 
     friction: float = 0.8  # sliding coefficient
@@ -53,7 +52,7 @@ class Geom:
 
 @attrs.frozen
 class Free:
-    """The body moves freely. ``damping`` (1/s) lets things that roll come to rest."""
+    """The body moves freely. ``damping`` (1/s) lets rolling objects come to rest."""
 
     damping: float = 0.0
 
@@ -116,7 +115,7 @@ class Part:
 
 @attrs.frozen
 class Cavity:
-    """The hollow inside of a body that things can be put into. A box in the body's frame.
+    """The hollow inside of a body, into which objects can be put. A box in the body's frame.
 
     ``opening``: outward direction of its open face, in the body's frame. ``door``: name of the joint that closes it;
     it counts as closed while that joint is within ``closed_within`` (rad or m) of its ``closed_at`` position.
@@ -137,9 +136,9 @@ class Cavity:
 class Body:
     """A rigid body, its joint to its parent (None: fixed), and the bodies attached to it.
 
-    ``label`` is what a person calls it; an empty label means it is not an object by itself (perception ignores it,
-    but not over its parts and children). Many small bodies that a person has one word for (marbles, salt) carry that
-    word as ``heap`` and no label: perception sees them as one thing, wherever most of them lie together.
+    ``label`` is what a person calls it; an empty label means it is not an object by itself (perception ignores it, but
+    not over its parts and children). Many small bodies with one common word (marbles, salt) have that word as ``heap``
+    and no label: perception reports them as one object where most of them lie together.
     """
 
     name: str
@@ -168,11 +167,11 @@ class Camera:
 
 @attrs.frozen
 class SceneDescription:
-    """All there is in a scene but the robot. ``table_height`` is the z of the table's top (m).
+    """Everything in a scene except the robot. ``table_height`` is the z of the table's top (m).
 
     Simulators add a solid floor 0.75 m below it and, unless a body is called ``table``, a table whose top (1.6 x 1.6 m,
-    x -0.35 to 1.25) is at that height. Bodies joined by a hinge or slide do not collide with each other (nor does what
-    is rigidly attached to either): the joint's range says how far they move.
+    x -0.35 to 1.25) is at that height. Bodies joined by a hinge or slide do not collide with each other (nor do bodies
+    that are rigidly attached to either); the joint's range limits their motion.
     """
 
     bodies: tuple[Body, ...]

@@ -1,4 +1,4 @@
-"""Scene graphs as JSON and back, without pictures. Numbers are kept to the last bit."""
+"""Scene graphs as JSON and back, without images. Numbers are preserved exactly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from memo_core.scene.pose import Pose
 
 
 def scene_record(scene: SceneGraph) -> dict[str, Any]:
-    """A scene graph as JSON can hold it."""
+    """A scene graph as JSON values."""
     seen = scene.observation
     return {
         "nodes": [cattrs.unstructure(node) for node in scene.nodes],
@@ -31,7 +31,7 @@ def scene_record(scene: SceneGraph) -> dict[str, Any]:
 
 
 def scene_of(record: dict[str, Any]) -> SceneGraph:
-    """What ``scene_record`` made. Raises ``KeyError``, ``TypeError``, ``ValueError``, ``BaseValidationError``."""
+    """The inverse of ``scene_record``. Raises ``KeyError``, ``TypeError``, ``ValueError``, ``BaseValidationError``."""
     observation = Observation(
         cattrs.structure(record["end_effector"], Pose), float(record["gripper_width"]), bool(record["holding"])
     )
@@ -46,11 +46,11 @@ def scene_of(record: dict[str, Any]) -> SceneGraph:
 
 
 def pack_scenes(scenes: Iterable[SceneGraph]) -> str:
-    """Many scene graphs as one text: scenes that follow each other are alike, so together they compress well."""
+    """Many scene graphs as one compressed text; consecutive scenes are similar, so they compress well together."""
     text = json.dumps([scene_record(scene) for scene in scenes])
     return base64.b85encode(zlib.compress(text.encode(), 1)).decode()
 
 
 def unpack_scenes(packed: str) -> tuple[SceneGraph, ...]:
-    """What ``pack_scenes`` made. Raises as ``scene_of``, and ``zlib.error``."""
+    """The inverse of ``pack_scenes``. Raises as ``scene_of``, and ``zlib.error``."""
     return tuple(scene_of(record) for record in parse_json(zlib.decompress(base64.b85decode(packed))))

@@ -1,7 +1,7 @@
 """Hollow bodies made of solid boxes, for any simulator: shells with one open side, trays, bars to hold.
 
-A hollow is built around its own frame: x is the depth (0 at the front, growing away from who stands before it), y runs
-to the left, z up from the bottom. Extents are given as (depth, width, height) along x, y, z, in metres.
+A hollow is built around its own frame: x is the depth (0 at the front, increasing away from a person in front of it), y
+points to the left, z up from the bottom. Extents are given as (depth, width, height) along x, y, z, in metres.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def cup(
 ) -> tuple[Geom, ...]:
     """Open at the top: a floor and ``sides`` upright boxes around a regular polygon of this inner apothem (m).
 
-    Its frame is in the middle of the floor's underside. Raises ``InvalidArgument`` when it has no inside.
+    Its frame is at the centre of the floor's underside. Raises ``InvalidArgument`` if it has no inside.
     """
     if sides < 3 or apothem <= 0 or height <= wall:
         given = f"apothem {apothem}, height {height}, {sides} sides"

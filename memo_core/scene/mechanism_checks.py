@@ -1,4 +1,4 @@
-"""Whether a scene's mechanisms can work: every name exists, every limit and number makes sense."""
+"""Checking that a scene's mechanisms can work: every name exists, and limits and numbers are consistent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from memo_core.scene.mechanisms import Above, AllOf, AnyOf, Below, Condition, La
 
 def check_mechanisms(scene: SceneDescription) -> dict[str, Hinge | Slide]:
     """The scene's hinge and slide joints by name. Raises ``InvalidArgument`` for the first mechanism that cannot work,
-    naming it and what would be right."""
+    naming it and what is expected."""
     joints = {body.joint.name: body.joint for body, _ in scene.walk() if isinstance(body.joint, (Hinge, Slide))}
     bodies = tuple(body.name for body, _ in scene.walk())
     locks = [one.name for one in scene.mechanisms if isinstance(one, Lock)]

@@ -1,7 +1,7 @@
 """The state machine that runs a scene's mechanisms, the same one in every simulator.
 
 ``Mechanisms`` reads the simulation through ``Reader`` and changes it only by limiting a joint's range and by changing a
-joint's spring (``Joints``). It is updated once a control tick. Its memory is JSON and belongs in every checkpoint.
+joint's spring (``Joints``). It is updated once per control tick. Its state is JSON and belongs to every checkpoint.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TIME_SLACK = 1e-9  # s; sums of time steps are not exact
 
 
 class Reader(Protocol):
-    """What is read of the world (``memo_core.interfaces.simulator.WorldState`` has it all)."""
+    """Read access to the simulation (``memo_core.interfaces.simulator.WorldState`` provides all of it)."""
 
     @property
     def time(self) -> float: ...
@@ -33,10 +33,10 @@ class Reader(Protocol):
 
 
 class Joints(Protocol):
-    """What is asked of a simulator. Both hold until changed and take effect with the next physics step."""
+    """Required methods of a simulator. Both settings hold until changed and take effect with the next physics step."""
 
     def limit_joint(self, joint: str, lower: float, upper: float) -> None:
-        """Keep the joint within these limits (rad or m; equal ones hold it), as firmly as within its own range."""
+        """Keep the joint within these limits (rad or m; equal limits hold it), as firmly as its own range."""
 
     def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
         """Pull the joint towards ``rest`` with this stiffness (Nm/rad or N/m) instead of any spring it had."""
@@ -46,9 +46,9 @@ class Joints(Protocol):
 
 
 class Mechanisms:
-    """The running mechanisms of a scene. Make one with the scene built at its start, call ``update`` after the last
-    physics step of every control tick, before the tick's listeners. Raises ``InvalidArgument`` for mechanisms that
-    name what the scene does not have."""
+    """The running mechanisms of a scene. Create it when the scene has been built, and call ``update`` after the last
+    physics step of every control tick, before the tick's listeners. Raises ``InvalidArgument`` for mechanisms with
+    names that the scene does not have."""
 
     def __init__(self, scene: SceneDescription, world: Reader, joints: Joints) -> None:
         self._joints = joints
@@ -76,7 +76,7 @@ class Mechanisms:
         return {bolt.lock.name: bolt.engaged for bolt in self._locks}
 
     def update(self) -> None:
-        """Evaluate the conditions and set or release locks and springs. Must be called once a control tick."""
+        """Evaluate the conditions and set or release locks and springs. Must be called once per control tick."""
         self._pressing.clear()
         changed: set[str] = set()
         for bolt in self._locks:
@@ -166,7 +166,7 @@ class _Bolt:
         self._again = None if lock.again is None else watch(lock.again)
 
     def turn(self, at: Callable[[str], float]) -> bool:
-        """Look at the condition that matters now; whether the lock was set or released."""
+        """Evaluate the condition that is relevant now. Returns whether the lock was set or released."""
         watch = self._until if self.engaged else self._again
         if watch is None or not watch.now():
             return False
@@ -212,19 +212,20 @@ class _Coil:
 
 
 class _Watch(ABC):
-    """A condition being watched. ``now`` is asked at most once a tick, and every tick while it matters."""
+    """A condition being monitored. ``now`` is evaluated at most once per tick, and every tick while the condition is
+    relevant."""
 
     @abstractmethod
     def now(self) -> bool: ...
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset."""
 
     def memory(self) -> Any:
         return None
 
     def recall(self, memory: Any) -> None:
-        """Take back what ``memory`` gave."""
+        """Restore the result of ``memory``."""
 
 
 class _Threshold(_Watch):

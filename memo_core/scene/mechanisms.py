@@ -1,7 +1,8 @@
 """Mechanisms as data: locks and springs on a scene's joints, and the conditions that set and release them.
 
-Part of the scene description. ``memo_core.scene.mechanism_state`` runs them; ``memo_core.scene.mechanism_checks`` says
-whether they fit the scene. Positions are those of hinge and slide joints (rad, m), forces N, times s of simulated time.
+Part of the scene description. ``memo_core.scene.mechanism_state`` runs them; ``memo_core.scene.mechanism_checks``
+checks that they fit the scene. Positions are those of hinge and slide joints (rad, m), forces N, times s of simulated
+time.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import attrs
 
 @attrs.frozen
 class Above:
-    """The joint's position is above ``value``; once it was, until it falls ``slack`` (rad or m) below that."""
+    """The joint's position is above ``value``; once true, it stays true until the position falls ``slack`` (rad or m)
+    below it."""
 
     joint: str
     value: float
@@ -24,7 +26,8 @@ class Above:
 
 @attrs.frozen
 class Below:
-    """The joint's position is below ``value``; once it was, until it rises ``slack`` (rad or m) above that."""
+    """The joint's position is below ``value``; once true, it stays true until the position rises ``slack`` (rad or m)
+    above it."""
 
     joint: str
     value: float
@@ -33,7 +36,7 @@ class Below:
 
 @attrs.frozen
 class Pressed:
-    """One of the robot's links presses on the body, or on what is attached to it, with at least ``force`` (N)."""
+    """One of the robot's links presses on the body, or on a body attached to it, with at least ``force`` (N)."""
 
     body: str
     force: float
@@ -48,7 +51,7 @@ class Locked:
 
 @attrs.frozen
 class Lasting:
-    """The condition has held for so many seconds without a break."""
+    """The condition has held for this many seconds without interruption."""
 
     condition: Condition
     seconds: float
@@ -56,8 +59,8 @@ class Lasting:
 
 @attrs.frozen
 class Times:
-    """The condition has become true so many times, the first not longer ago than ``within`` (s) when the last does.
-    What is true at the outset does not count: it must become so."""
+    """The condition has become true this many times within ``within`` (s). A condition that is true at the outset does
+    not count until it becomes true again."""
 
     condition: Condition
     count: int
@@ -89,7 +92,7 @@ class Lock:
     """While engaged it keeps a joint within ``holds`` (lower, upper; rad or m), inside the joint's own range.
 
     It is released when ``until`` holds (None: never) and engages when ``again`` holds (None: never), as soon as the
-    joint is within ``holds``. A condition counts and times from the moment on at which it begins to matter.
+    joint is within ``holds``. Counting and timing of a condition start when it becomes relevant.
     """
 
     name: str

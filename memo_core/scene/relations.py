@@ -28,14 +28,14 @@ def contains(space: Node, point: Sequence[float] | Array, margin: float = 0.005)
 
 
 def distance_to_box(node: Node, point: Sequence[float] | Array) -> float:
-    """Metres from a point (base frame) to a node's box; 0 inside."""
+    """Distance (m) from a point (base frame) to a node's box; 0 inside."""
     outside = np.abs(node.pose.inverse().apply(np.asarray(point, dtype=float))) - np.asarray(node.size) / 2
     return float(np.linalg.norm(np.maximum(outside, 0.0)))
 
 
 def lies_on(upper: Node, lower: Node) -> bool:
-    """Whether ``upper`` rests on ``lower``, over whose box its centre is: either its underside is at the other's top,
-    or the other is a dish and it lies in there, above its underside and sticking out over its rim."""
+    """Whether ``upper`` rests on ``lower``, with its centre above the box of ``lower``: its underside is at the top of
+    ``lower``, or ``lower`` is a dish and ``upper`` lies in it, above its underside and extending over its rim."""
     (low, high), (bottom, top) = lower.bounds(), (bound[2] for bound in upper.bounds())
     x, y, z = upper.pose.position
     if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
@@ -47,14 +47,14 @@ def lies_on(upper: Node, lower: Node) -> bool:
 
 
 def _underside(node: Node) -> float:
-    """Height (m) of a node's box straight below its middle. A corner of a tilted box may be lower, where a banana is
-    round."""
+    """Height (m) of the underside of a node's box directly below its centre. A corner of a tilted box may be lower
+    although the object (a banana, say) is round there."""
     upward = np.maximum(np.abs(node.pose.rotation[2]), 1e-9)
     return float(node.pose.position[2] - np.min(np.asarray(node.size) / 2 / upward))
 
 
 def gap(a: Node, b: Node) -> float:
-    """Horizontal distance (m) between the upright boxes of two nodes; 0 where they overlap from above."""
+    """Horizontal distance (m) between the upright boxes of two nodes; 0 if they overlap when seen from above."""
     (low_a, high_a), (low_b, high_b) = a.bounds(), b.bounds()
     apart = np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)
     return float(math.hypot(apart[0], apart[1]))
@@ -69,7 +69,7 @@ def side(a: Node, b: Node) -> str:
 
 
 def containment(nodes: Sequence[Node]) -> list[Relation]:
-    """``in`` relations: what lies in a visible inside is in the thing whose inside it is."""
+    """``in`` relations: an object in a visible inside is in the object to which the inside belongs."""
     found = []
     for thing in [*_things(nodes), *_heaps(nodes)]:
         spaces = [n for n in nodes if n.kind == "space" and n.part_of != thing.id and contains(n, thing.pose.position)]
@@ -82,8 +82,8 @@ def containment(nodes: Sequence[Node]) -> list[Relation]:
 def support(
     nodes: Sequence[Node], table_height: float, held: Collection[str] = (), inside: Iterable[Relation] = ()
 ) -> list[Relation]:
-    """``on`` relations between objects, fixtures and the table. What is held is on nothing; what is in something, by
-    the ``inside`` relations, is on nothing but what is in there with it."""
+    """``on`` relations between objects, fixtures and the table. A held object is on nothing; an object that is in
+    another, by the ``inside`` relations, can only be on objects that are in there with it."""
     holder = {relation.subject: relation.object for relation in inside}
     found = []
     for thing in [*_things(nodes), *_heaps(nodes)]:
@@ -107,9 +107,8 @@ def support(
 
 
 def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = ()) -> list[Relation]:
-    """How objects near each other are arranged, one relation a pair and ``next to`` for close ones.
-
-    ``apart_from``: pairs of ids already related (stacked, held, one in the other) of which nothing more is said.
+    """The arrangement of neighbouring objects: one relation per pair, and ``next to`` for close ones. ``apart_from``:
+    pairs of ids to skip because they are already related (stacked, held, one in the other).
     """
     skipped = {frozenset(pair) for pair in apart_from}
     things = _things(nodes)
@@ -127,7 +126,8 @@ def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = (
 
 
 def held_thing(nodes: Sequence[Node], tool_centre: Sequence[float] | Array) -> Node | None:
-    """What a gripper that feels something holds: the nearest object at the tool centre, else the nearest part."""
+    """The object held by a gripper whose fingers press on something: the nearest object at the tool centre, or else the
+    nearest part."""
     for kinds in (("object",), ("part",)):
         near = [(distance_to_box(n, tool_centre), math.prod(n.size), n.id, n) for n in nodes if n.kind in kinds]
         near = [item for item in near if item[0] <= HELD_M]
