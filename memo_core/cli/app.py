@@ -1,4 +1,4 @@
-"""The tree of commands. Only the module of the command that is run is imported; the help needs one line of each.
+"""The tree of commands. Only the module of the invoked command is imported; the help shows one line of each.
 
 A plugin adds a command with an entry point in the group ``memo.commands``.
 """
@@ -83,7 +83,7 @@ def _tree(typed: str) -> typer.Typer:
 
 def plugin_commands() -> list[EntryPoint]:
     """Commands of plugins: the entry points of the group ``memo.commands``, by name. Only metadata is read, so that
-    ``memo --help`` stays quick; of two with one name the first distribution's counts."""
+    ``memo --help`` stays fast; of two with the same name the first distribution's is used."""
     found = sorted(installed("memo.commands")[0], key=lambda point: (point.name, point.value))
     return list({point.name: point for point in reversed(found)}.values())[::-1]
 
@@ -110,7 +110,7 @@ def _load(point: EntryPoint) -> typer.Typer:
 
 
 def _untyped() -> None:
-    """Stands in for a command that was not typed; it is listed, never called."""
+    """Placeholder for a command that was not invoked; it is listed, never called."""
 
 
 def _version(wanted: bool) -> None:

@@ -1,4 +1,4 @@
-"""``memo budget``: what the runs that share a ledger have spent on language models."""
+"""``memo budget``: spending on language models of the runs that share a ledger."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def command(
     ledger: Annotated[Path, typer.Argument(metavar="LEDGER", help="The file that run.study_ledger names.")],
     json: Json = False,
 ) -> None:
-    """Say what the runs that share a ledger have spent: calls, tokens and dollars, by run and together.
+    """Show what the runs that share a ledger have spent: calls, tokens and dollars, per run and in total.
 
-    Calls without a recorded end are "unfinished": of runs that are still going on, or were killed.
-    Their questions' tokens are estimates.
+    Calls without a recorded end are "unfinished": their run is still going on or was killed. Their prompt tokens are
+    estimates.
     """
     from memo_core.llm.ledger import read_ledger
 

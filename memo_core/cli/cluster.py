@@ -45,8 +45,8 @@ def command(
 ) -> None:
     """Condense what people taught into fewer notes without losing content.
 
-    All corrections under one key, and the general statements, are put to a language model with the templates related to
-    them. Each cluster is stored by itself; stopped at any time, the book is valid, and the next call goes on.
+    A language model gets all corrections under one key, or the general statements, with the templates related to them.
+    Each cluster is stored separately; if the command is stopped, the book is valid and the next call continues.
     """
     if watch and (dry_run or all_):
         raise InvalidArgument("--watch", "beside --dry-run or --all", "one of them")
@@ -75,7 +75,7 @@ def command(
 
 @attrs.define
 class _Once:
-    """One pass over the book. What was done before an error or Ctrl-C is stored, and reported."""
+    """One pass over the book. Clusters finished before an error or Ctrl-C are stored and reported."""
 
     book: Skillbook
     clustering: Clustering
@@ -160,7 +160,7 @@ class _Once:
 
 
 def print_outcome(outcome: Outcome) -> None:
-    """A cluster's changes as a diff: what goes, why, and what is there instead. What stays is counted."""
+    """A cluster's changes as a diff: removed entries, why, and their replacements. Unchanged entries are counted."""
     from rich.text import Text
 
     shown = console(width=None if sys.stdout.isatty() else 400, highlight=False)

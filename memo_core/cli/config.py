@@ -21,7 +21,7 @@ OptionalFile = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The
 
 @app.command()
 def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
-    """Report every mistake in an experiment file. Exit code 0 or 2."""
+    """Report all errors in an experiment file. Exit code 0 or 2."""
     from memo_core.config import ConfigErrors
 
     try:
@@ -40,7 +40,7 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
 
 @app.command()
 def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Print every value of the resolved experiment and where it is from: file and line, --set, or default."""
+    """Print every value of the resolved experiment and its origin: file and line, --set, or default."""
     _, experiment = load(one_file(file, config), overrides)
     if json:
         shown = [
@@ -61,7 +61,7 @@ def schema() -> None:
 
 
 def _check_task(experiment: Experiment) -> None:
-    """Raise ``ConfigErrors`` where the task is none of the suite's."""
+    """Raise ``ConfigErrors`` if the task is not in the suite."""
     from memo_core.config import ConfigErrors
     from memo_core.config.errors import Issue
     from memo_core.errors import UnknownName

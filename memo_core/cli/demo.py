@@ -1,4 +1,4 @@
-"""``memo demo``: teach the simulated arm once and watch the lesson carry over."""
+"""``memo demo``: teach the simulated arm once and test whether the lesson transfers."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def command(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Teach the simulated arm once by language and watch the lesson carry over to a task nobody corrected.
-
-    Four runs: without memory; taught; another task with an empty book; the same with the book of the lesson. Says what
-    happened, whatever happened, and writes videos and a page with pictures. Exit code 0 when all four runs took place.
+    """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never
+    corrected. Four runs: without memory; taught; another task with an empty book; the same with the book from the
+    lesson. Reports what happened, whatever the outcome, and writes videos and a page with images. Exit code 0 when all
+    four runs took place.
     """
     from memo_core.runs.demo import run_demo
     from memo_core.runs.narration import Narrator

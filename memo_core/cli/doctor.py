@@ -1,4 +1,4 @@
-"""``memo doctor``: checks what works on this machine, and how to make the rest work."""
+"""``memo doctor``: checks what works on this machine, and says how to make the rest work."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def command(
     quick: Annotated[bool, typer.Option("--quick", help="Look only; open no simulator and no embedder.")] = False,
     json: Json = False,
 ) -> None:
-    """Say what works on this machine, and what would make the rest work. Exit code 1 when something is missing."""
+    """Check what works on this machine, and say how to make the rest work. Exit code 1 when something is missing."""
     from memo_core.plugins import Registry
 
     findings = []
@@ -170,7 +170,7 @@ def _try_embedder(registry: Registry) -> str:
 
 
 def _simulator(registry: Registry) -> Iterator[Finding]:
-    """Physics and pictures are tried apart: a machine without GL libraries simulates all the same."""
+    """Physics and rendering are tested separately, since a machine without GL libraries can still simulate."""
     from memo_core.testing.simulator_scenes import check_robot, check_scene
 
     try:

@@ -1,4 +1,4 @@
-"""``memo exec``: a file of robot code, in the sandbox, in a task's scene: to try out skills, and for outside checks."""
+"""``memo exec``: run a file of robot code in the sandbox in a task's scene, to try out skills."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @attrs.define(auto_exc=True, eq=False)
 class CodeEnded(MemoError):
-    """Robot code that did not run to its end; ``problem`` is the sandbox's line."""
+    """Robot code that did not run to its end; ``problem`` is the sandbox's error."""
 
     file: str
     problem: str
@@ -45,7 +45,7 @@ def command(
 ) -> None:
     """Run a file of robot code in a task's scene, in the sandbox.
 
-    Exit code 0 only when the code ran to its end. What it prints goes to stdout, a refusal or an error to stderr.
+    Exit code 0 only when the code ran to its end. Its output goes to stdout, a refusal or an error to stderr.
     """
     code = _read(file)
     _, experiment = load(config, overrides, task, seed)

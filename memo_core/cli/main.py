@@ -1,7 +1,7 @@
 """``memo``: the entry point. Expected errors and Ctrl-C end in one clear line on stderr, never in a traceback.
 
-Even importing the command line happens inside the guard: Ctrl-C a tenth of a second after Enter is no traceback either.
-So this module imports next to nothing before ``main`` has taken over the signals.
+This includes importing the command line, so that Ctrl-C directly after Enter causes no traceback either. Therefore this
+module imports almost nothing before ``main`` has installed the signal handlers.
 """
 
 from __future__ import annotations

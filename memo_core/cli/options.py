@@ -1,4 +1,4 @@
-"""Options that several commands share, so that they are spelt and explained alike."""
+"""Options that several commands share, with one spelling and one help text."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def one_file(file: Path | None, config: Path | None) -> Path | None:
 
 
 def load_registry() -> Registry:
-    """The installed plugins; problems with any are reported on stderr."""
+    """The installed plugins; their problems are reported on stderr."""
     from memo_core.cli.output import note
     from memo_core.plugins import Registry
 
@@ -49,7 +49,7 @@ def load_registry() -> Registry:
 def load(
     config: Path | None, overrides: list[str] | None, task: str | None = None, seed: int | None = None
 ) -> tuple[Registry, Experiment]:
-    """Plugins and the checked experiment; notices for its author go to stderr. Raises ``ConfigErrors``."""
+    """The plugins and the checked experiment; notices for its author go to stderr. Raises ``ConfigErrors``."""
     from memo_core.cli.output import note
     from memo_core.config import load_experiment
     from memo_core.runs.sections import SECTIONS

@@ -22,7 +22,7 @@ def print_json(value: Any) -> None:
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """A table for people; no borders, so that it can be cut and grepped."""
+    """A table for people, without borders, so that it can be processed with cut and grep."""
     from rich import box
     from rich.table import Table
     from rich.text import Text

@@ -1,4 +1,4 @@
-"""Pictures of tasks for ``memo tasks pictures``: at the start, and where the reference solution ends."""
+"""Images of tasks for ``memo tasks pictures``: at the start and at the end of the reference solution."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ QUALITY = 85  # of the JPEG
 def draw(
     experiment: Any, tasks: Sequence[Task], folder: Path, seed: int, camera: str, width: int
 ) -> Iterator[dict[str, Any]]:
-    """Draw one task after the other; yields what was written and how the reference solution fared. Raises
-    ``BackendUnavailable`` where nothing can draw, ``InvalidArgument`` where nothing can be written."""
+    """Render one task after the other; yields the files written and the outcome of the reference solution. Raises
+    ``BackendUnavailable`` if rendering is not possible, ``InvalidArgument`` if the files cannot be written."""
     from memo_core.environment.task_verification import run_code
     from memo_core.runs.factories import environment_of, sandbox_of
 

@@ -20,7 +20,7 @@ app = typer.Typer(help="Plugins and their backends.")
 
 @app.command("list")
 def list_plugins(json: Json = False) -> None:
-    """List plugins, their backends, and what is wrong with any."""
+    """List plugins, their backends, and their problems."""
     from memo_core.interfaces.backend import KINDS
     from memo_core.plugins import Registry
 
@@ -78,9 +78,9 @@ def check(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run the conformance suite of a backend's kind on it. Exit code 0 when it keeps every rule, else 1.
+    """Run the conformance suite of its kind on a backend. Exit code 0 when it passes every rule, else 1.
 
-    Robots are also tried in the default simulator. What is wrong comes first, a line a cause.
+    Robots are also tested in the default simulator. Problems are listed first, one line per cause.
     """
     from memo_core.plugins import Registry
     from memo_core.testing.plugins import check_backend, find_backends

@@ -16,7 +16,7 @@ app = typer.Typer(help="Prompts.")
 
 @app.command("list")
 def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """List the prompts in use: version, digest, and the file where one stands in for the built-in text."""
+    """List the prompts in use: version, digest, and the file if one replaces the built-in text."""
     from memo_core.llm.prompt_files import PLACEHOLDERS
 
     texts = _texts(config, overrides)
@@ -36,7 +36,8 @@ def show(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Print a phase's prompt with its placeholders; `skills` is the documentation of the skills that goes into one."""
+    """Print a phase's prompt with its placeholders; `skills` prints the documentation of the skills that is
+    inserted."""
     from memo_core.llm.prompt_files import PLACEHOLDERS
     from memo_core.runs.factories import library_of
     from memo_core.skills.contract import documentation
@@ -65,7 +66,7 @@ def export(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Copy the prompts to a folder, to be changed there and named in a config as `prompts: {folder: …}`."""
+    """Copy the prompts to a folder, to edit them there and use them with `prompts: {folder: …}` in a config."""
     from memo_core.errors import InvalidArgument
     from memo_core.llm.prompt_files import SUFFIX
 

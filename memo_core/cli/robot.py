@@ -1,4 +1,4 @@
-"""``memo robot``: look at a real robot, move it slowly by command, and take it out of an error. No safety function."""
+"""``memo robot``: check a real robot, move it slowly by command, and clear its errors. Not a safety function."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")]
 
 @app.command()
 def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Look at the computer and the robot, and say what keeps it from moving. Nothing moves. Exit code 1 if anything."""
+    """Check the computer and the robot, and say what prevents it from moving. Nothing moves. Exit code 1 if anything
+    does."""
     from memo_core.environment.robot_check import examine_host, examine_robot
 
     experiment = _hardware(config, overrides)
@@ -42,7 +43,8 @@ def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 
 @app.command()
 def home(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
-    """Move slowly to the home posture, straight through the joints. Nothing is looked at: keep the way free."""
+    """Move slowly to the home configuration, in a straight line in joint space. No perception is used: keep the path
+    free."""
     with _link(_hardware(config, overrides)) as link:
         _confirmed("The arm moves to its home posture, straight through its joints and past no obstacle.", yes)
         _move(link, lambda: np.array(link.description.home))
@@ -56,7 +58,7 @@ def jog(
     overrides: Overrides = None,
     yes: Yes = False,
 ) -> None:
-    """Turn one joint slowly. Nothing is looked at: keep the way free."""
+    """Turn one joint slowly. No perception is used: keep the path free."""
     experiment = _hardware(config, overrides)
     count = len(experiment.create("robot").joints)
     if joint > count:
@@ -70,7 +72,7 @@ def jog(
 
 @app.command()
 def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
-    """Take the robot out of an error, such as a reflex, after somebody has looked. Nothing moves."""
+    """Clear an error of the robot, such as a reflex, after a person has inspected it. Nothing moves."""
     from memo_core.environment.lease import Lease
 
     experiment = _hardware(config, overrides)
@@ -90,7 +92,7 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
 
 
 def _hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
-    """Raises ``BackendUnavailable`` where the experiment's robot is simulated."""
+    """Raises ``BackendUnavailable`` if the experiment's robot is simulated."""
     _, experiment = load(config, overrides)
     if experiment.create("robot_driver").simulated:
         remedy = "robot.driver=… in the experiment, or --set"

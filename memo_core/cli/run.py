@@ -1,4 +1,4 @@
-"""``memo run``: do a task, listen, remember."""
+"""``memo run``: perform a task and learn from what people say about it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def command(
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
     json: Json = False,
 ) -> None:
-    """Run a task: plan, write code, move, listen, remember.
+    """Run a task: plan, write code, execute it, and learn from feedback.
 
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
@@ -89,7 +89,7 @@ def command(
 
 
 def _warn_of_reach(experiment: Experiment) -> None:
-    """One line where the task is known to be beyond the language backend."""
+    """Warn in one line if the language backend is known to fail at the task."""
     from memo_core.llm.measured import measured_of
 
     backend = experiment.choice("llm").backend

@@ -1,6 +1,6 @@
 """Stops of a command: Ctrl-C, SIGTERM, and SIGHUP of a terminal that was closed.
 
-Imported before anything else, since signals are answered from then on: it imports little itself.
+Imported before anything else, because signals are handled from then on; so it imports little itself.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 
 @contextmanager
 def stopping() -> Iterator[StopSwitch]:
-    """A switch that a signal presses: what is being written is finished first. A second one is an ``Interrupt``."""
+    """A switch that a signal presses, so that a write in progress is finished first. A second signal raises
+    ``Interrupt``."""
     from memo_core.stop_switch import StopSwitch
 
     stop, interrupt = StopSwitch(), Interrupt()
@@ -38,8 +39,8 @@ def stopping() -> Iterator[StopSwitch]:
 
 
 class Interrupt:
-    """A signal handler: the first signal takes the command back to its beginning, through every clean-up on the way,
-    which a second one does not cut short; a third leaves at once."""
+    """A signal handler: the first signal unwinds the command through all its clean-up, which a second one does not
+    interrupt; a third exits at once."""
 
     def __init__(self) -> None:
         self._signals = 0
@@ -55,7 +56,7 @@ class Interrupt:
             os._exit(INTERRUPTED)
 
     def over(self) -> None:
-        """The command has ended: a signal has nothing to take back any more."""
+        """The command has ended, so a signal has nothing left to interrupt."""
         self._over = True
 
 
@@ -67,7 +68,7 @@ def ignore() -> None:
 
 @contextmanager
 def handling(handler: Callable[..., None]) -> Iterator[None]:
-    """``handler`` for all signals that stop a command; elsewhere than in the main thread they stay whose they are."""
+    """Install ``handler`` for all signals that stop a command; outside the main thread nothing is changed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

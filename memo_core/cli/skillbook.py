@@ -50,7 +50,7 @@ def list_entries(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """List entries in the order they were stored, and what people said that no entry was made of yet."""
+    """List entries in the order in which they were stored, and feedback from which no entry was made yet."""
     if kind is not None and kind not in KINDS:
         raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
     with _reading(book, config, overrides) as opened:
@@ -74,7 +74,7 @@ def show(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Show one entry and the words it was made from."""
+    """Show one entry and the feedback it was made from."""
     with _reading(book, config, overrides) as opened:
         found = opened.entry(entry)
         origins = [opened.feedback(source) for source in opened.sources([entry])]
@@ -101,7 +101,7 @@ def search(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Find entries: by what a subtask would be served and why, or by the similarity of their texts."""
+    """Find entries: those that would be retrieved for a subtask and why, or those with the most similar text."""
     from memo_core.runs.factories import book_of
 
     with book_of(load(config, overrides)[1], book, read_only=True) as opened:
@@ -150,7 +150,7 @@ def export(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Write everything in the book but its vectors: one JSON object a line, first the book, then what is in it."""
+    """Write everything in the book except its vectors: one JSON object per line, first the book, then its contents."""
     with _reading(book, config, overrides) as opened:
         lines = (json_text.dumps(record, ensure_ascii=False) + "\n" for record in opened.export())
         if out is None:
@@ -218,7 +218,7 @@ def forget(
 
 @app.command()
 def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Give the book to the experiment's embedder: all vectors are made anew."""
+    """Switch the book to the experiment's embedder: all vectors are computed again."""
     from memo_core.skillbook.reembedding import reembed as embed_anew
 
     _, experiment = load(config, overrides)

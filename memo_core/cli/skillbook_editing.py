@@ -38,7 +38,7 @@ def edit(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Put another text in place of an entry's. What it said before stays in the history."""
+    """Replace an entry's text. The previous text stays in the history."""
     wanted = _text(text, file)
     with opened_book(book, config, overrides) as opened:
         new = opened.edit(entry, wanted, _name(who))
@@ -58,7 +58,7 @@ def remove(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Take an entry out of what is served. It stays in the history; words are removed for good by forget."""
+    """Stop retrieving an entry. It stays in the history; only `forget` deletes words permanently."""
     with opened_book(book, config, overrides) as opened:
         revision = opened.remove(entry, _name(who))
     if json:

@@ -38,7 +38,7 @@ def history(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """List what changed, revision by revision; of a key also its entries and the versions of its template."""
+    """List the changes, revision by revision; for a key also its entries and the versions of its template."""
     with _opened(book, config, overrides, read_only=True) as opened:
         revisions = opened.history(key, last)
         versions = opened.versions(key) if key is not None else []
@@ -78,7 +78,7 @@ def diff(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Show which entries a revision took out and brought in, or the difference between two states of the book."""
+    """Show which entries a revision removed and added, or the difference between two states of the book."""
     with _opened(book, config, overrides, read_only=True) as opened:
         found = opened.difference(revision, other)
         if json:
@@ -100,7 +100,7 @@ def rollback(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Take back one revision: what it brought in goes, what it took out is there again. Can be rolled back itself."""
+    """Undo one revision: the entries it added are removed, those it removed are restored. Can be rolled back itself."""
     with _opened(book, config, overrides, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
     with _opened(book, config, overrides, read_only=False) as opened:
@@ -119,7 +119,7 @@ def why(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Explain what a subtask is served: each term of each score, the order, and what was cut by which rule."""
+    """Explain what is retrieved for a subtask: each term of each score, the order, and what was cut by which rule."""
     from memo_core.runs.factories import book_of
 
     with book_of(load(config, overrides)[1], book, read_only=True) as opened:
@@ -170,9 +170,8 @@ def retry(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Ask the model once more about words that were set aside, or that nobody was asked about yet.
-
-    Exit code 1 when the model could not be asked.
+    """Ask the model again about feedback that was set aside or is still pending. Exit code 1 when the model could not
+    be asked.
     """
     from memo_core.policy.feedback_processing import Noted, Noting, asking_without_a_run
     from memo_core.policy.feedback_processing import retry as ask_again

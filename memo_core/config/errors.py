@@ -1,4 +1,4 @@
-"""Mistakes in experiment files. All of them are collected and reported at once."""
+"""Errors in experiment files. All of them are collected and reported at once."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _bounded(text: str) -> str:
 
 @attrs.frozen
 class Issue:
-    """One mistake. ``path`` is dotted from the top of the file, empty where the whole file is meant."""
+    """One error. ``path`` is the dotted path from the top of the file, empty for the whole file."""
 
     origin: Origin
     path: str = attrs.field(converter=_bounded)
@@ -48,7 +48,7 @@ class Issue:
 
 @attrs.define(auto_exc=True, eq=False)
 class ConfigErrors(MemoError):
-    """Everything that is wrong with an experiment, one line each in ``str``."""
+    """All errors of an experiment, one line each in ``str``."""
 
     issues: tuple[Issue, ...]
 

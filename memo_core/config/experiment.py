@@ -38,8 +38,8 @@ class Choice:
     settings: Any
 
     def create(self) -> Any:
-        """What the backend's factory makes of the settings; nothing is opened. Raises ``BackendUnavailable`` where a
-        module it needs is not installed."""
+        """Call the backend's factory with the settings; nothing is opened. Raises ``BackendUnavailable`` if a module it
+        needs is not installed."""
         needs = attrs.evolve(self.backend.needs, keys=())
         missing = missing_needs(needs)
         if missing:
@@ -66,8 +66,8 @@ class ShownValue:
 
 @attrs.frozen(eq=False)
 class Experiment:
-    """A checked experiment. ``choices`` by kind (``skills`` apart, as there may be several), ``sections`` by name,
-    ``values`` for people and records: without secrets."""
+    """A checked experiment. ``choices`` by kind (``skills`` separately, as there may be several), ``sections`` by name,
+    ``values`` without secrets, for display and records."""
 
     task: str | None
     seed: int
@@ -79,7 +79,7 @@ class Experiment:
     notices: tuple[str, ...] = ()  # what the author of the file should know though it works, one sentence each
 
     def choice(self, kind: str) -> Choice:
-        """The backend of a kind. Raises ``NoDefaultBackend`` where neither the file nor the plugins settle it."""
+        """The backend of a kind. Raises ``NoDefaultBackend`` if neither the file nor the plugins determine it."""
         if kind in self.choices:
             return self.choices[kind]
         raise self.undecided.get(kind) or UnknownName("kind of backend", kind, (*SINGLE_KINDS, *DRIVERS))
@@ -89,7 +89,7 @@ class Experiment:
         return self.choice(kind).create()
 
     def section(self, name: str) -> Any:
-        """The settings of a section that is no backend's. Raises ``UnknownName``."""
+        """The settings of a section that belongs to no backend. Raises ``UnknownName``."""
         if name not in self.sections:
             raise UnknownName("section", name, tuple(self.sections))
         return self.sections[name]
@@ -110,7 +110,7 @@ def load_experiment(
     """Read and check an experiment; without a file, the defaults of the installed plugins.
 
     ``sections`` are the rooms' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
-    and win over the file. Raises ``ConfigErrors`` with everything that is wrong.
+    and take precedence over the file. Raises ``ConfigErrors`` with all errors.
     """
     typed = {"task": task, "seed": seed}
     given = [f"{name}={json.dumps(value)}" for name, value in typed.items() if value is not None]
@@ -212,7 +212,7 @@ class _Assembly:
             self._show_choice(choice, ("robot", key), ("robot",) if own else None)
 
     def _keys_of_driver(self, robot: dict[str, Any]) -> dict[str, Any]:
-        """What stands beside ``driver: NAME`` in the robot's section and is a setting of that driver, not of the robot:
+        """Keys beside ``driver: NAME`` in the robot's section that are settings of the driver, not of the robot:
         ``robot: {backend: fr3, driver: franka, address: …}``."""
         try:
             driver = self._registry.get("robot_driver", robot["driver"])
@@ -245,7 +245,7 @@ class _Assembly:
         return choice
 
     def _inner(self, kind: str, value: Any, path: Path_, optional: bool = False) -> Choice | None:
-        """The backend that another one's setting names, as for a section of that kind."""
+        """The backend named in another backend's setting, checked like a section of that kind."""
         if value is None:
             return None
         values = {"backend": value} if isinstance(value, str) else value
@@ -308,7 +308,7 @@ class _Assembly:
         self._show(choice.settings, path, source)
 
     def _show(self, settings: Any, path: Path_, source: Path_ | None = None) -> None:
-        """``source``: where the values were written, if not at their path."""
+        """``source``: the path where the values were written, if it differs from theirs."""
         for field in attrs.fields(type(settings)):
             if not field.init or field.metadata.get("secret"):
                 continue
@@ -322,11 +322,11 @@ class _Assembly:
                 self._shown.append(ShownValue(dotted(here), self._public(written, value), self._origin(written)))
 
     def _origin(self, path: Path_) -> Origin:
-        """Of a value that is in a file, else ``default``: what surrounds a default is not where it is from."""
+        """Origin of a value in a file, otherwise ``default``; a default does not inherit the origin of its section."""
         return self._merged.origins.get(path) or Origin("default")
 
     def _public(self, path: Path_, value: Any) -> Any:
-        """The value as it was written where it was written, so that nothing from the environment is shown."""
+        """The value as written in the file, so that nothing from the environment is shown."""
         shown: Any = self._merged.shown
         for part in path:
             if not isinstance(shown, dict) or part not in shown:
@@ -336,7 +336,7 @@ class _Assembly:
 
 
 def plain(value: Any) -> Any:
-    """A settings value as JSON and YAML can hold it."""
+    """A settings value as JSON and YAML values."""
     if attrs.has(type(value)):
         return {key_of(f): plain(getattr(value, f.name)) for f in attrs.fields(type(value)) if f.init}
     if isinstance(value, Mapping):

@@ -1,6 +1,5 @@
-"""Validating plain values against attrs classes: all mistakes at once, each with its path, without silent conversion.
-
-A whole number is accepted where a number is wanted; text is never read as a number, nor a number as text.
+"""Validating plain values against attrs classes: all errors at once, each with its path, without silent conversion. A
+whole number is accepted as a float; text is never read as a number, nor a number as text.
 """
 
 from __future__ import annotations
@@ -29,7 +28,8 @@ class _Wrong(Exception):
 
 
 def field_types(cls: type) -> dict[str, Any]:
-    """The config keys of an attrs class and their types. Raises ``TypeError`` where an annotation has no meaning."""
+    """The config keys of an attrs class and their types. Raises ``TypeError`` for an annotation that is not
+    supported."""
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
     except NameError as error:
@@ -46,7 +46,7 @@ class Checker:
     """Checks the values of one merged experiment; ``issues`` grows with what is wrong."""
 
     def __init__(self, merged: Merged, known_secrets: dict[str, str]) -> None:
-        """``known_secrets`` are the environment's secrets, value to variable name: none may be spelt out in a file."""
+        """``known_secrets`` are the environment's secrets, value to variable name; none may be written in a file."""
         self._merged = merged
         self._secrets = {value: name for value, name in known_secrets.items() if len(value) >= 8}
         self.issues: list[Issue] = []
@@ -57,8 +57,8 @@ class Checker:
         self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
 
     def section(self, cls: type, values: Any, path: Path_, owner: str, secrets: tuple[str, ...] = ()) -> Any:
-        """An instance of ``cls`` from plain ``values``, or None when something is wrong. ``owner`` is how messages call
-        what the keys belong to; ``secrets`` names the environment variables that hold its secrets."""
+        """An instance of ``cls`` from plain ``values``, or None if there are errors. ``owner`` names the owner of the
+        keys in messages; ``secrets`` names the environment variables that hold its secrets."""
         if not isinstance(values, dict):
             self.wrong(path, f"{shown_value(values, str(path[-1]))} is not a section; expected keys of {owner}")
             return None
@@ -92,7 +92,7 @@ class Checker:
         return self._build(cls, arguments, path)
 
     def value(self, value: Any, wanted: Any, path: Path_) -> Any:
-        """``value`` as the type ``wanted``. Reports and raises when it does not fit."""
+        """``value`` as the type ``wanted``. Reports an error and raises if it does not fit."""
         if typing.get_origin(wanted) is Annotated:
             wanted = typing.get_args(wanted)[0]
         if isinstance(value, str):
@@ -240,7 +240,7 @@ class Checker:
             return None
 
     def _failed_validators(self, cls: type, arguments: dict[str, Any], path: Path_) -> bool:
-        """Run the validators one by one, so that all mistakes are reported."""
+        """Run the validators one by one, so that all errors are reported."""
         try:
             with attrs.validators.disabled():
                 instance = cls(**arguments)

@@ -1,7 +1,6 @@
-"""Merging the layers of an experiment: what a file extends, the file, ``--set``; then interpolation.
-
-Later layers win, mapping by mapping (OmegaConf); lists are replaced whole. A layer that names another backend for a
-section replaces that section: the keys of the backend below would not fit the new one.
+"""Merging the layers of an experiment (the extended files, the file, ``--set``) and then resolving interpolations.
+Later layers take precedence, mapping by mapping (OmegaConf); lists are replaced completely. A layer that names another
+backend for a section replaces that section, since the keys of the previous backend would not fit.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from memo_core.interfaces.backend import KINDS
 
 @attrs.define
 class Merged:
-    """All layers in one: resolved ``values``; ``shown`` are the same with the expression in place of whatever came
-    from the environment; where each is from; and what is wrong so far."""
+    """The merged layers: resolved ``values``; ``shown``, the same with the expression in place of values from the
+    environment; the origin of each value; and the errors so far."""
 
     values: dict[str, Any]
     shown: dict[str, Any]
@@ -32,7 +31,7 @@ class Merged:
     issues: list[Issue]
 
     def origin(self, path: Path_) -> Origin:
-        """Of the value itself or, for what is absent, of the nearest thing around it."""
+        """Origin of the value itself or, if it is absent, of the nearest enclosing section."""
         while path:
             if path in self.origins:
                 return self.origins[path]
@@ -41,7 +40,7 @@ class Merged:
 
 
 def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, Any] | None = None) -> Merged:
-    """Stack ``defaults`` of the top level, the preset that is named, what the file extends, the file, and ``--set``
+    """Merge ``defaults`` of the top level, the preset, the extended files, the file, and ``--set``
     (``run.attempts=2``)."""
     base = Source(dict(defaults or {}), {(name,): DEFAULT for name in defaults or {}})
     layers = [base, *(_with_bases(file, str(file), ()) if file is not None else [])]
@@ -68,7 +67,7 @@ def presets() -> tuple[str, ...]:
 
 
 def _preset(layers: Sequence[Source]) -> list[Source]:
-    """The layer of the preset that the highest layer names, below all that a file or ``--set`` says."""
+    """The layer of the preset named by the highest layer; files and ``--set`` take precedence over it."""
     naming = next((layer for layer in reversed(layers) if layer.values.get("preset") is not None), None)
     if naming is None:
         return []
@@ -81,7 +80,7 @@ def _preset(layers: Sequence[Source]) -> list[Source]:
 
 
 def preset_sections(section: str) -> dict[str, dict[str, Any]]:
-    """By name of a preset what it says of a section; ``retrieval: paper`` is short for that."""
+    """The values of a section in each preset, by the preset's name; ``retrieval: paper`` is short for them."""
     found = {name: _read_preset(name).values.get(section) for name in presets()}
     return {name: values for name, values in found.items() if isinstance(values, dict)}
 
@@ -166,8 +165,8 @@ def _paths(value: Any, path: Path_ = ()) -> Iterable[Path_]:
 
 
 def _normalise(layer: Source) -> list[Issue]:
-    """``llm: offline`` is short for ``llm: {backend: offline}``, ``retrieval: paper`` for what the preset ``paper``
-    says of that section; ``skills`` is always a list; an empty section has no keys."""
+    """``llm: offline`` is short for ``llm: {backend: offline}``, ``retrieval: paper`` for the values of that section in
+    the preset ``paper``; ``skills`` is always a list; an empty section has no keys."""
     issues = []
     for name in [name for name, value in layer.values.items() if isinstance(value, str) and name not in KINDS]:
         named = preset_sections(name)
@@ -219,7 +218,7 @@ def _skill_list(layer: Source, value: Any) -> Any:
 
 
 def _make_room(below: list[Source], layer: Source) -> None:
-    """Drop from the layers below what this one replaces as a whole."""
+    """Remove from the lower layers what this one replaces completely."""
     for kind, section in layer.values.items():
         replaced = kind == "skills"
         if kind in KINDS and isinstance(section, dict) and "backend" in section:

@@ -1,6 +1,5 @@
-"""Bounding the work of resolving references in a config, before any is followed.
-
-``a: ${b}${b}``, ``b: ${c}${c}`` and so on double with each line, and OmegaConf follows every one of them.
+"""Limiting the work of resolving references in a config, before any is followed. The work for ``a: ${b}${b}``, ``b:
+${c}${c}`` and so on doubles with each line, and OmegaConf follows every reference.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ _INNERMOST = re.compile(r"\$\{([^${}]*)\}")
 
 
 def too_entangled(raw: dict[Any, Any]) -> tuple[str | int, ...] | None:
-    """The path of a value that cannot be resolved with bounded work, None when there is none."""
+    """The path of a value that cannot be resolved with bounded work, None if there is none."""
     texts: dict[str, tuple[tuple[str | int, ...], str]] = {}
     _collect(raw, (), texts)
     computed = 0
@@ -43,7 +42,8 @@ def _collect(value: Any, path: tuple[str | int, ...], into: dict[str, tuple[tupl
 
 
 def _cost(name: str, texts: dict[str, Any], costs: dict[str, int], open_: set[str]) -> int:
-    """How many references resolving what stands at or below ``name`` follows; a circle is OmegaConf's to name."""
+    """The number of references followed to resolve the values at or below ``name``; circles are left to OmegaConf to
+    report."""
     if name in costs:
         return costs[name]
     if name in open_ or len(open_) > 200:

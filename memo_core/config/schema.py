@@ -97,7 +97,7 @@ _SIMPLE: dict[Any, dict[str, Any]] = {
 
 
 def _type(wanted: Any) -> dict[str, Any]:
-    """The schema of a type; what is no text may also be an interpolation such as ``${seed}``."""
+    """The schema of a type; any value may also be an interpolation such as ``${seed}``."""
     strict = _strict(wanted)
     if strict.get("type") == "string" or not strict:
         return strict

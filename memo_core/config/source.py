@@ -1,7 +1,7 @@
 """Reading YAML with the file and line of every value and without implicit conversions.
 
-The scalars are those of YAML 1.2: ``true``/``false`` are the only booleans (so ``no`` is a word), ``1e-3`` is a number,
-``010``, ``1:30`` and dates are text.
+The scalars are those of YAML 1.2: ``true``/``false`` are the only booleans (so ``no`` is a string), ``1e-3`` is a
+number, ``010``, ``1:30`` and dates are text.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_VALUES = 100_000  # in one file, those behind its aliases counted each time
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # no types are published
-    """Limits the number of nodes and the depth: aliases of aliases would grow without bound, and nesting is read
+    """Limits the number of nodes and the depth, because nested aliases grow without bound and nesting is read
     recursively."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
@@ -66,7 +66,7 @@ _Loader.add_implicit_resolver("tag:yaml.org,2002:merge", re.compile(r"^<<$"), ["
 
 @attrs.define
 class Source:
-    """One layer of an experiment: plain values, where each is from, and what could not be read."""
+    """One layer of an experiment: plain values, their origins, and errors."""
 
     values: dict[str, Any] = attrs.field(factory=dict)
     origins: dict[Path_, Origin] = attrs.field(factory=dict)
@@ -74,7 +74,7 @@ class Source:
 
 
 def read_file(file: Path, shown: str) -> Source:
-    """Read one file; ``shown`` is how messages call it. Does not raise: mistakes are in ``issues``."""
+    """Read one file; ``shown`` is its name in messages. Does not raise: errors are in ``issues``."""
     whole = Origin(shown)
     try:
         text = read_at_most(file, _MOST_BYTES).decode("utf-8")

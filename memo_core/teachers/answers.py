@@ -24,7 +24,7 @@ FILLING = {
 
 
 def meaning_of(words: str) -> Meaning:
-    """Of what was typed. ``unsure``: it begins with praise and says more than praise ("good, but lower")."""
+    """The meaning of a typed answer. ``unsure``: it begins with praise and says more than that ("good, but lower")."""
     plain = " ".join(words.lower().replace("’", "'").split())
     if not plain:
         return "empty"

@@ -1,7 +1,6 @@
-"""Assessing a subtask from what a person in the room saw, and what they would call wrong about it.
-
-Works from scene graphs over time alone: visible poses, boxes, relations and the hand. It knows no joint parameters, no
-success checks, no reference solutions and no code (a test asserts the imports).
+"""Assessing a subtask from what a person in the room saw: whether it looked done, and otherwise what they would say was
+wrong. It uses only scene graphs over time: visible poses, boxes, relations and the hand. It has no access to joint
+parameters, success checks, reference solutions or code (a test checks the imports).
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ FINE = Impression(True)
 
 
 def impression(episode: Episode) -> Impression:
-    """How the subtask looked from its start to its end, and to whoever heard what the robot said."""
+    """Assess the subtask from what was seen from its start to its end and from what the robot said aloud."""
     action, names = spoken_subtask(episode.subtask)
     seen = Seen(episode.before, episode.after, episode.sightings)
     blanks = {"object": names[0] if names else "it", "place": names[1] if len(names) > 1 else "place"}
@@ -119,8 +118,8 @@ def _assess(action: str, names: list[str], episode: Episode, seen: Seen) -> Impr
 
 
 def goal_impression(goal: tuple[str, ...], seen: Seen) -> Impression:
-    """How the whole task looks by its goal: the first condition that is visibly not met; not sure where there is no
-    goal, or where a condition cannot be told by looking."""
+    """Assess the whole task by its goal: the first condition that is visibly not met. Not sure without a goal, or if a
+    condition cannot be judged by looking."""
     conditions = [(sentence, read_goal(sentence)) for sentence in goal]
     told = [(condition, holds(condition, seen) if condition else None) for _, condition in conditions]
     for condition, so in told:
@@ -132,7 +131,7 @@ def goal_impression(goal: tuple[str, ...], seen: Seen) -> Impression:
 
 
 def plan_impression(proposal: Proposal) -> Impression:
-    """Whether a planned subtask reaches into something that is visibly closed; fine for all that nobody can tell."""
+    """Whether a planned subtask reaches into something that is visibly closed; fine if that cannot be seen."""
     action, names = spoken_subtask(proposal.subtask)
     seen = Seen(proposal.scene, proposal.scene)
     if action in PICKING | TAKING_OUT and names and not seen.ids(names[0]):
@@ -157,7 +156,7 @@ _UNMET = {
 
 
 def unmet(condition: Condition, seen: Seen) -> Impression:
-    """A condition of a goal that is visibly not met, as a cause with the names that people use."""
+    """A condition of the goal that is visibly not met, as a cause with everyday names."""
     blanks = {"object": failing(condition, seen), "place": condition.place or "place"}
     if condition.form == "wiped":
         blanks = {"object": condition.place, "place": blanks["object"]}
@@ -173,7 +172,7 @@ def _single(name: str, seen: Seen) -> Node | None:
 
 
 def _heard(spoken: str, names: list[str], seen: Seen) -> Impression | None:
-    """What somebody answers a robot that says aloud what went wrong: what it offers itself, or another way."""
+    """A person's answer to a robot that says aloud what went wrong: the alternative it suggests, or another one."""
     hidden = _HIDDEN.search(spoken)
     if hidden is not None and not seen.ids(hidden.group(1)):
         return _behind_a_door(hidden.group(1), seen)
@@ -192,7 +191,7 @@ def _heard(spoken: str, names: list[str], seen: Seen) -> Impression | None:
 
 
 def _behind_a_door(thing: str, seen: Seen) -> Impression | None:
-    """Of what nobody can see: where something is still closed, that is where it may be."""
+    """For an object that nobody can see: a closed container in which it may be."""
     for relation in seen.after.relations:
         node = visible.by_id(seen.after, relation.subject)
         if relation.predicate == "closed" and node is not None:
@@ -222,7 +221,7 @@ def _picked(name: str, seen: Seen) -> Impression:
 
 
 def _taken(names: list[str], seen: Seen) -> Impression:
-    """Taken out of or off something: held, or anywhere but there."""
+    """Whether an object was taken out of or off something: it is held, or elsewhere."""
     found = _picked(names[0], seen)
     node = seen.node(names[0])
     if found.fine or node is None:
@@ -282,7 +281,7 @@ def _moved(names: list[str], episode: Episode, seen: Seen) -> Impression:
 
 
 def _as_the_goal_wants(thing: Node, episode: Episode, seen: Seen) -> bool:
-    """Whether all that the goal says of where this thing is to be ("left of the plate") is so."""
+    """Whether all conditions of the goal on this object's position ("left of the plate") hold."""
     where = ("in", "on", "left-of", "right-of", "next-to")
     about = [
         condition
@@ -300,7 +299,7 @@ def _as_the_goal_wants(thing: Node, episode: Episode, seen: Seen) -> bool:
 
 
 def _operated(name: str, seen: Seen, forms: tuple[str, ...], cause: str) -> Impression:
-    """A knob, lever or button, or whatever has one."""
+    """Assess operating a knob, lever or button, or an object that has one."""
     node = seen.node(name)
     if node is None:
         return UNSURE
@@ -329,7 +328,7 @@ def _closed(name: str, seen: Seen) -> Impression:
 
 
 def _cap(name: str, seen: Seen) -> tuple[str, str] | None:
-    """Labels of a cap and of what it closes, by the name of either."""
+    """Labels of a cap and of the object that it closes, by the name of either."""
     node = seen.node(name)
     if node is None:
         return None
@@ -374,7 +373,7 @@ def _wiped(names: list[str], seen: Seen) -> Impression:
 
 
 def _grains_of(name: str, seen: Seen) -> list[str]:
-    """What is in a can or shaker, as far as anybody saw: it lay in there at first, or came to light later."""
+    """The grains of a can or shaker, as far as anybody saw them: they were in it at first or came out later."""
     if not name or seen.node(name) is None:
         return []
     heaps = {n.id: n.label for scene in seen.scenes() for n in scene.nodes if n.kind == "heap"}

@@ -23,7 +23,7 @@ STRAIGHT = 0.05  # largest sideways deviation over length of a path that looks s
 
 
 def assess_opening(seen: Seen, name: str) -> Impression:
-    """Of a thing's doors, drawers and lids: whether one came open, else what seemed wrong with how it was pulled."""
+    """Whether one of an object's doors, drawers and lids opened; otherwise what seemed wrong with how it was pulled."""
     movers = visible.movers(seen.before, name)
     if not movers:
         return Impression(False, "unclear", sure=False)
@@ -74,7 +74,8 @@ def _furthest(seen: Seen, mover: Node) -> tuple[float, float]:
 
 
 def _looks_like_door(mover: Node, handles: Sequence[Node]) -> bool:
-    """Anybody takes a panel with its handle near one edge for a door that swings, one in the middle for a drawer."""
+    """A panel with its handle near one edge looks like a door that swings, one with its handle in the middle like a
+    drawer."""
     local = mover.pose.inverse().apply(np.asarray(handles[0].pose.position))
     half = np.asarray(mover.size) / 2
     across = [abs(local[i]) / half[i] for i in range(3) if mover.size[i] > 0.08]
@@ -138,6 +139,6 @@ def _closed_on_nothing(seen: Seen) -> bool:
 
 
 def _handles(scene: SceneGraph, mover: Node) -> list[Node]:
-    """Small parts that hang on the door or drawer; what a hand would hold."""
+    """Small parts on the door or drawer, which a hand would grasp."""
     small = [n for n in scene.nodes if n.kind == "part" and n.part_of == mover.id]
     return small or [n for n in scene.nodes if n.kind == "part" and n.part_of == mover.part_of and n.id != mover.id]

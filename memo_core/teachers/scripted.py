@@ -24,7 +24,7 @@ class Line:
 
 @attrs.frozen
 class PlanLine:
-    """What is said, once, when a subtask that matches is about to begin."""
+    """A remark made once, when a matching subtask is about to begin."""
 
     subtask: str
     say: str
@@ -32,8 +32,8 @@ class PlanLine:
 
 @attrs.frozen
 class NoteLine:
-    """What is answered, once, when a note that matches ``note`` (such as ``*straight*``) is read back: ``reword`` says
-    it anew; empty strikes the note."""
+    """A reaction given once, when a note that matches ``note`` (such as ``*straight*``) is read back: ``reword`` is the
+    new text; empty strikes the note."""
 
     note: str
     reword: str = ""
@@ -60,7 +60,7 @@ class ScriptSettings:
 
 
 class ScriptedTeacher(Teacher):
-    """Follows its script; says nothing where no line matches, and accepts notes that no line is about."""
+    """Follows its script; silent if no line matches, and accepts notes that no line mentions."""
 
     simulated = True
 

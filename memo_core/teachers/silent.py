@@ -7,7 +7,7 @@ from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 
 
 class SilentTeacher(Teacher):
-    """Says nothing. A stop that somebody pressed all the same is answered by going on."""
+    """Says nothing. A stop that somebody presses nevertheless is answered by continuing."""
 
     simulated = True
 

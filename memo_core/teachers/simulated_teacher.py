@@ -149,7 +149,8 @@ class SimulatedTeacher(Teacher):
         return Verdict("correct", self._say(seen.cause, seen.blanks), seen.about_plan)
 
     def _drawn(self, share: float) -> bool:
-        """Whether a draw falls within a share; certainties draw nothing, so that they leave the other draws alone."""
+        """Whether a random draw falls within a share; shares of 0 and 1 draw nothing, so that they do not affect other
+        draws."""
         return share >= 1.0 or (share > 0.0 and self._rng.random() < share)
 
     def _another(self, cause: str) -> str:

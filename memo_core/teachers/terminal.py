@@ -92,7 +92,8 @@ class TerminalTeacher(Teacher):
         return attrs.evolve(verdict, about_plan=verdict.kind == "correct")
 
     def _verdict(self, question: str, hint: str, about: Sequence[str], recordings: Sequence[str] = ()) -> Verdict:
-        """Asks until there is an answer: empty asks again, ``?`` explains, praise that says more is asked back."""
+        """Asks until there is an answer: an empty line asks again, ``?`` explains, and praise that says more leads to a
+        further question."""
         asked = (*(f"  see {recording}" for recording in recordings), f"{question} [{hint}]")
         while True:
             typed = self._line.ask(*asked)
@@ -115,7 +116,7 @@ class TerminalTeacher(Teacher):
                     return Verdict("correct", told, planned)
 
     def _asked_back(self, words: str) -> Meaning:
-        """Whether praise that says more is approval all the same; "empty" at a loss, so that it is asked anew."""
+        """Whether praise that says more is an approval nevertheless; "empty" if unclear, so that it is asked again."""
         asked: tuple[str, ...] = (f'"{words}": is it fine as it is, or is something to be done differently?',)
         while True:
             typed = self._line.ask(*asked, "[y = it is fine, c = that was a correction]")
@@ -210,7 +211,7 @@ class TerminalTeacher(Teacher):
         return self._yes_or_no((asked,), "y = go on, n = no")
 
     def _yes_or_no(self, asked: tuple[str, ...], hint: str) -> bool:
-        """Asks until it is one of both; no at the end of input."""
+        """Asks until the answer is yes or no; no at the end of input."""
         while True:
             typed = self._line.ask(*asked, f"[{hint}]")
             asked = ()
@@ -246,7 +247,7 @@ def _place(node: Node) -> str:
 
 
 def _moved(episode: Episode) -> list[Node]:
-    """What stands elsewhere than before, as it stood."""
+    """Objects that have moved, with their previous poses."""
     now = {node.id: node for node in episode.after.nodes}
     moved = []
     for node in episode.before.nodes:

@@ -1,8 +1,8 @@
 """One answer typed at the terminal.
 
 At a terminal the line editor is prompt_toolkit's: a pasted text of several paragraphs is one answer (bracketed paste),
-and what was typed before the question was put is offered as a draft, never taken as the answer. Elsewhere (a pipe, a
-file) a line is an answer. The library is imported when the first terminal is opened.
+and text typed before the question was asked is offered as a draft, never taken as the answer. Without a terminal (a
+pipe, a file) each line is an answer. The library is imported when the first terminal is opened.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _ESCAPES = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
 
 
 class TypedLine:
-    """Reads answers from standard input, and shows what belongs to them on standard error."""
+    """Reads answers from standard input and shows prompts on standard error."""
 
     def __init__(self) -> None:
         self._session: Any = None
@@ -42,8 +42,8 @@ class TypedLine:
         return sys.stdin.isatty() and sys.stderr.isatty() and os.name == "posix"
 
     def ask(self, *question: str, prompt: str = "> ") -> str | None:
-        """Show the lines of a question and return what is typed from then on; None at the end of input. What was typed
-        before is a draft. Whatever a signal handler raises comes through."""
+        """Show the lines of a question and return what is typed from then on; None at the end of input. Text typed
+        before is a draft. Exceptions of signal handlers propagate."""
         draft = self._typed_ahead()  # before the question is shown: what comes after it is the answer, however soon
         print(*question, sep="\n", file=sys.stderr, flush=True)
         if self._session is None:
@@ -64,7 +64,7 @@ class TypedLine:
             raise
 
     def _typed_ahead(self) -> str:
-        """Takes what was typed since the last answer out of the terminal's buffer."""
+        """Removes from the terminal's buffer what was typed since the last answer, and returns it."""
         if os.name != "posix" or not sys.stdin.isatty():
             return ""
         import termios
@@ -87,7 +87,7 @@ class TypedLine:
 
 
 def _text(line: str) -> str:
-    """What was typed, as text that can be stored, also from a terminal that does not speak UTF-8."""
+    """The typed text in a form that can be stored, also from a terminal that does not use UTF-8."""
     try:
         line.encode()
     except UnicodeEncodeError:

@@ -1,6 +1,6 @@
 """Reading scene graphs over time: objects by everyday names, their motion, the hand.
 
-Only visible poses, boxes, relations and the hand are used here, as by everything that a simulated teacher does.
+Only visible poses, boxes, relations and the hand are used here, as everywhere in the simulated teacher.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ALONE = ("lonely", "loneliest", "single")
 
 @attrs.frozen(eq=False)
 class Seen:
-    """A stretch of time as somebody saw it: its start, its end, and the moments in between."""
+    """An observed interval: its start, its end, and the moments in between."""
 
     before: SceneGraph
     after: SceneGraph
@@ -37,8 +37,8 @@ class Seen:
         yield self.after
 
     def ids(self, phrase: str) -> list[str]:
-        """Ids of what a phrase names: a label ("the red can"), a place ("the left can", as things stood at first),
-        "the lonely object", "the others". Empty where nothing, or no single thing, is meant."""
+        """Ids of what a phrase names: a label ("the red can"), a place ("the left can", as things stood at first), "the
+        lonely object", "the others". Empty if the phrase names nothing or is ambiguous."""
         words = phrase.lower().replace("_", " ").removeprefix("the ").split()
         if not words:
             return []
@@ -59,16 +59,16 @@ class Seen:
         return []
 
     def node(self, phrase: str) -> Node | None:
-        """The one thing a phrase names, as it is at the end or was when it was last seen."""
+        """The single object that a phrase names, as it is at the end or when it was last seen."""
         found = self.ids(phrase)
         return self.last(found[0]) if len(found) == 1 else None
 
     def first(self, id: str) -> Node | None:
-        """As it was when it was first seen."""
+        """The node as first seen."""
         return next((node for scene in self.scenes() if (node := by_id(scene, id)) is not None), None)
 
     def last(self, id: str) -> Node | None:
-        """As it was when it was last seen."""
+        """The node as last seen."""
         scenes = [self.after, *(sighting.scene for sighting in reversed(self.sightings)), self.before]
         return next((node for scene in scenes if (node := by_id(scene, id)) is not None), None)
 
@@ -94,17 +94,18 @@ def find(scene: SceneGraph, name: str) -> Node | None:
 
 
 def relation(scene: SceneGraph, predicate: str, subject: str) -> str | None:
-    """Id of the object of the first such relation; empty for relations without one; None where there is none."""
+    """Id of the object of the first such relation; empty for relations without an object; None if there is no such
+    relation."""
     return next((r.object or "" for r in scene.relations if (r.predicate, r.subject) == (predicate, subject)), None)
 
 
 def door_state(scene: SceneGraph, id: str) -> str | None:
-    """ "open" or "closed", of what can be either."""
+    """ "open" or "closed", for objects that have this state."""
     return next((r.predicate for r in scene.relations if r.subject == id and r.predicate in ("open", "closed")), None)
 
 
 def movers(scene: SceneGraph, name: str) -> list[Node]:
-    """The doors, drawers and lids of a thing, or the thing itself when it is one."""
+    """The doors, drawers and lids of an object, or the object itself if it is one."""
     node = find(scene, name)
     if node is None:
         return []
@@ -113,7 +114,7 @@ def movers(scene: SceneGraph, name: str) -> list[Node]:
 
 
 def owned(scene: SceneGraph, id: str) -> set[str]:
-    """A thing and its parts, their parts included."""
+    """An object and its parts, recursively."""
     found = {id}
     for _ in range(3):
         found |= {node.id for node in scene.nodes if node.part_of in found}
@@ -154,7 +155,7 @@ def _things(scene: SceneGraph) -> list[Node]:
 
 
 def _loneliest(things: Sequence[Node]) -> Node | None:
-    """The one with the longest way to its nearest neighbour."""
+    """The object with the largest distance to its nearest neighbour."""
     if len(things) < 3:
         return None
 

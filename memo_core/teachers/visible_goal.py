@@ -1,6 +1,6 @@
 """Evaluating goals in terms of what is visible: the sentences of ``Task.goal``, and whether each holds.
 
-One sentence is one condition. ``X`` and ``Y`` are things as people name them: a label, "the left can", "the lonely
+One sentence is one condition. ``X`` and ``Y`` are objects as people name them: a label, "the left can", "the lonely
 object", "the others"; several at once: "the fork, the knife and the spoon".
 
     the X is in the Y · the X is on the Y         the X is open · the X is wide open · the X is closed
@@ -94,7 +94,7 @@ def read_goal(sentence: str) -> Condition | None:
 
 
 def holds(condition: Condition, seen: Seen) -> bool | None:
-    """Whether a condition holds at the end; None where that cannot be told by looking."""
+    """Whether a condition holds at the end; None if that cannot be judged by looking."""
     verdict = _JUDGES[condition.form]
     if condition.form == "tower":
         return _tower(condition.subjects, seen)
@@ -105,7 +105,7 @@ def holds(condition: Condition, seen: Seen) -> bool | None:
 
 
 def failing(condition: Condition, seen: Seen) -> str:
-    """The subject of which the condition does not hold, as it was named; the first of several."""
+    """The subject for which the condition does not hold, as named in the goal; the first of several."""
     verdict = _JUDGES[condition.form]
     for name in condition.subjects:
         if condition.form != "tower" and _each(name, condition.place, seen, verdict) is False:
@@ -149,7 +149,8 @@ def _there(predicates: Sequence[str]) -> Judge:
 
 
 def _in_sight(place: str, seen: Seen) -> bool | None:
-    """Of a thing that was never seen: it is not where everything can be seen, and may be where a door hides it."""
+    """For an object that was never seen: False for places that are fully visible, None for places that a door may
+    hide."""
     if place == "table":
         return False
     targets = _place(seen.after, seen, place)
@@ -165,7 +166,7 @@ def _place(scene: SceneGraph, seen: Seen, place: str) -> set[str]:
 
 
 def _sits(node: Node, scene: SceneGraph, target: str) -> bool:
-    """What relations do not say: grains in a low dish, and a cap on a bottle."""
+    """Cases that relations do not cover: grains in a low dish, and a cap on a bottle."""
     other = visible.by_id(scene, target)
     if other is None or other.kind == "space":
         return False
@@ -241,7 +242,7 @@ def _wide_open(id: str, place: str, seen: Seen) -> bool | None:
 
 
 def is_wide_open(mover: Node, seen: Seen) -> bool:
-    """Of a door, lid or drawer as it is now: open so far that one can reach in."""
+    """Whether a door, lid or drawer is open so far that one can reach in."""
     shut = _shut(mover.id, seen)
     if visible.door_state(seen.after, mover.id) != "open" or shut is None:
         return False
@@ -251,7 +252,7 @@ def is_wide_open(mover: Node, seen: Seen) -> bool:
 
 
 def _shut(id: str, seen: Seen) -> Node | None:
-    """The door or drawer as it was while it was closed; where nobody saw that, as it was at first."""
+    """The door or drawer as it was while closed; if that was not seen, as it was at first."""
     for scene in seen.scenes():
         if visible.door_state(scene, id) == "closed":
             return visible.by_id(scene, id)
@@ -281,7 +282,7 @@ def _off(id: str, place: str, seen: Seen) -> bool | None:
 
 
 def _screwed(id: str, place: str, seen: Seen) -> bool | None:
-    """How far it was turned, at most, while it sat on the other."""
+    """The largest rotation while it was seated on the other object."""
     turned, most, at = 0.0, 0.0, None
     for scene in seen.scenes():
         node, others = visible.by_id(scene, id), seen.ids(place)
@@ -328,8 +329,8 @@ def _upright(id: str, place: str, seen: Seen) -> bool | None:
 
 
 def _wiped(id: str, place: str, seen: Seen) -> bool | None:
-    """Share of a grid over the plate that the sponge passed while it lay on it, the way between two sightings
-    included."""
+    """Share of a grid over the plate that the sponge covered while it lay on the plate, including the path between two
+    sightings."""
     plate, tool = seen.node(place), seen.first(id)
     if plate is None or tool is None or not seen.sightings:
         return None
