@@ -1,6 +1,6 @@
 """What clustering does to a book with planted contradictions and repetitions (``memo bench clustering``).
 
-The book and its labels come from ``memo_benchmarks.planted_book``, which uses nothing of what clustering uses.
+The book and its labels come from ``memo_benchmarks.planted_book``, which shares no code with clustering.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def bench_clustering(
     keep: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> ClusteringBench:
-    """Plant, cluster with the experiment's model, judge. ``keep``: a new folder for the book, questions and answers."""
+    """Generate the book, cluster it with the experiment's model, and judge the result. ``keep``: a new folder for the
+    book, questions and answers."""
     planted = plan_book(keys, seed)
     spending, outcomes = Spending(), []
     with tempfile.TemporaryDirectory() as scratch:

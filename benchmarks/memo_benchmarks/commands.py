@@ -54,8 +54,8 @@ def sim(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """The whole motion stack against a bare loop that replays its recorded controls in the same scene; and what the
-    simulator's checkpoints, pictures and memory cost."""
+    """The speed of the motion stack relative to a simulation loop alone that replays its recorded controls in the same
+    scene; and the cost of the simulator's checkpoints, images and memory."""
     import attrs
 
     from memo_benchmarks.sim import bench_sim
@@ -92,8 +92,8 @@ def teacher(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """What the simulated teacher says of reference solutions, plain attempts and doing nothing, against the success
-    checks, which it never sees: see docs/simulated-teacher.md."""
+    """Verdicts of the simulated teacher on reference solutions, plain attempts and doing nothing, compared with the
+    success checks, which it never sees: see docs/simulated-teacher.md."""
     from memo_benchmarks.teacher import bench_teacher
     from memo_core.cli.tasks import read_seeds
 
@@ -112,7 +112,8 @@ def teacher(
 
 @app.command()
 def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Plan motions with doors and drawers, and compare starts looked up in the table of poses with blind ones."""
+    """Plan motions with doors and drawers, and compare seeds from the table of poses with seeds that do not depend on
+    the pose."""
     from memo_benchmarks.planning import bench_planning
 
     _, experiment = load(config, overrides)
@@ -122,7 +123,8 @@ def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json 
 
 @app.command()
 def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """How well the robot feels and presses (N), against the simulator's own contact forces: see docs/force.md."""
+    """Accuracy of force estimation and force control (N), compared with the simulator's contact forces: see
+    docs/force.md."""
     from memo_benchmarks.force import bench_force
 
     _, experiment = load(config, overrides)
@@ -138,7 +140,8 @@ def retrieval(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """A whole retrieval by key, rows fetched, embedding excluded, against a flat index over all entries."""
+    """A complete retrieval by key, including reading the rows, without embedding, compared with a flat index over all
+    entries."""
     from memo_benchmarks.retrieval import bench_retrieval
 
     _, experiment = load(config, overrides)
@@ -163,7 +166,7 @@ def vectorstore(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """What the experiment's vector store finds of the best there is (--set vectorstore=chroma): see docs."""
+    """Recall of the experiment's vector store against exact search (--set vectorstore=chroma): see docs."""
     from memo_benchmarks.vectorstore import bench_vectorstore
 
     _, experiment = load(config, overrides)
@@ -187,7 +190,7 @@ def retrieval_quality(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """What subtasks are served from labelled notes, by the paper's formula, a plain cosine and ours: see
+    """Quality of retrieval from labelled notes, by the paper's formula, a plain cosine and ours: see
     docs/retrieval.md."""
     from memo_benchmarks.labelled_notes import of_book
     from memo_benchmarks.retrieval_quality import PLAIN, bench_retrieval_quality
@@ -230,7 +233,7 @@ def retrieval_quality(
 
 @app.command("quirks-serving")
 def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Whether the lesson that a held-out quirk needs is served at its decisive subtask: see docs/retrieval.md."""
+    """Whether the lesson for a held-out quirk is retrieved at its decisive subtask: see docs/retrieval.md."""
     from memo_benchmarks.quirks_serving import bench_quirks_serving, first_look, quirks
 
     _, experiment = load(config, ["suite.backend=quirks", *(overrides or ())])
@@ -306,7 +309,8 @@ def clustering(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Cluster a book with planted contradictions and repetitions: what is gone of them, what is kept of the rest."""
+    """Cluster a book with planted contradictions and repetitions: how many are removed, and how much of the rest is
+    kept."""
     import attrs
 
     from memo_benchmarks.clustering import bench_clustering
@@ -340,7 +344,7 @@ def understanding(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """What the language model makes of everyday sentences: understood as meant, asked back, without effect, misread."""
+    """How the language model reads everyday sentences: understood as meant, asked back, without effect, misread."""
     from memo_benchmarks.understanding import bench_understanding, sayings_in, shares
     from memo_core.runs.factories import library_of, prompts_of
 
@@ -377,7 +381,7 @@ def stop(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """From a signal to the arm's last command and to the question what was wrong: p50 and p99 in each phase."""
+    """Time from a signal to the arm's last command and to the question what was wrong: p50 and p99 in each phase."""
     from memo_benchmarks.stop import PHASES, bench_stop
 
     _, experiment = load(config, overrides)
@@ -399,7 +403,7 @@ def demo(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Tell the demo's story on many seeds: fails, is taught, succeeds, carries over. No videos unless asked for."""
+    """Run the demo on many seeds: fails, is taught, succeeds, transfers. No videos unless asked for."""
     from memo_benchmarks.demo_sweep import demos
     from memo_core.cli.tasks import read_seeds
     from memo_core.runs.demo_result import CHAPTERS
@@ -437,9 +441,8 @@ def lesions(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Teach the demo's lesson, damage the book or change the scene, and see where the benefit goes.
-
-    Ctrl-C, twice, ends it with a table of what had ended.
+    """Teach the demo's lesson, damage the book or change the scene, and measure where the benefit disappears. Pressing
+    Ctrl-C twice ends it with a table of the finished runs.
     """
     import attrs
 
@@ -501,7 +504,7 @@ def transfer(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Teach in one simulator, use the book in another: what is learnt of it on tasks that nobody ever corrected."""
+    """Teach in one simulator and use the book in another, on tasks that were never corrected."""
     from memo_benchmarks.transfer_command import transfer_table
 
     transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
@@ -516,7 +519,7 @@ def drawer(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """What a lesson about a door does to a drawer, before and after one remark: see docs/offline-backend.md."""
+    """The effect of a lesson about a door on a drawer, before and after one remark: see docs/offline-backend.md."""
     import attrs
 
     from memo_benchmarks.drawer import SETTINGS, bench_drawer, sayings_in, summary

@@ -1,4 +1,4 @@
-"""The demo's story told on many seeds, and its lesson under lesions (``memo bench demo``, ``memo bench lesions``)."""
+"""The demo on many seeds, and its lesson under lesions (``memo bench demo``, ``memo bench lesions``)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KNOWN = (*CONTROLS, *LESIONS, *SCENES)
 
 
 def known_lesion(name: str) -> str:
-    """The name itself. Raises ``UnknownName`` where it is no lesion's."""
+    """Returns the name. Raises ``UnknownName`` if there is no such lesion."""
     if name not in KNOWN:
         raise UnknownName("lesion", name, KNOWN)
     return name
@@ -65,7 +65,7 @@ class Lesioned:
 
 
 class Lesson:
-    """One seed's lesson, taught once through the whole loop, and then applied under lesions.
+    """One seed's lesson, taught once through the complete loop, and then applied under lesions.
 
     Use ``teach`` first. Every book and run folder is made under ``out``. Raises ``Stopped`` when a person ends a run.
     """
@@ -83,7 +83,7 @@ class Lesson:
         self._llm = experiment.create("llm")
 
     def teach(self) -> RunReport:
-        """The demo's first task with a simulated participant who never misjudges; fills the book."""
+        """The demo's first task with a simulated teacher who never misjudges; fills the book."""
         task = task_of(self.experiment, self.demo.taught)
         participant = SimulatedTeacher(SimulatedTeacherSettings(seed=self.seed, misjudges=0.0))
         book = book_of(self.experiment, self.url, read_only=False)
@@ -157,7 +157,7 @@ class Lesson:
 
 @attrs.define
 class FirstVerdict:
-    """Asks the task about the first subtask at the moment it ends: what comes later may undo it."""
+    """Asks the task about the first subtask at the moment it ends, because later subtasks may undo it."""
 
     world: SimulatedEnvironment | None = None
     first: Outcome | None = None

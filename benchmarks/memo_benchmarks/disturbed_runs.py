@@ -1,7 +1,6 @@
-"""Runs that are disturbed: longer ones, with corrections, repairs and templates, each part in a process of its own.
-
-The processes are forked by a server that has imported everything, so that a part begins within milliseconds. What a
-run came to is read from its folder, its book, its ledger and the questions that its model was asked.
+"""Runs for fault injection: longer ones, with corrections, repairs and templates, each part in its own process. The
+processes are forked by a server that has imported everything, so that a part begins within milliseconds. The result of
+a run is read from its folder, its book, its ledger and the questions that its model was asked.
 """
 
 from __future__ import annotations
@@ -107,7 +106,7 @@ def experiment_of(home: Path, seed: int) -> tuple[Registry, Experiment]:
 
 
 def teacher_of() -> ScriptedTeacher:
-    """Finds fault with each first attempt, approves all others."""
+    """Corrects each first attempt and approves all others."""
     return ScriptedTeacher(ScriptSettings(lines=(Line("*", "no, stay higher and pull it out further", 1), Line("*"))))
 
 

@@ -1,6 +1,5 @@
-"""``memo bench signals``, ``resume``, ``kills`` and ``soak``: commands, runs and books that are disturbed.
-
-Each ends with exit code 1 when something was not as promised.
+"""``memo bench signals``, ``resume``, ``kills`` and ``soak``: fault injection into commands, runs and books. Each ends
+with exit code 1 if a guarantee was violated.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a person may mean by a sentence, as something that can be seen in a motion.
+"""The possible meanings of a sentence, as effects that can be measured in a motion.
 
 ``CHANGES`` names the effects and what of a motion each may change; ``met`` says whether a second motion has an effect,
 ``changed`` what is different between two motions at all.

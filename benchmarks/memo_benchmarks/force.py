@@ -1,4 +1,5 @@
-"""``memo bench force``: how well the robot feels and presses, against the simulator's own contact forces.
+"""``memo bench force``: accuracy of force estimation and force control, compared with the simulator's own contact
+forces.
 
 The hand points down over the bare table with its fingers closed: the hardest case, rigid on rigid. Estimates are those
 of the link, truth the sum of the normal forces between robot and table.
@@ -110,7 +111,7 @@ def bench_force(
 
 @contextmanager
 def _watched(simulator: Simulator, link: SimulatorLink) -> Iterator[_Felt]:
-    """What is felt, and what is true, in every tick meanwhile."""
+    """Record the estimated and the true force in every tick within the block."""
     felt = _Felt()
     bias = link.contact_wrench()[:3]
 

@@ -1,8 +1,8 @@
 """Books whose writers are killed (``kill -9``) at random moments (``memo bench kills``).
 
 Four kinds of work in turn: people's words and what is made of them are written, clusters are condensed, another book is
-imported, a book of an older schema is migrated. Whatever a call acknowledged before the kill must be in the book, which
-must open without anybody's help and hold nothing half done.
+imported, a book of an older schema is migrated. Everything acknowledged before the kill must be in the book, which must
+open without manual repair and contain no incomplete operation.
 """
 
 from __future__ import annotations

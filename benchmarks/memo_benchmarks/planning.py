@@ -1,9 +1,8 @@
-"""``memo bench planning``: how long motions with fixtures take to plan, and what looking starts up is worth.
-
-A motion is led along a handle's arc or pull, from a free motion to where it begins to the retreat after it, as code
-for a door does it: two skill calls, each a search for one posture that serves all that is to follow. Beside it the
-inverse kinematics at poses of these motions, from starts that know nothing of the pose as MEMO did it first, and from
-the table of poses. Times are CPU times of this thread.
+"""``memo bench planning``: how long motions with fixtures take to plan, and the benefit of the table of seeds. A motion
+follows a handle's arc or pull, from the free motion to its start up to the retreat, as code for a door does it: two
+skill calls, each of which searches for one configuration from which everything that follows can be reached. In
+addition, inverse kinematics is measured at poses of these motions, with seeds that do not depend on the pose (MEMO's
+first version) and with seeds from the table of poses. Times are CPU times of this thread.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ _SAME = 0.35  # rad in every joint: a posture that leads to the same motion
 
 @attrs.frozen
 class HardMotion:
-    """A handle to be led: poses of the approach, of the grip, along the way, of the retreat."""
+    """Motion of a handle: poses of the approach, of the grip, along the path, of the retreat."""
 
     name: str
     before: Pose

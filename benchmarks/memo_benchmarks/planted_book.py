@@ -1,7 +1,7 @@
 """Books with planted contradictions and repetitions, for measuring what clustering does to them.
 
 The labels come from how a book is made: every statement is drawn from a *fact* (a matter and what is said of it), and
-every fact has a mark, a pattern by which it is recognised in any wording. Nothing here uses what clustering uses.
+every fact has a mark, a pattern by which it is recognised in any wording. It shares no code with clustering.
 """
 
 from __future__ import annotations

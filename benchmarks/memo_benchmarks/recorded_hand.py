@@ -1,4 +1,5 @@
-"""A hand without a robot that records what code makes it do, and what of that people talk about."""
+"""A hand without a robot that records the motions commanded by code, and the properties of these motions that people
+talk about."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ _REVERSAL = math.radians(75)  # a sharper change of direction begins a new leg
 
 
 class RecordedHand(RecordingControl):
-    """Also records pressing and waiting, and reaches every force at once."""
+    """Also records pressing and waiting; every requested force is reached immediately."""
 
     def wait(self, seconds: float) -> None:
         self._record("wait", seconds)

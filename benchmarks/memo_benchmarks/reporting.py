@@ -1,4 +1,4 @@
-"""How benchmarks show that they are at work, and what they measured."""
+"""Progress display and output of benchmarks."""
 
 from __future__ import annotations
 

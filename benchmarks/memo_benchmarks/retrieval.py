@@ -1,4 +1,4 @@
-"""``memo bench retrieval``: a whole retrieval by key against a flat index over all entries, measured side by side.
+"""``memo bench retrieval``: a complete retrieval by key compared with a flat index over all entries.
 
 Both answer the same questions from the same book and fetch their rows from the same database; embedding is left out
 (all vectors are cached). The baseline is what one would write first: every entry's [action ; objects] vector in one

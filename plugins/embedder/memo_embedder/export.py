@@ -1,4 +1,4 @@
-"""Exporting a model to ONNX, once. Run in a process of its own: torch costs seconds and half a gigabyte."""
+"""Exporting a model to ONNX, once. Run in a separate process, because torch costs seconds and half a gigabyte."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clie
 
 
 class LiteLLMEmbedder(Embedder):
-    """Texts go in batches. A request that meets a rate limit, a server error or a cut connection is made again here,
-    since nobody above would; each is given up after ``timeout_s``, whatever the server does."""
+    """Texts go in batches. A request that fails with a rate limit, a server error or a lost connection is retried here,
+    since callers do not retry; each is abandoned after ``timeout_s``."""
 
     def __init__(self, settings: LiteLLMEmbedderSettings) -> None:
         self._settings = settings
@@ -143,7 +143,7 @@ class LiteLLMEmbedder(Embedder):
 
 
 class _Failed(Exception):
-    """One request that brought no vectors."""
+    """One request that returned no vectors."""
 
     def __init__(self, problem: str, retryable: bool, wait_s: float = 0.0) -> None:
         super().__init__(problem)
@@ -166,7 +166,7 @@ def _unit_vectors(found: list[Any], wanted: int, where: str) -> np.ndarray:
 
 
 def _quiet_litellm() -> Any:
-    """litellm without network at import, telemetry, .env files or advice on the terminal."""
+    """Import litellm without network access, telemetry, .env files or advice on the terminal."""
     os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
     os.environ.setdefault("LITELLM_MODE", "PRODUCTION")
     try:

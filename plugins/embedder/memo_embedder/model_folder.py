@@ -1,4 +1,4 @@
-"""Where a model's files are and what identifies them."""
+"""The files of a model and their fingerprint."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ModelFolder:
 
 
 def find_model(model: str) -> ModelFolder:
-    """Raises ``BackendUnavailable`` when there is no such model or it is of a kind that is not supported."""
+    """Raises ``BackendUnavailable`` if there is no such model or its kind is not supported."""
     path = _packaged(*PACKAGED[model]) if model in PACKAGED else Path(model).expanduser()
     if not (path / "modules.json").is_file():
         raise BackendUnavailable(

@@ -1,4 +1,4 @@
-"""The ``sentence-transformers`` backend: unit vectors by onnxruntime, by torch where the export does not work."""
+"""The ``sentence-transformers`` backend: unit vectors by onnxruntime, or by torch if the export does not work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a config section of this distribution's embedders may hold."""
+"""Settings of this distribution's embedders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Panda or FR3 as configured: our own description with some values changed, or somebody's URDF in its place."""
+"""A Panda or FR3 as configured: our own description with some values changed, or another URDF in its place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from memo_franka.description import fr3, panda
 
 @attrs.frozen
 class PandaSettings(Mounting):
-    """What can be configured. The names matter only together with ``urdf``; the defaults are Franka's own."""
+    """Settings of a Panda. The names matter only together with ``urdf``; the defaults are Franka's own."""
 
     urdf: str | None = attrs.field(
         default=None, metadata={"help": "path of a URDF to use instead of our own description"}
@@ -86,7 +86,8 @@ def configured(settings: PandaSettings) -> RobotDescription:
 
 
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
-    """The same arm by another URDF: its kinematics, limits and shapes; accelerations, jerks and gains stay ours."""
+    """The same arm from another URDF: kinematics, limits and shapes are taken from it; accelerations, jerks and gains
+    stay ours."""
     from memo_core.robot.urdf import read_urdf
 
     path = Path(str(settings.urdf)).expanduser()

@@ -1,8 +1,8 @@
 """The driver of a real Franka arm, over franky-control: position targets streamed as short-lived joint velocities.
 
-Each target becomes a velocity waypoint that lives for 60 ms and is followed by one of rest: v = (target - the one
-before) / period + gain (the one before - q_d). The client library keeps acceleration and jerk within their limits;
-where no new waypoint comes, the arm brakes by itself. The link paces itself on the robot's clock, never on the wall's.
+Each target becomes a velocity waypoint that is valid for 60 ms and is followed by standstill: v = (target - previous
+target) / period + gain (previous target - q_d). The client library keeps acceleration and jerk within their limits;
+without a new waypoint the arm brakes by itself. The link is paced by the robot's clock, never by wall-clock time.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class FrankaLink(Link):
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self) -> None:
-        """Connect, check, set limits, collision thresholds and load. Nothing moves, nothing is recovered. Raises
+        """Connect, check, set limits, collision thresholds and load. Nothing moves, and no error is cleared. Raises
         ``BackendUnavailable`` without the client library, else ``RobotFault``."""
         self._franky = import_franky()
         self._fault = None
@@ -110,7 +110,7 @@ class FrankaLink(Link):
             raise self._failed(error) from error
 
     def _begin(self) -> None:
-        """Start from where the robot says that it is meant to be."""
+        """Start from the robot's own desired position."""
         self._read()
         self._targets = np.array(self._state.q_d)
         self._due = self._now
@@ -143,7 +143,7 @@ class FrankaLink(Link):
         self._gripper.stop()
 
     def release(self) -> None:
-        """Raises ``RobotFault`` where the robot has one: the stop stays latched."""
+        """Raises ``RobotFault`` if the robot has a fault; the stop then stays latched."""
         self._check()
         super().release()
 
@@ -181,7 +181,7 @@ class FrankaLink(Link):
         self._gripper.move(float(np.clip(width, 0.0, gripper.stroke)), float(np.clip(force, 0.0, gripper.max_force)))
 
     def _stream(self, targets: Array) -> None:
-        """Head for targets (n,) and let a control period of the robot's clock pass."""
+        """Send targets (n,) and wait for one control period of the robot's clock."""
         self._check()
         row = np.array(targets, dtype=float)
         if row.shape != self._targets.shape or not np.isfinite(row).all():
@@ -212,7 +212,7 @@ class FrankaLink(Link):
             raise self._failed(error) from error
 
     def _wait(self) -> None:
-        """Until the next command is due; after a pause the clock starts anew."""
+        """Wait until the next command is due; after a pause the timing starts anew."""
         period = self.control_period
         self._due = self._due + period if self._now < self._due + 2 * period else self._now + period
         while self._now < self._due - 1e-6:
@@ -231,7 +231,7 @@ class FrankaLink(Link):
         return float(self._state.time.to_sec())
 
     def _read(self) -> Any:
-        """The robot's state. Raises ``RobotFault`` where it has one, or none comes."""
+        """The robot's state. Raises ``RobotFault`` if it has a fault or no state arrives."""
         before = self._state
         since = time.monotonic()
         while True:
@@ -258,7 +258,7 @@ class FrankaLink(Link):
             raise self._fault
 
     def _failed(self, error: Exception) -> RobotFault:
-        """What an exception of the client library was about: the robot's own state says it best, where it answers."""
+        """The fault behind an exception of the client library, preferably from the robot's own state."""
         if isinstance(error, RobotFault):
             return self._latched(error)
         wrong = fault_of_error(self._settings.address, error)
@@ -289,8 +289,8 @@ class FrankaLink(Link):
         return self._gripper.holding()
 
     def contact_wrench(self) -> Array:
-        """As the world exerts it; the stiffness frame K is the tool's. What was felt when the link was opened is taken
-        off."""
+        """The wrench that the environment exerts, without the one measured when the link was opened; the stiffness
+        frame K is the tool's."""
         return self._settings.force_sign * (np.array(self._read().O_F_ext_hat_K) - self._tare)
 
     def time(self) -> float:

@@ -1,4 +1,4 @@
-"""What can be wrong with a Franka arm, each in one sentence with what a person does about it."""
+"""The faults of a Franka arm, each described in one sentence with its remedy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def fault(robot: str, name: str, detail: str = "") -> RobotFault:
 
 
 def fault_of_state(robot: str, state: Any) -> RobotFault | None:
-    """What a state of franky says is wrong; None where the robot can be commanded."""
+    """The fault shown by a state of franky; None if the robot accepts commands."""
     mode = state.robot_mode.name
     if mode in ("Idle", "Move"):
         return None
@@ -40,7 +40,7 @@ def fault_of_state(robot: str, state: Any) -> RobotFault | None:
 
 
 def fault_of_error(robot: str, error: Exception) -> RobotFault:
-    """What an exception of franky means where no state says more."""
+    """The fault behind an exception of franky if no state gives more detail."""
     name, text = type(error).__name__, " ".join(str(error).split()).removeprefix("libfranka: ")
     if name == "IncompatibleVersionException":
         return fault(robot, "version", version_problem(text))
@@ -58,7 +58,7 @@ def fault_of_error(robot: str, error: Exception) -> RobotFault:
 
 
 def version_problem(text: str) -> str:
-    """Which arm speaks which version, and where to get a library for it."""
+    """Which arm uses which interface version, and where to get a library for it."""
     return (
         f"its server has another version than this library ({text}); PyPI's franky-control speaks version 10 (FR3, "
         "system 5.9 and later), a Panda speaks version 5: franky's own index (its README) has a build for each"

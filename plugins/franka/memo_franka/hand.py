@@ -1,7 +1,6 @@
-"""The Franka Hand as a gripper driver, over franky. Its calls block, so that they run in a thread of their own.
-
-``move`` into an object would stall for a minute, and ``stop`` is unreliable: the fingers close with ``grasp``, its
-tolerance as wide as the stroke, and a call that takes longer than its deadline is reported instead of waited for.
+"""The Franka Hand as a gripper driver, over franky. Its calls block, so they run in a separate thread. ``move`` into an
+object would stall for a minute, and ``stop`` is unreliable. Therefore the fingers close with ``grasp``, with a
+tolerance as wide as the stroke, and a call that exceeds its deadline is reported instead of waited for.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _CLOSED = 0.001  # m
 
 
 class FrankaHand(GripperDriver):
-    """One Hand. Its motions are begun by a thread that waits for them; the newest command counts."""
+    """One Hand. A thread starts its motions and waits for them; the newest command counts."""
 
     def __init__(self, settings: HandSettings) -> None:
         self._settings = settings
@@ -95,7 +94,7 @@ class FrankaHand(GripperDriver):
 
     # -- in threads of their own ---------------------------------------------------------------------------------------
     def _work(self) -> None:
-        """Begin what is wanted and wait for its end; of several wishes the newest."""
+        """Start the newest requested motion and wait for its end."""
         while (wanted := self._wanted.get()) is not None:
             while not self._wanted.empty():
                 newer = self._wanted.get()
@@ -122,7 +121,7 @@ class FrankaHand(GripperDriver):
             self._hand.move(width, speed)
 
     def _watch(self) -> None:
-        """Keep the last state, and hand on a stop."""
+        """Store the latest state and forward a stop."""
         sent = False
         while not self._closing.wait(_POLL_S):
             stopping = self._stopping.is_set()
@@ -137,7 +136,7 @@ class FrankaHand(GripperDriver):
             self._width, self._grasped = state.width, state.is_grasped
 
     def _interrupt(self) -> None:
-        """End the motion at hand, if there is one."""
+        """End the current motion, if there is one."""
         if not self._since or self._hand is None:
             return
         try:

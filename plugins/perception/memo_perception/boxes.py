@@ -1,4 +1,4 @@
-"""The box a person would draw around a body: of its geoms, along the body's own axes."""
+"""The bounding box of a body's geoms along the body's own axes."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ MOUNTING_SHARE = 0.05  # a geom below this share of the body's volume that touch
 
 
 def body_box(body: Body, moved: Mapping[str, Pose] | None = None) -> tuple[Pose, tuple[float, float, float]] | None:
-    """(pose of the box's centre in the body's frame, full extents), without what belongs to the body's parts; with
-    unlabelled pieces that are fixed to it, and those of ``moved`` (name -> pose in the body's frame) that move on their
-    own. None when the body has no geoms."""
+    """(pose of the box's centre in the body's frame, full extents), without the body's parts; including unlabelled
+    pieces that are fixed to it, and movable ones at their poses in ``moved`` (name -> pose in the body's frame). None
+    when the body has no geoms."""
     pieces = list(_pieces(body, Pose(), body.parts, moved or {}))
     if not pieces:
         return None
@@ -31,7 +31,7 @@ def body_box(body: Body, moved: Mapping[str, Pose] | None = None) -> tuple[Pose,
 
 
 def loose_pieces(body: Body) -> tuple[str, ...]:
-    """Names of the unlabelled bodies attached to this one that move on their own: the wall of a can that gives way."""
+    """Names of the movable unlabelled bodies attached to this one, such as the collapsible walls of a can."""
     return tuple(c.name for c in body.bodies if c.joint is not None and not c.label and not c.parts and not c.bodies)
 
 

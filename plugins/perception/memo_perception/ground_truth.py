@@ -1,7 +1,6 @@
-"""A scene graph from a simulator's true state: what a perfect camera could say, and nothing hidden.
-
-Every labelled body is a node, as are the visible parts of bodies and every inside that is not closed. Whatever lies in
-a closed inside is absent, and so is everything about how a thing moves.
+"""A scene graph from a simulator's true state, restricted to what a perfect camera could observe. Nodes are the
+labelled bodies, their visible parts and every inside that is not closed. Objects in a closed inside are absent, and so
+is all information about how things move.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from memo_perception.settings import GroundTruthSettings
 
 @attrs.frozen(eq=False)
 class _Seen:
-    """One thing that could be seen: posed in the frame of the body that carries it."""
+    """One thing that may be visible, posed in the frame of the body that carries it."""
 
     id: str
     label: str
@@ -54,7 +53,7 @@ class _Closing:
 
 
 class GroundTruth(Perception):
-    """See the module. ``start`` needs a simulator and its scene; a restored state gives the same looks again."""
+    """See the module. ``start`` needs a simulator and its scene; after restoring a state, the same looks follow."""
 
     def __init__(self, settings: GroundTruthSettings | None = None) -> None:
         self.settings = settings or GroundTruthSettings()
@@ -139,7 +138,7 @@ class GroundTruth(Perception):
             raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
 
     def _box(self, thing: _Seen, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:
-        """Its box in its body's frame: as described, or with its loose pieces where they are now."""
+        """The box in its body's frame: as described, or with its movable pieces at their present poses."""
         if not thing.pieces:
             return thing.pose, thing.size
         simulator = self._started().simulator
@@ -192,7 +191,7 @@ class GroundTruth(Perception):
         return Pose(tuple(np.asarray(pose.position) + shift), (Pose(orientation=rotation) * pose).orientation)
 
     def _label(self, thing: _Seen) -> str:
-        """What it is called from its first sight on: its label, with a number when that is taken."""
+        """Its permanent name: its label, with a number if that is taken."""
         if thing.id not in self._labels:
             taken = {label.lower() for label in self._labels.values()}
             label, number = thing.label, 2
@@ -293,8 +292,8 @@ def _closings(scene: SceneDescription, things: list[_Seen]) -> Iterator[_Closing
 
 
 def _may_hide(cavity: _Seen, thing: _Seen) -> bool:
-    """A closed inside hides everything in it but the body it is the inside of, what that body hangs on, and the door
-    that closes it with all that is on the door."""
+    """A closed inside hides everything in it except its own body, that body's parents, and the door that closes it with
+    everything attached to the door."""
     return thing.body.name not in cavity.lineage and (cavity.door is None or cavity.door not in thing.lineage)
 
 

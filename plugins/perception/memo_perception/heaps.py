@@ -1,4 +1,5 @@
-"""Many small bodies seen as one thing: cereal in a can, salt on food. It is where most of them lie together."""
+"""Many small bodies perceived as one object (cereal in a can, salt on food), located where most of them lie
+together."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ TOGETHER = 3.0  # diameters between neighbours that still lie together
 
 @attrs.frozen
 class Heap:
-    """Grains with one word for them: names of their bodies and the largest one's radius (m)."""
+    """Grains with a common name: the names of their bodies and the radius of the largest (m)."""
 
     label: str
     bodies: tuple[str, ...]
@@ -30,7 +31,7 @@ class Heap:
 
 
 def heaps(scene: SceneDescription) -> tuple[Heap, ...]:
-    """All heaps of a scene, in the order of their first grains, each looking like its first grain."""
+    """All heaps of a scene, in the order of their first grains, each with the appearance of its first grain."""
     found: dict[str, list[Body]] = {}
     for body, _ in scene.walk():
         if body.heap:
@@ -48,7 +49,7 @@ def _radius(grain: Body) -> float:
 def heap_node(
     heap: Heap, poses: Mapping[str, Pose], hidden: Callable[[tuple[float, float, float]], bool], time: float
 ) -> Node | None:
-    """An upright box around the grains that lie together most, of those that are not hidden; None when all are."""
+    """An upright box around the largest group of visible grains; None if all are hidden."""
     places = [poses[name].position for name in heap.bodies if not hidden(poses[name].position)]
     if not places:
         return None

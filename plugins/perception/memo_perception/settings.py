@@ -1,4 +1,4 @@
-"""What a config may set of this distribution's backends."""
+"""Settings of this distribution's backends."""
 
 from __future__ import annotations
 

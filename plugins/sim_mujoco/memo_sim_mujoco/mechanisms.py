@@ -1,4 +1,4 @@
-"""What a scene's mechanisms ask of MuJoCo: joint limits and springs that change while the simulation runs."""
+"""Joint limits and springs that a scene's mechanisms change while the simulation runs."""
 
 from __future__ import annotations
 

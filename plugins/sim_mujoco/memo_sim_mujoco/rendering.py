@@ -1,4 +1,5 @@
-"""Rendering in a thread of its own: an OpenGL context belongs to one thread, while pictures are wanted from several."""
+"""Rendering in a dedicated thread, because an OpenGL context belongs to one thread while several threads need
+images."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ _Made = TypeVar("_Made")
 
 
 def require_display() -> None:
-    """Raise ``BackendUnavailable`` where no window can be opened."""
+    """Raise ``BackendUnavailable`` if no window can be opened."""
     if platform.system() == "Linux" and not _has_display():
         remedy = "run it in a desktop session, or record a video"
         raise BackendUnavailable("viewer", "mujoco", "there is no display", remedy)
@@ -55,7 +56,7 @@ def _open_gl(width: int, height: int) -> Any:
 
 
 class Pictures:
-    """Pictures of one model. Everything is made at the first picture; a larger picture enlarges the buffers."""
+    """Images of one model. Resources are created with the first image; a larger image enlarges the buffers."""
 
     def __init__(self, model: Any, data: Any, shadows: bool) -> None:
         self._model, self._data = model, data

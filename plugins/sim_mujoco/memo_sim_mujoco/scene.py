@@ -156,7 +156,7 @@ def _add_latch(spec: mujoco.MjSpec, number: int, latch: Latch) -> None:
 
 @functools.lru_cache(maxsize=256)
 def mesh_volume(file: str) -> float:
-    """What a mesh file encloses (m3)."""
+    """The volume that a mesh file encloses (m3)."""
     probe = mujoco.MjSpec()
     name = _add_mesh(probe, file, (1.0, 1.0, 1.0), f"mesh {file!r}")
     probe.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=1.0)
@@ -164,7 +164,7 @@ def mesh_volume(file: str) -> float:
 
 
 def add_look(spec: mujoco.MjSpec, scene: SceneDescription, settings: MujocoSettings) -> None:
-    """Sky, light and floor. The floor is solid: what is pushed off the table lands there."""
+    """Sky, light and floor. The floor is solid: objects pushed off the table land on it."""
     spec.visual.headlight.ambient = (0.40, 0.40, 0.42)
     spec.visual.headlight.diffuse = (0.26, 0.26, 0.26)
     spec.visual.headlight.specular = (0.1, 0.1, 0.1)

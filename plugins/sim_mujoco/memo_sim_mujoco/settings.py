@@ -1,4 +1,4 @@
-"""What can be set about the physics. The defaults are the ones measured to work for grasping and doors."""
+"""Settings of the physics. The defaults were measured to work for grasping and doors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MuJoCo as a ``Simulator``. All that runs inside a tick is kept to a few microseconds of Python."""
+"""MuJoCo as a ``Simulator``. The Python code executed in a tick takes only a few microseconds."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the windo
 
 @attrs.define(auto_exc=True, eq=False)
 class SimulationDiverged(MemoError):
-    """The physics became unstable (NaN or huge accelerations); the state is worthless."""
+    """The physics became unstable (NaN or huge accelerations); the state is unusable."""
 
     time: float
     warning: str
@@ -100,7 +100,8 @@ class MujocoSimulator(Simulator):
         self._refresh()
 
     def _bind(self, world: Any) -> None:
-        """Keep what the hot loop touches: attribute chains through the bindings cost more than the work."""
+        """Cache what the hot loop uses, because attribute chains through the bindings cost more than the
+        computation."""
         self.model, self.data = world.model, world.data
         self._step = self._mujoco.mj_step
         self._steps = self.settings.steps_per_tick
@@ -300,7 +301,8 @@ class MujocoSimulator(Simulator):
         self._listeners = tuple(one for one in self._listeners if one != listener)
 
     def _advance_gripper(self) -> None:
-        """Move the servo's set point at the gripper's own speed, so that a strong grip does not mean a slam."""
+        """Move the servo's set point at the gripper's own speed, so that fingers with a large force do not close too
+        fast."""
         left = self._goal - self._ramp
         step = self._ramp_step
         self._ramp = self._goal if abs(left) <= step else self._ramp + math.copysign(step, left)
@@ -392,7 +394,7 @@ class MujocoSimulator(Simulator):
 
     @contextmanager
     def _state_kept(self) -> Iterator[None]:
-        """Whatever happens inside leaves the state, the solver's warm start too, as it was."""
+        """Restore the state, including the solver's warm start, after the block."""
         mujoco, kind = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, kind))
         mujoco.mj_getState(self.model, self.data, state, kind)

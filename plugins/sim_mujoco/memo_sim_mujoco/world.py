@@ -1,4 +1,4 @@
-"""A compiled world: the model, its data, and where everything of the descriptions is found in them."""
+"""A compiled world: the model, its data, and the indices of everything in the descriptions."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""What drives joints in Bullet: the arm's position servos, the gripper, springs and catches of the scene.
+"""Actuation of joints in Bullet: the arm's position servos, the gripper, springs and catches of the scene.
 
 A servo of gains kp, kv pulls with kp (q* - q) - kv dq/dt. Integrated explicitly that is unstable at 2 ms on a light
-wrist, so Bullet's velocity motor, an implicit constraint, does it: it wants the velocity kp/kv (q* - q) at which the
-servo's torque vanishes, and may use the torque that the servo has when it is held, kp |q* - q|, or that damps, kv
-|dq/dt|. Free, the joint lags kv/kp seconds behind its target; held, it pushes as hard as the servo; it never
-overshoots. A catch of the scene is driven the same way: 12 N within 4 mm on a lever of 60 g, as explicit torques,
-throw out what they are to hold.
+wrist, so Bullet's velocity motor, an implicit constraint, is used: its target velocity is kp/kv (q* - q), at which the
+servo's torque vanishes, and its torque is limited to that of the blocked servo, kp |q* - q|, or the damping torque, kv
+|dq/dt|. A free joint lags kv/kp seconds behind its target; a blocked one pushes as hard as the servo; it never
+overshoots. Catches of the scene are driven in the same way, because as explicit forces 12 N within 4 mm throw out a
+lever of 60 g instead of holding it.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class RobotDrive:
         )
 
     def compensate(self) -> None:
-        """Compute the torques that carry the robot's own weight; once a tick is enough."""
+        """Compute the torques that carry the robot's own weight; once per tick suffices."""
         states = self._read(self._body, self._moving)
         torques = self._client.calculateInverseDynamics(
             self._body, [state[0] for state in states], self._still, self._still
@@ -89,7 +89,7 @@ class RobotDrive:
         return (self.states()[1][: self._count] - np.array(self._before)) / timestep
 
     def last_step(self) -> list[list[float]]:
-        """What Bullet's own file forgets of the last step, as JSON numbers that ``recall`` takes."""
+        """State of the last step that Bullet's own file does not contain, as JSON numbers for ``recall``."""
         return [self._before, self._gravity, self._motors().tolist()]
 
     def recall(self, last_step: list[list[float]]) -> None:

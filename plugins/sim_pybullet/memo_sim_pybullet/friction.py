@@ -1,14 +1,14 @@
-"""Friction of a pair is the larger of the two (``Material``); Bullet multiplies one coefficient a link.
+"""The friction of a pair is the larger of the two (``Material``), whereas Bullet multiplies one coefficient per link.
+No choice of coefficients gives every pair its larger value. With b the friction of most bodies, sqrt(b) for bodies up
+to b and f / sqrt(b) for rougher ones is correct if one of the two has the common friction, and for a rough with a
+smooth one. A body smoother than b (*smooth*) that may touch another smooth one has every shape twice: one copy collides
+only with smooth bodies and has sqrt(f), the other with everything else. Remaining errors: two bodies both rougher than
+b have f1 f2 / b, two different smooth ones the root of their product.
 
-No coefficients give every pair its larger value. With b the friction of most bodies, sqrt(b) for everything up to b and
-f / sqrt(b) for what is rougher are right wherever one of the two is of the common kind, and for rough with smooth. What
-is smoother than b (*smooth*) and can meet its like has every shape twice: one copy collides with smooth things only and
-has sqrt(f), the other with everything else. What remains: two that are both rougher than b have f1 f2 / b, two smooth
-ones that differ the root of their product.
-
-Of torsion and rolling Bullet takes t1 f2 + t2 f1. Right again where one of the two is of the common kind. But torsion
-is a motor that holds still in Bullet, and balls of 7 mm that cannot spin stand as an arch in a can that is turned over:
-what rolls has none of its own, so half of it at most.
+For torsion and rolling Bullet uses t1 f2 + t2 f1, which is again correct if one of the two has the common friction. But
+in Bullet torsional friction is a motor that resists any spin, and balls of 7 mm that cannot spin form a stable arch in
+a can that is turned over. Therefore rolling bodies have no torsional friction of their own, and a pair with one of them
+has at most half.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from memo_core.scene.description import Material, SceneDescription
 
 @attrs.frozen
 class Frictions:
-    """``common``: the friction of most bodies; ``apart``: whether smooth surfaces are there twice."""
+    """``common``: the friction of most bodies; ``apart``: whether smooth surfaces are duplicated."""
 
     common: float
     apart: bool
@@ -35,7 +35,7 @@ class Frictions:
         return self.apart and material.friction < self.common
 
     def coefficient(self, material: Material, among_smooth: bool = False) -> float:
-        """What Bullet multiplies, for a copy that meets smooth things only or for any other surface."""
+        """Bullet's coefficient, for a copy that touches only smooth bodies or for any other surface."""
         if among_smooth:
             return math.sqrt(material.friction)
         return max(material.friction, self.common) / math.sqrt(self.common)

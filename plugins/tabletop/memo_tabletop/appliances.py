@@ -1,7 +1,6 @@
-"""Appliances with something to turn or press: a faucet with a lever, a stove with a knob, a toaster, a button panel.
-
-Each stands on the table and faces the robot: its own x axis points away from the robot, y to the left, z up from the
-table. Dimensions with which a Panda can work them were measured (see docs/tasks.md).
+"""Appliances with parts to turn or press: a faucet with a lever, a stove with a knob, a toaster, a button panel. Each
+stands on the table and faces the robot: its own x axis points away from the robot, y to the left, z up from the table.
+Dimensions were chosen so that a Panda can operate them (see docs/tasks.md).
 """
 
 from __future__ import annotations

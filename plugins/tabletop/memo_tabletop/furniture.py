@@ -1,7 +1,7 @@
-"""The furniture the tasks are played on: cabinets with a door on one of their edges, a chest with a drawer, a stand.
+"""The furniture of the tasks: cabinets with a door on one of their edges, a chest with a drawer, a stand.
 
 A piece stands with the middle of its front's lower edge at ``place`` and faces the robot: its own x axis points away
-from the robot, y to the left. Dimensions with which a Panda can work them were measured (see docs/tasks.md).
+from the robot, y to the left. Dimensions were chosen so that a Panda can use them (see docs/tasks.md).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Handle:
 
 @attrs.frozen
 class DoorHinge:
-    """How a door hangs: on which edge, how stiffly."""
+    """The hinge of a door: edge, friction and damping."""
 
     edge: Edge
     opens_to: float  # rad
@@ -113,7 +113,7 @@ def _door(name: str, size: Vector, hinge: DoorHinge, handle: Handle, joint: str,
 
 
 def _window(panel: Vector, pose: Pose, handle: Handle, along: str) -> tuple[Geom, ...]:
-    """A dark pane on the door's outer face; only looks."""
+    """A dark pane on the door's outer face, for appearance only."""
     room = 2 * handle.inset + 0.06
     width, height = (panel[1] - room, panel[2] - 0.10) if along == "z" else (panel[1] - 0.10, panel[2] - room)
     x, y, z = pose.position

@@ -1,6 +1,5 @@
-"""Things that are poured: cups full of cereal or salt, and what they are poured into.
-
-Grains are bodies of their own without a label; ``heap`` says what they are called together.
+"""Pourable grains such as cereal or salt, and the vessels they are poured from and into. Grains are separate bodies
+without a label; ``heap`` is their common name.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ def vessel(
 
 
 def contained(world: WorldState, vessel: str, apothem: float, height: float, names: Iterable[str]) -> tuple[str, ...]:
-    """Those of the grains whose middle lies within a vessel, up to its rim (m)."""
+    """The grains whose centre lies within a vessel, up to its rim (m)."""
     frame = world.body_pose(vessel).inverse()
     found = []
     for name in names:

@@ -1,7 +1,6 @@
-"""What has to be watched while it happens: how long a thing was held up, how far it was moved, what befell it.
-
-Monitors look fifty times a second: nothing that counts here happens and is undone in less. What they remember is plain
-JSON, part of every checkpoint, so that a retry inherits nothing from a failed attempt.
+"""Conditions that must be observed over time: how long an object was held up, how far it was moved, what mishaps
+occurred. Monitors sample fifty times a second, since nothing relevant happens and is undone in less time. Their state
+is plain JSON and part of every checkpoint, so that a retry inherits nothing from a failed attempt.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ STILL_M = 0.0003  # between two samples; what moves less was not moved by anybod
 
 
 class Sampled(Monitor):
-    """Looks every ``SAMPLE_S`` at what ``sample`` wants; all it knows is in ``seen`` (JSON values)."""
+    """Calls ``sample`` every ``SAMPLE_S``; its whole state is in ``seen`` (JSON values)."""
 
     def __init__(self) -> None:
         self.seen: dict[str, Any] = {}
@@ -54,7 +53,7 @@ class Sampled(Monitor):
 
 
 class Since(Sampled):
-    """Since when something has been so without a break: ``holds``."""
+    """The time since which ``holds`` has been true without interruption."""
 
     def start(self, world: WorldState) -> dict[str, Any]:
         return {"since": None}
@@ -69,13 +68,13 @@ class Since(Sampled):
             self.seen["since"] = world.time
 
     def seconds(self, world: WorldState) -> float:
-        """For how long it has been so until now."""
+        """For how long the condition has held until now."""
         since = self.seen["since"]
         return 0.0 if since is None else world.time - since
 
 
 class HeldUp(Since):
-    """Since when a thing has been held by the robot alone, ``height`` (m) above where it started."""
+    """The time since which an object has been held by the robot alone, ``height`` (m) above where it started."""
 
     def __init__(self, thing: str, height: float, name: str = "held up") -> None:
         super().__init__()
@@ -93,7 +92,7 @@ class HeldUp(Since):
 
 
 class Moved(Sampled):
-    """The farthest each thing has ever been from where it started (m)."""
+    """The largest distance of each object from where it started (m)."""
 
     def __init__(self, things: Sequence[str], name: str = "moved") -> None:
         super().__init__()
@@ -135,7 +134,7 @@ class Standing(Since):
 
 
 class Mishaps(Sampled):
-    """What befell each thing, for reports: ``dropped`` (it fell after the robot had held it), ``pushed over`` (it
+    """Mishaps of each object, for reports: ``dropped`` (it fell after the robot had held it), ``pushed over`` (it
     stood, and lies now), ``off the table``. ``upright`` names those for which lying is a mishap."""
 
     name = "mishaps"
@@ -176,8 +175,8 @@ class Mishaps(Sampled):
         return tuple(self.seen[thing]["befell"])
 
     def story(self, world: WorldState) -> str:
-        """What befell the things, and what the hand still has hold of or presses against something; empty when all
-        went well."""
+        """The mishaps of the objects, and objects that the hand still holds or presses against something; empty when
+        all went well."""
         words = {"dropped": "was dropped", "pushed over": "was pushed over", "off the table": "fell off the table"}
         told = [
             f"the {thing} {' and '.join(words[w] for w in self.befell(thing))}"
@@ -196,6 +195,6 @@ class Mishaps(Sampled):
 
 
 def story_of(monitors: Mapping[str, Any], world: WorldState) -> str:
-    """What befell the things, for ``checks.judge``; empty where no ``Mishaps`` watched them."""
+    """The mishaps of the objects, for ``checks.judge``; empty without a ``Mishaps`` monitor."""
     mishaps = monitors.get("mishaps")
     return mishaps.story(world) if isinstance(mishaps, Mishaps) else ""

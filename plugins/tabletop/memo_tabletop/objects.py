@@ -1,4 +1,4 @@
-"""Things that are moved about, and the cameras they are filmed with."""
+"""Movable objects, and the cameras of the scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person would check: is it inside, on it, at rest, let go, is the door open so that one can reach in."""
+"""Conditions that success checks test: inside, on top, at rest, released, a door open so far that one can reach in."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def at_rest(world: WorldState, body: str) -> bool:
 
 
 def released(world: WorldState, body: str) -> bool:
-    """Whether the robot touches it nowhere."""
+    """Whether no link of the robot touches it."""
     return not any(c.first.startswith("robot/") or c.second.startswith("robot/") for c in world.contacts(body))
 
 
@@ -54,7 +54,7 @@ def read_subtask(subtask: str) -> tuple[str, tuple[str, ...]]:
 
 
 def picked(world: WorldState, things: tuple[str, ...], names: tuple[str, ...]) -> Outcome | None:
-    """For PICK_UP of one of the things there are; None for anything else."""
+    """The outcome for PICK_UP of one of the objects; None for anything else."""
     if not names or names[0] not in things:
         return None
     if held(world, names[0]):
@@ -71,7 +71,7 @@ CLOSING = ("CLOSE", "SHUT")
 
 
 def judge(done: str, conditions: Iterable[tuple[bool, str]], measures: dict[str, float], mishaps: str = "") -> Outcome:
-    """Success when every condition holds; otherwise the first complaint, followed by what went wrong on the way."""
+    """Success if every condition holds; otherwise the reason of the first that does not, followed by the mishaps."""
     for holds, complaint in conditions:
         if not holds:
             return Outcome(False, f"{complaint}; {mishaps}" if mishaps else complaint, measures)
@@ -98,13 +98,13 @@ def extents(geom: Geom, frame: Pose) -> tuple[Array, Array]:
 
 
 def spread(thing: Body, frame: Pose) -> tuple[Array, Array]:
-    """As ``extents``, of all that is solid of a body."""
+    """As ``extents``, for all colliding geoms of a body."""
     found = [extents(geom, frame) for geom in thing.geoms if geom.collides]
     return np.min([low for low, _ in found], axis=0), np.max([high for _, high in found], axis=0)
 
 
 def inside(world: WorldState, holder: str, cavity: Cavity, thing: Body, tolerance: float = 0.004) -> bool:
-    """Whether all of a thing lies in a cavity of the body ``holder``, so that its open side could be covered."""
+    """Whether an object lies completely in a cavity of the body ``holder``, so that its open side could be closed."""
     frame = (world.body_pose(holder) * cavity.pose).inverse() * world.body_pose(thing.name)
     low, high = spread(thing, frame)
     half = np.asarray(cavity.size) / 2 + tolerance

@@ -1,1 +1,1 @@
-"""A double of Franka's control box and Hand: unmodified client libraries talk to it through TCP and UDP."""
+"""Test doubles of Franka's control box and Hand: unmodified client libraries connect to them through TCP and UDP."""

@@ -1,8 +1,7 @@
-"""The arm behind the double: what it is commanded, what it does, and the limits that end a motion.
-
-Time goes in ticks of 1 ms. Commanded joint velocities are integrated to the desired state (q_d, dq_d), after the
-control box's checks of position, velocity, acceleration and jerk; a body then follows it. Without a scene the body is
-ideal but for what pushes it; in a scene a simulator moves it (``SceneBody``).
+"""The arm behind the test double: its commands, its motion, and the limits that end a motion. Time advances in ticks of
+1 ms. Commanded joint velocities are integrated to the desired state (q_d, dq_d), after the control box's checks of
+position, velocity, acceleration and jerk; a body then follows it. Without a scene the body is ideal except for external
+pushes; in a scene a simulator moves it (``SceneBody``).
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ _STIFFNESS = 3000.0  # Nm/rad with which the ideal body resists a push
 
 
 class Body(Protocol):
-    """What the desired state moves. ``force`` is what the world exerts on the tool, N and Nm, base axes, shape (6,)."""
+    """The body that follows the desired state. ``force``: wrench of the environment on the tool, N and Nm, base axes,
+    shape (6,)."""
 
     q: Array
     dq: Array
@@ -85,7 +85,7 @@ def jacobian(kinematics: Kinematics, joints: Array) -> Array:
 
 
 class Arm:
-    """The desired state, within the limits of the description. ``violations`` counts what broke them."""
+    """The desired state, within the limits of the description. ``violations`` counts commands that exceeded them."""
 
     def __init__(self, robot: RobotDescription, body: Body) -> None:
         self.body = body
@@ -106,7 +106,7 @@ class Arm:
         self.body.tick(self.q_d, self.dq_d)
 
     def follow(self, velocity: Array) -> Error | None:
-        """One tick at commanded velocities (n,), or what is wrong with them; then nothing has moved."""
+        """One tick at commanded velocities (n,). Returns the violated limit, in which case nothing has moved."""
         k = self.kinematics
         acceleration = (velocity - self.dq_d) / DT
         jerk = (acceleration - self.ddq_d) / DT

@@ -105,28 +105,28 @@ class ControlBox(FrankaServer):
 
     # -- faults: each takes effect before the next tick ----------------------------------------------------------------
     def push(self, force: Sequence[float]) -> None:
-        """Somebody pushes the hand of an ideal arm with ``force`` (N), base axes, until called again."""
+        """Push the hand of an ideal arm with ``force`` (N), base axes, until called again."""
         assert isinstance(self.body, IdealBody)
         pushed = self.body
         self._inject(lambda: setattr(pushed, "push", np.array(force, dtype=float)))
 
     def user_stop(self, pressed: bool) -> None:
-        """The external activation device."""
+        """Press or release the external activation device."""
         self._inject(lambda: self._enter(RobotMode.USER_STOPPED if pressed else RobotMode.IDLE))
 
     def brakes(self, shut: bool) -> None:
         self._inject(lambda: self._enter(RobotMode.OTHER if shut else RobotMode.IDLE))
 
     def guide(self, guided: bool) -> None:
-        """Somebody presses the guiding buttons."""
+        """Press or release the guiding buttons."""
         self._inject(lambda: self._enter(RobotMode.GUIDING if guided else RobotMode.IDLE))
 
     def lose(self, packets: int) -> None:
-        """The next commands are not seen."""
+        """Lose the next command packets."""
         self._inject(lambda: setattr(self, "_to_lose", packets))
 
     def freeze(self, frozen: bool) -> None:
-        """No states are sent and nothing moves, but the connection stays."""
+        """Send no states and move nothing while the connection stays open."""
         self._inject(lambda: setattr(self, "_frozen", frozen))
 
     def _inject(self, happen: Callable[[], None]) -> None:
@@ -135,7 +135,7 @@ class ControlBox(FrankaServer):
             time.sleep(DT)
 
     def _enter(self, mode: RobotMode) -> None:
-        """A mode that somebody's hand brings about; a motion ends, the arm brakes."""
+        """Enter a mode that a person causes; a motion ends and the arm brakes."""
         self._abort(MoveStatus.EMERGENCY_ABORTED if mode == RobotMode.USER_STOPPED else MoveStatus.ABORTED)
         self.mode = mode
 
@@ -169,7 +169,7 @@ class ControlBox(FrankaServer):
             self._drain()
 
     def _move(self) -> None:
-        """One tick of a motion: the command that answers the last state, waited for."""
+        """One tick of a motion: wait for the command that answers the last state."""
         command = self._command()
         if command is None and not self._answered:
             self.arm.hold()
@@ -201,7 +201,7 @@ class ControlBox(FrankaServer):
             self.arm.brake()
 
     def _command(self) -> np.void | None:
-        """The answer to the last state; None where it is lost, or none of this motion has come yet."""
+        """The command that answers the last state; None if it is lost, or if none of this motion has arrived yet."""
         until = time.monotonic() + self._patience_s
         while self._running and self._client is not None:
             wait = until - time.monotonic() if self._answered else 0.0
@@ -357,7 +357,7 @@ class ControlBox(FrankaServer):
         self._respond(Command.AUTOMATIC_ERROR_RECOVERY, number, b"\0")
 
     def _set(self, command: Command, payload: bytes) -> int:
-        """A setter; its status."""
+        """Carry out a setter and return its status."""
         if self.mode == RobotMode.MOVE:
             return REJECTED
         values = np.frombuffer(payload, "<f8", len(payload) // 8)

@@ -1,4 +1,4 @@
-"""The robot model that the double hands out: the described arm as a control box names its links and joints."""
+"""The robot model that the test double provides: the described arm with the link and joint names of a control box."""
 
 from __future__ import annotations
 

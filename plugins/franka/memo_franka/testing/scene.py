@@ -1,4 +1,4 @@
-"""A task's scene behind the double, so that a task runs unchanged through TCP and UDP.
+"""A task's scene behind the test double, so that a task runs unchanged through TCP and UDP.
 
 with TaskCell(task, seed, simulator, fr3(), perception, "127.0.0.2") as cell:
     cell.run(task.reference_solution, sandbox)
@@ -29,7 +29,7 @@ from memo_franka.testing.hand import HandDouble, SceneFingers
 
 
 class _BetweenTicks:
-    """A simulator whose every method is called between two ticks of the box that ticks it."""
+    """A simulator whose methods are called between two ticks of the control box that ticks it."""
 
     def __init__(self, simulator: Simulator, box: ControlBox) -> None:
         self._simulator = simulator
@@ -49,7 +49,7 @@ class _BetweenTicks:
 
 
 class TaskCell:
-    """A simulator ticked by a control box, the driver connected to it, and what a task needs above the link.
+    """A simulator ticked by a control box, the driver connected to it, and the parts of a task above the link.
 
     Contact forces in a simulator have peaks that would end motions at a careful threshold: ``collision_force`` (N)."""
 
@@ -114,7 +114,7 @@ class TaskCell:
         self.close()
 
     def run(self, code: str, sandbox: Sandbox) -> Execution:
-        """Run robot code as a run would, then let things come to rest. Raises ``RobotFault``."""
+        """Run robot code as in a run, then let objects come to rest. Raises ``RobotFault``."""
         workspace = Workspace.around(self.robot.reach, self._table)
         execution = sandbox.run(
             code, self.control, stopped=lambda: self.link.stopped, workspace=workspace, clock=self.link.time
@@ -123,7 +123,7 @@ class TaskCell:
         return execution
 
     def check(self) -> Outcome:
-        """What the task's success check says of the simulator's state."""
+        """The result of the task's success check for the simulator's state."""
         with self.box.paused():
             return self.task.check(self.simulator, self.monitors)
 

@@ -72,7 +72,7 @@ REJECTED = 1  # of every other command: not possible in this mode
 
 
 class Error(IntEnum):
-    """The errors of a state that the double can raise, by their place in it."""
+    """The errors of a state that the test double can raise, by their index."""
 
     JOINT_POSITION_LIMITS = 0
     JOINT_REFLEX = 6

@@ -1,4 +1,4 @@
-"""What went wrong in a call, in words a person can act on, and whether asking again may help."""
+"""Errors of a call, in words a person can act on, and whether a retry may help."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ _LONGEST = 400  # characters of what a server said
 
 
 def problem_of(error: BaseException, line: Line, where: str, reached: bool, key: str) -> LanguageModelError:
-    """The error of one call. ``where`` is whom it went to, ``reached`` whether the server was ever there, ``key`` the
-    variable that its key is read from. Only what may pass is retryable: rate limits, server errors, cut connections."""
+    """The error of one call. ``where`` is its destination, ``reached`` whether the server responded at all, ``key`` the
+    variable from which its key is read. Only transient errors are retryable: rate limits, server errors, lost
+    connections."""
     said = _said(error)
     if line.status is None and (line.connected or line.failed is not None):
         return _without_an_answer(line, where, reached, error)

@@ -1,7 +1,6 @@
-"""What really happens on the connection of one call, and the means to cut it.
-
-litellm gives every provider's errors names of its own, and a body that cannot be parsed is a "500" to it. So what the
-server said is read where it arrives: httpx reports the steps of a request to a ``trace`` callback.
+"""Observing and cutting the connection of one call. litellm renames every provider's errors and reports a body that
+cannot be parsed as a "500". So the server's response is read at its source: httpx reports the steps of a request to a
+``trace`` callback.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class Line:
         self._cut = False
 
     def reset(self) -> None:
-        """Before another request of the same call."""
+        """Prepare for another request of the same call."""
         self.connected = False
         self.sent = False  # the whole question left
         self.status: int | None = None
@@ -73,12 +72,10 @@ class Line:
 
 
 def traced_transport() -> Any:
-    """An ``httpx`` transport for every connection that litellm makes: it reports to the line of the thread that uses it
-    and lets no step take longer than the call may still last.
-
-    Connections are not kept: minutes of robot motion lie between two questions, and a connection that died meanwhile
-    fails the next one. Proxies are those of the environment (``HTTPS_PROXY``, ``NO_PROXY``), which httpx leaves to the
-    transport when it is given one.
+    """An ``httpx`` transport for every connection that litellm makes: it reports to the ``Line`` of the calling thread
+    and limits each step to the remaining time of the call. Connections are not reused: minutes of robot motion pass
+    between two questions, and a connection that was lost in the meantime would fail the next one. Proxies are those of
+    the environment (``HTTPS_PROXY``, ``NO_PROXY``), which httpx leaves to the transport when it is given one.
     """
     import httpx
     from litellm.llms.custom_httpx.http_handler import get_ssl_configuration

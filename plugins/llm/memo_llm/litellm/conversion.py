@@ -1,4 +1,4 @@
-"""From a request to what litellm is given, and from what it returns to an answer."""
+"""Converting a request to litellm's arguments, and its response to an answer."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _FINISHES: dict[str, Finish] = {"length": "length", "max_tokens": "length", "con
 
 
 def messages_of(request: Request, schema_in_words: bool) -> list[dict[str, Any]]:
-    """Messages as OpenAI's protocol has them, pictures inline. ``schema_in_words`` says in the last message what the
-    answer must look like, where the server is not told otherwise."""
+    """Messages in OpenAI's format, with inline images. ``schema_in_words`` describes the required form of the answer in
+    the last message, if the server does not get the schema."""
     given = [{"role": message.role, "content": _content(message)} for message in request.messages]
     if schema_in_words and request.response_schema is not None:
         words = (
@@ -46,7 +46,7 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
 
 @attrs.define
 class Spoken:
-    """What the model said, as it comes."""
+    """The model's output as it arrives."""
 
     text: str = ""
     refusal: str = ""
@@ -64,7 +64,7 @@ class Spoken:
 
 
 def read_whole(response: Any, spoken: Spoken) -> None:
-    """An answer that came in one piece. Raises ``ValueError`` where there is none in it."""
+    """An answer that arrived in one piece. Raises ``ValueError`` if it contains none."""
     if not getattr(response, "choices", None):
         raise ValueError("it holds no choices")
     choice = response.choices[0]
@@ -81,8 +81,8 @@ def _refusal(said: Any) -> str:
 
 
 def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str], None]) -> None:
-    """An answer in pieces; ``spoken`` always holds what has come so far. Raises ``ConnectionError`` where the server
-    stopped without having said why the answer ends: litellm would call that a "stop"."""
+    """A streamed answer; ``spoken`` always contains what has arrived so far. Raises ``ConnectionError`` if the stream
+    ended without a finish reason, which litellm would report as "stop"."""
     for chunk in chunks:
         spoken.model = getattr(chunk, "model", None) or spoken.model
         spoken.usage = getattr(chunk, "usage", None) or spoken.usage

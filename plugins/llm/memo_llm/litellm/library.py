@@ -12,7 +12,7 @@ _lock = threading.Lock()
 
 
 def quiet_litellm() -> Any:
-    """The module ``litellm``, imported at the first call, which takes some seconds."""
+    """The module ``litellm``, imported on first use, which takes some seconds."""
     with _lock:
         # Read at import: else it downloads a price list, and reads an .env file of wherever memo was started.
         os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
@@ -39,8 +39,8 @@ def quiet_litellm() -> Any:
 
 
 def warm_up(litellm: Any, model: str) -> None:
-    """What litellm imports at its first call, imported now: it keeps other threads waiting, and a stop has to be heard
-    while a model is asked. Asks nobody."""
+    """Import now what litellm would import at its first call, because importing blocks other threads and a stop must be
+    noticed during a call. Sends no request."""
 
     with contextlib.suppress(Exception):  # the first real call says what is wrong
         litellm.completion(model, [{"role": "user", "content": ""}], mock_response="ready", api_key="none")

@@ -1,4 +1,4 @@
-"""The backend itself: one call at a time is bounded, can be given up, and says what it cost."""
+"""The backend: each call has a time limit, can be abandoned, and reports its cost."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clie
 
 @attrs.frozen
 class _Manner:
-    """How a question is put: with a schema for the server, as a stream, with the count of tokens at its end."""
+    """The options of a request: schema for the server, streaming, token count at the end of the stream."""
 
     schema: bool
     stream: bool
@@ -36,10 +36,8 @@ class _Manner:
 
 
 class LiteLLMModel(LanguageModel):
-    """Asks a provider through litellm. Never asks again by itself: whoever calls decides about that.
-
-    A call runs in a thread of its own, so that ``timeout_s`` bounds all of it, whatever the server does; one that is
-    given up has its connection closed.
+    """Asks a provider through litellm. Never retries: the caller decides about that. A call runs in its own thread, so
+    that ``timeout_s`` bounds all of it; the connection of an abandoned call is closed.
     """
 
     def __init__(self, settings: LiteLLMSettings) -> None:
@@ -56,8 +54,8 @@ class LiteLLMModel(LanguageModel):
 
     # -- opening -------------------------------------------------------------------------------------------------------
     def open(self) -> None:
-        """Imports litellm; touches no network. Raises ``InvalidArgument`` for a model it does not know the provider of,
-        ``BackendUnavailable`` naming the variable where the key is missing."""
+        """Imports litellm without network access. Raises ``InvalidArgument`` for a model of an unknown provider,
+        ``BackendUnavailable``, which names the variable, if the key is missing."""
         if self._litellm is not None:
             return
         litellm = quiet_litellm()
@@ -110,7 +108,7 @@ class LiteLLMModel(LanguageModel):
         return f"litellm's list has no price of {self.name}; set llm.prompt_price and llm.completion_price"
 
     def _cost(self, usage: Usage, raw: Any) -> float | None:
-        """US dollars; None when nobody knows the price."""
+        """US dollars; None if the price is unknown."""
         settings = self._settings
         if settings.prompt_price is not None and settings.completion_price is not None:
             dollars = usage.prompt_tokens * settings.prompt_price + usage.completion_tokens * settings.completion_price
@@ -150,7 +148,7 @@ class LiteLLMModel(LanguageModel):
         on_text: Callable[[str], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Answer:
-        """See the interface. ``timeout_s`` counts from when it is this call's turn (``max_concurrent``)."""
+        """See the interface. ``timeout_s`` starts when the call leaves the queue (``max_concurrent``)."""
         if self._litellm is None:
             raise LanguageModelError("litellm", "it has not been opened")
         if not request.messages:
@@ -211,8 +209,8 @@ class LiteLLMModel(LanguageModel):
     def _put(
         self, request: Request, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None, started: float
     ) -> Answer:
-        """In the worker thread: ask in the best manner that the server takes. What it does not take is remembered for
-        as long as this is open."""
+        """In the worker thread: ask with the best options that the server accepts. Rejected options are remembered
+        while this is open."""
         streaming = on_piece is not None and "stream" not in self._refused
         manners = self._manners(request, streaming)
         for manner in manners:
@@ -234,7 +232,7 @@ class LiteLLMModel(LanguageModel):
         return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name)
 
     def _manners(self, request: Request, streaming: bool) -> tuple[_Manner, ...]:
-        """The best first. Where the server rejects one, the next is tried."""
+        """The options to try, best first; if the server rejects one, the next is tried."""
         schema = (
             request.response_schema is not None
             and self._settings.schema == "auto"
@@ -251,7 +249,7 @@ class LiteLLMModel(LanguageModel):
     def _ask(
         self, request: Request, manner: _Manner, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None
     ) -> Exception | None:
-        """Ask once; what the answer is goes into ``spoken``, what went wrong is returned."""
+        """Ask once; the answer goes into ``spoken``, an error is returned."""
         settings = self._settings
         given: dict[str, Any] = {
             "model": settings.model,
@@ -308,7 +306,7 @@ class LiteLLMModel(LanguageModel):
     def _lost(
         self, problem: str, retryable: bool, line: Line, request: Request, spoken: Spoken, started: float
     ) -> LanguageModelError:
-        """An answer that will not come whole; what was sent and received till now has probably to be paid."""
+        """The error for an incomplete answer, with the probable cost of what was sent and received."""
         paid = line.sent and (line.status is None or line.status < 300)
         usage = self._usage(request, spoken, time.monotonic() - started) if paid else None
         return self._redacted(LanguageModelError("litellm", problem, retryable, usage=usage))
@@ -319,5 +317,5 @@ class LiteLLMModel(LanguageModel):
 
 
 def _about(characters: int) -> int:
-    """Tokens, where the server counts none: four characters each is the usual rule of thumb."""
+    """Estimated tokens if the server reports none: about four characters each."""
     return characters // 4

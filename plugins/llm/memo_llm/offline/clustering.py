@@ -1,8 +1,9 @@
 """Condensing notes by rules: what a note asks for is read with the vocabulary, what a template does from its docstring,
 its parameters and the functions it calls. Nothing but the prompt's text is looked at.
 
-A note contradicts a template when both speak of the same matter and differ. A note repeats another when all it asks
-for, and every other word of weight in it, is in the other as well. What is not understood is kept as it is.
+A note contradicts a template when both state the same property with different values. A note repeats another when
+everything it asks for, and each of its other content words, is also in the other. What is not understood is kept as it
+is.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class CondensedAnswer:
 
 @attrs.frozen
 class _Note:
-    """A note, or what is left of one, as it was read."""
+    """A parsed note, or what is left of one."""
 
     number: int
     text: str
@@ -108,7 +109,7 @@ def condense(prompt: Prompt, vocabulary: Vocabulary) -> CondensedAnswer:
 
 @attrs.frozen
 class _Against:
-    """A note's contradiction to a template, and what is left of the note without the pieces that contradict."""
+    """A note's contradiction to a template, and the rest of the note without the contradicting parts."""
 
     template: int
     why: str
@@ -116,8 +117,8 @@ class _Against:
 
 
 def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabulary: Vocabulary) -> _Against | None:
-    """Of other things' templates nothing here can tell whether this thing works alike, so they overrule no note but a
-    general statement that claims to hold for them."""
+    """Templates for other objects overrule only general statements that claim to apply to them, since nothing here can
+    tell whether this object works in the same way."""
     if key == "*":
         return _contradicted_everywhere(note, templates)
     pieces = [_note(note.number, piece, False, vocabulary) for piece in _pieces(note.text)]
@@ -134,7 +135,8 @@ def _contradicted(note: _Note, key: str, templates: Sequence[_Template], vocabul
 
 
 def _covering(note: _Note, key: str, templates: Sequence[_Template]) -> int | None:
-    """The number of a template of the very key that does all that a note asks for and speaks of all else in it."""
+    """The number of a template with exactly this key that does everything a note asks for and mentions everything else
+    in it."""
     if note.fixed or note.conditions or note.not_understood or not note.edits:
         return None
     for template in templates:
@@ -165,7 +167,7 @@ def _pieces(text: str) -> list[str]:
 
 
 def _contradicted_everywhere(note: _Note, templates: Sequence[_Template]) -> _Against | None:
-    """A general statement is given up where it claims to hold for what a template is about, and no template agrees."""
+    """Whether a general statement is dropped: every template to which it applies contradicts it."""
     noun, verb = note.scope
     if not (noun or verb or _UNIVERSAL.search(note.text.lower())) or (note.not_understood and not noun):
         return None

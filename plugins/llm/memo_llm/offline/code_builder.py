@@ -1,4 +1,4 @@
-"""The sheet that code is written on: remarks, constants with their reasons, then the steps."""
+"""Assembles generated code: comments, constants with their reasons, then the steps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from memo_llm.offline.code_snippets import compose
 
 @attrs.define
 class Sheet:
-    """Code as it is being written."""
+    """Code under construction."""
 
     header: list[str] = attrs.field(factory=list)
     constants: dict[str, str] = attrs.field(factory=dict)

@@ -1,4 +1,5 @@
-"""The small functions that written code is composed of: each is emitted only where it is used, with what it needs."""
+"""The small functions of which generated code is composed; each is included only if it is used, with its
+dependencies."""
 
 from __future__ import annotations
 
@@ -116,7 +117,7 @@ _NEEDS_MATH = ("math.",)
 
 
 def compose(header: list[str], body: list[str], constants: list[str]) -> str:
-    """Whole code: comment, import where needed, constants, the functions used, body."""
+    """Complete code: comment, imports if needed, constants, the functions used, body."""
     text = "\n".join(body)
     names: list[str] = []
     _collect(text, names)

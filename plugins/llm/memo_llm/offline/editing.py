@@ -1,5 +1,6 @@
-"""Applying edits to a recipe. Every edit is applied, also one that contradicts another or does not fit the subtask: the
-person is taken at their word. The caller orders them so that what ranks highest is applied last and wins."""
+"""Applying edits to a recipe. Every edit is applied, even one that contradicts another or does not fit the subtask,
+because the person is taken at their word. The caller orders edits so that the highest-ranked one is applied last and
+takes effect."""
 
 from __future__ import annotations
 
@@ -384,7 +385,7 @@ def _with_path(recipe: Recipe) -> Recipe:
 
 
 def _after_grip(steps: tuple[str, ...]) -> int:
-    """Where in the steps the thing is held: after closing the hand on it, or after the approach."""
+    """The index in the steps at which the object is held: after closing the hand on it, or after the approach."""
     approach = steps.index("approach") if "approach" in steps else -1
     if "close-hand" in steps[approach + 1 :]:
         return steps.index("close-hand", approach + 1) + 1

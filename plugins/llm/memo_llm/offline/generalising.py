@@ -104,7 +104,7 @@ class _Function:
         self._functions, self._body = functions.splitlines(), body.splitlines()
 
     def manner(self) -> str:
-        """How it is done, in a word or two, by what the code calls."""
+        """The manner in a word or two, derived from the functions that the code calls."""
         called = {n.func.id for n in ast.walk(self._tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
         if {"turn_point", "arc"} & called:
             return "an arc"

@@ -1,4 +1,4 @@
-"""The backend itself: which phase a prompt is, and who answers it."""
+"""The backend: recognises the phase of a prompt and calls the rules that answer it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from memo_llm.settings import OfflineSettings
 
 
 class OfflineModel(LanguageModel):
-    """A deterministic, rule-based reader of MEMO's prompts. It looks at nothing but the messages' text."""
+    """A deterministic, rule-based reader of MEMO's prompts. It uses only the messages' text."""
 
     name = "offline"
     deterministic = True

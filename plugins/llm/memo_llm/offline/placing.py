@@ -1,4 +1,4 @@
-"""Code that puts down what is held: in an inside, on a support, or on the table."""
+"""Code that puts down a held object: in an inside, on a support, or on the table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from memo_llm.offline.surroundings import Surroundings
 
 
 def write_placing(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
-    """Where to, as asked for, and the steps that go there, let go and leave."""
+    """Write the destination as requested, and the steps that move there, release and retreat."""
     sheet.constant("THING", recipe.thing if around.thing is None else around.thing.label)
     clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres to go on the last, straight stretch")
     gap = sheet.constant("GAP", recipe.gap, "metres that it is let fall")

@@ -294,13 +294,13 @@ def _fetch(thing: Node, scene: SceneGraph) -> str:
 
 
 def _put_down(scene: SceneGraph) -> str:
-    """What to do first when the one hand is full of something else."""
+    """The subtask to do first when the hand holds something else."""
     held = _held(scene)
     return _call("PLACE", held.label, "table") if held is not None else ""
 
 
 def _search(scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], hint: str = "") -> str:
-    """What cannot be seen may be inside something closed: the one that was named first, then any."""
+    """Search for an unseen object in something closed: first the container that was named, then any."""
     told = states(scene)
     tried = Counter(objects[0].lower() for action, objects in done if action == "open" and objects)
     closed = [n for n in _openable(scene) if told.get(n.id) == "closed"]
@@ -315,7 +315,7 @@ def _search(scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], hint: st
 
 
 def _open_up(place: Node, scene: SceneGraph) -> str:
-    """OPEN(...) when the place is shut."""
+    """OPEN(...) if the place is shut."""
     told = states(scene)
     if place.kind == "space":
         return ""

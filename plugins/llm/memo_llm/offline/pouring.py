@@ -1,4 +1,4 @@
-"""Code that tips or shakes what is held over something else."""
+"""Code that tips or shakes a held object over something else."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from memo_llm.offline.surroundings import Surroundings
 
 
 def held_in(scene: SceneGraph) -> Node | None:
-    """What the scene's sentences say is in the hand."""
+    """The object in the hand according to the scene's relations."""
     held = next((relation.subject for relation in scene.relations if relation.predicate == "held"), None)
     return next((node for node in scene.nodes if node.id == held), None)
 

@@ -1,5 +1,5 @@
-"""A subtask as steps with their parameters: what habits give, templates shape and corrections edit, before any
-code is written."""
+"""A subtask as steps with parameters, before any code is written: taken from habits, shaped by templates and edited by
+corrections."""
 
 from __future__ import annotations
 

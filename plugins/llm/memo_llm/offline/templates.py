@@ -1,9 +1,9 @@
 """Reading the structure out of a template: which path its hand takes, in which sense, how far.
 
-The template is not pasted and not trusted: its function is imagined on the scene of the prompt, in the sandbox that
-robot code runs in, with a hand that has no robot behind it. What the hand would do between gripping and letting go
-is compared with the door's geometry, and that structure (arc or line, sense, angle, distance) is taken over. So it
-does not matter how the code is written, and a template whose arc is reversed spoils what is written after it.
+The template is neither pasted nor trusted: its function is executed in the robot-code sandbox on the scene of the
+prompt, with a recorder in place of the robot. The recorded motion of the hand between grasp and release is compared
+with the door's geometry, and its structure (arc or line, sense, angle, distance) is adopted. So it does not matter how
+the code is written, and a template with a reversed arc leads to reversed code.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ TURNS = math.radians(20)
 
 
 def hand_over(scene: SceneGraph) -> RecordingControl:
-    """A hand above the scene that points down, with no robot behind it."""
+    """A recorded hand above the scene that points down; no robot moves."""
     return RecordingControl(scene, Pose(scene.observation.end_effector.position, (0.0, 1.0, 0.0, 0.0)))
 
 
 def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> Recipe | None:
-    """The recipe with the template's structure, or None when nothing could be made of the template."""
+    """The recipe with the template's structure, or None if the template cannot be used."""
     around = Surroundings.of(scene, recipe.thing, recipe.place)
     if around.thing is None:
         return recipe
@@ -48,7 +48,8 @@ def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str
 
 
 def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> list[Command]:
-    """What the hand would do if the template were called for the prompt's objects; empty when it cannot be called."""
+    """The recorded motion of the hand when the template is called for the prompt's objects; empty if it cannot be
+    called."""
     try:
         tree = ast.parse(template.text)
     except (SyntaxError, ValueError):
@@ -64,7 +65,7 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> lis
 
 
 def imagined(code: str, scene: SceneGraph) -> list[Command]:
-    """What the hand would do if the code ran on the scene."""
+    """The recorded motion of the hand when the code runs on the scene."""
     hand = hand_over(scene)
     with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
         # What fails half-way was still going somewhere: the events up to there count.
@@ -102,7 +103,7 @@ def _arguments(
 
 
 def _counterpart(said: str, parameter: str, old: list[str], new: tuple[str, ...], scene: SceneGraph) -> Node | None:
-    """The thing here that plays the part which ``said`` played in the template's own scene."""
+    """The object here with the role that ``said`` had in the template's own scene."""
     mapped = said
     for before, now in zip(old, new, strict=False):
         mapped = mapped.replace(before, now)

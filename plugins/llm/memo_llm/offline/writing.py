@@ -1,4 +1,5 @@
-"""Phase 2: habit, then what worked before, then what people said, each ranked; what ranks highest has the last word."""
+"""Phase 2: start from the habit, then apply templates, then corrections, each ranked; the highest-ranked one is applied
+last."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Recordings of language models: every question with its answer, kept as it happens, and played back later."""
+"""Recordings of language models: every question is stored with its answer as it happens, and replayed later."""

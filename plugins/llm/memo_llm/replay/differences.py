@@ -1,4 +1,4 @@
-"""What differs between a question that was not recorded and the nearest one that was, in a few lines."""
+"""Describing in a few lines how an unrecorded question differs from the closest recorded one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WIDTH = 160
 
 
 def describe(request: Request, calls: Sequence[Call]) -> str:
-    """Names the recorded question that is most like this one, and the message, section and line that differ."""
+    """Names the most similar recorded question, and the message, section and line that differ."""
     if not calls:
         return "the recording holds no call at all"
     order = {id(call): number for number, call in enumerate(calls, start=1)}

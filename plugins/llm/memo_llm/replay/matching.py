@@ -1,5 +1,5 @@
-"""Finding the recorded answer to a question: the very same one, one that differs by a hair in its numbers, or one that
-was asked in the same situation by a prompt that was worded differently then."""
+"""Finding the recorded answer to a question: to exactly the same question, to one that differs slightly in its numbers,
+or to one asked in the same situation with another version of the prompt."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DEGREES_TOLERANCE = 2.0
 
 @attrs.frozen
 class Match:
-    """What answers a question. ``off`` is the largest difference of a number; 0 when it is the very same question."""
+    """A matching call. ``off`` is the largest difference of a number; 0 for exactly the same question."""
 
     call: Call
     off: float = 0.0
@@ -30,8 +30,8 @@ class Match:
 class Answers:
     """The answers of one recording, each question's in the order in which they were given.
 
-    A question asked more often than it was recorded gets its last answer again. An error comes back in its place.
-    Answers that nobody waited for come after those that were used.
+    A question asked more often than it was recorded gets its last answer again. A recorded error is raised in its
+    place. Answers of abandoned calls come after those that were used.
     """
 
     def __init__(self, calls: Sequence[Call]) -> None:
@@ -52,7 +52,7 @@ class Answers:
         self._used: set[int] = set()  # ids of calls
 
     def exact(self, request: Request) -> Match | None:
-        """The answer to this very question."""
+        """The answer to exactly this question."""
         found = self._next(request.digest)
         return None if found is None else Match(found)
 
@@ -69,9 +69,8 @@ class Answers:
         return Match(found, best[0], best[1]) if best and found else None
 
     def same_situation(self, request: Request) -> Match | None:
-        """The first answer not used yet that was given where the task, the subtask, what was done before, what people
-        taught and how often it was tried were the same, whatever else the prompt said then; the last, when all are
-        used."""
+        """The first unused answer from the same situation (task, subtask, subtasks done before, what people taught,
+        number of attempts), whatever else the prompt said; the last one if all are used."""
         situation = _situation(request)
         calls = self._situations.get(situation, []) if situation else []
         if not calls:
@@ -92,8 +91,8 @@ class Answers:
 
 
 def _situation(request: Request) -> str:
-    """What a question is about, apart from how the prompt words it and what it says of the scene and the functions; ""
-    where it is no prompt of MEMO's."""
+    """The situation of a question, without the prompt's wording, the scene and the functions' documentation; "" if it
+    is not one of MEMO's prompts."""
     try:
         prompt = Prompt.read(request.messages)
     except LanguageModelError:
@@ -123,7 +122,7 @@ def _situation(request: Request) -> str:
 
 
 def _shape(request: Request) -> Request:
-    """The question with every measured number blanked out."""
+    """The question with every decimal number replaced by a placeholder."""
     blank = tuple(attrs.evolve(m, text=_MEASURED.sub("#", m.text)) for m in request.messages)
     return attrs.evolve(request, messages=blank)
 

@@ -1,4 +1,4 @@
-"""The ``replay`` backend: asks another and keeps what it said, or says again what was kept."""
+"""The ``replay`` backend: records the answers of another backend, or replays recorded ones."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from memo_llm.replay.settings import ReplaySettings
 
 
 def replay(settings: ReplaySettings) -> LanguageModel:
-    """What the settings ask for; nothing is opened."""
+    """The recorder or player that the settings ask for, unopened."""
     if settings.record:
         return Recorder(settings.inner.create(), Path(settings.file))
     return Player(settings)
 
 
 class Recorder(LanguageModel):
-    """Asks ``inner`` and adds every call to the file before the answer is used, also those that were given up."""
+    """Asks ``inner`` and appends every call to the file before the answer is used, including abandoned calls."""
 
     def __init__(self, inner: LanguageModel, path: Path) -> None:
         self.name = inner.name
@@ -69,7 +69,7 @@ class Recorder(LanguageModel):
 
 
 class Player(LanguageModel):
-    """Answers from a recording alone, with the tokens, cost and latency of then. No network, no waiting."""
+    """Answers from a recording only, with the recorded tokens, cost and latency. No network, no waiting."""
 
     def __init__(self, settings: ReplaySettings) -> None:
         self.name = "replay"
@@ -78,7 +78,8 @@ class Player(LanguageModel):
         self._lock = threading.Lock()
 
     def open(self) -> None:
-        """Raises ``BadRecording``. Opened again, it goes on where it was: one recording may hold several runs."""
+        """Raises ``BadRecording``. Reopened, it continues where it was, since one recording may contain several
+        runs."""
         with self._lock:
             if self._answers is None:
                 self._answers = Answers(read_recording(Path(self._settings.file)))

@@ -1,4 +1,4 @@
-"""The file of a recording: JSON lines, added to and flushed to the disk a call at a time.
+"""The file of a recording: JSON lines, appended and flushed to disk call by call.
 
     {"memo_recording": 1}
     {"image": "<sha-256>", "media_type": "image/png", "data": "<base64>"}       once for each picture, before its call
@@ -6,7 +6,7 @@
      "answer": {"text", "finish", "model", "not_understood", "usage": {…}} or null,
      "error": {"problem", "retryable", "usage"} or null, "abandoned": false}
 
-The last line of a process that was killed may be half a line: it is left out when reading and cut off before adding.
+The last line of a process that was killed may be half a line: it is ignored when reading and removed before appending.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class BadRecording(MemoError):
 
 @attrs.frozen(eq=False)
 class Call:
-    """One recorded question and what came of it: an answer, or an error. ``abandoned``: nobody waited for it."""
+    """One recorded question with its answer or error. ``abandoned``: its result was not waited for."""
 
     request: Request
     answer: Answer | None
@@ -90,7 +90,7 @@ def _lines(path: Path) -> list[bytes]:
 
 
 def _decompressed(path: Path) -> bytes:
-    """Raises ``BadRecording`` for a file that is small and would fill the memory."""
+    """Raises ``BadRecording`` for a small file that would decompress to an excessive size."""
     pieces, size = [], 0
     most = max(_ALWAYS_FITS, _MOST_COMPRESSED * path.stat().st_size)
     with gzip.open(path) as file:
@@ -147,12 +147,12 @@ def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
 
 
 class RecordingFile:
-    """A recording that is added to. Safe to use from several threads; also after the run that began it has ended, when
-    the late answer of a call that was given up comes."""
+    """A recording that is appended to. Safe to use from several threads, also after the run has ended, since late
+    answers of abandoned calls may still arrive."""
 
     def __init__(self, path: Path, clean: Callable[[str], str] = lambda text: text) -> None:
-        """Opens or begins the file. ``clean`` takes out of every text what must not be kept (secrets). Raises
-        ``BadRecording`` for a file of something else, ``InvalidArgument`` where it cannot be written."""
+        """Opens or creates the file. ``clean`` removes secrets from every text. Raises ``BadRecording`` for a file of
+        something else, ``InvalidArgument`` where it cannot be written."""
         self._path = path
         self._clean = clean
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""What a config may set of the ``replay`` backend."""
+"""Settings of the ``replay`` backend."""
 
 from __future__ import annotations
 

@@ -1,1 +1,2 @@
-"""The suite ``quirks``: fixtures with a mechanism that no picture shows and that a person teaches in one sentence."""
+"""The suite ``quirks``: fixtures with a mechanism that cannot be seen in any image and that a person can explain in one
+sentence."""

@@ -1,4 +1,4 @@
-"""Robot code that is part of the suite as text: reference solutions, and what anybody would try who does not know."""
+"""Robot code that is part of the suite as text: reference solutions and plain attempts."""
 
 from __future__ import annotations
 

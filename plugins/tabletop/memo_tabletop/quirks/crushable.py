@@ -1,4 +1,4 @@
-"""Thin-walled things that collapse when they are held too hard, and stay collapsed."""
+"""Thin-walled objects that collapse when gripped too hard, and stay collapsed."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def gives_way(name: str, sides: int) -> tuple[Mechanism, ...]:
 
 
 class CarryAThinThing(QuirkTask):
-    """Success: it stands on the tray or board, whole, let go and at rest."""
+    """Success: it stands on the tray or board, intact, released and at rest."""
 
     quirk = "collapses when held hard"
     thing: str

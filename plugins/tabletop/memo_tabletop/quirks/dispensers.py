@@ -1,4 +1,4 @@
-"""Dispensers that give only after they have been shaken three times.
+"""Dispensers that release grains only after they have been shaken three times.
 
 Inside hangs a small weight on a damped spring; it lags behind when the dispenser is jerked up or stops on its way down.
 After three such lags in four seconds the valve below opens.
@@ -82,7 +82,7 @@ def dispenser(
 
 
 def _hidden(name: str, apothem: float, height: float) -> Cavity:
-    """Nobody looks into it, be its valve open or shut."""
+    """Its inside is never visible, whether its valve is open or shut."""
     size = (2 * apothem, 2 * apothem, height - 0.014)
     middle = Pose((0.0, 0.0, height / 2 + 0.001))
     below = (0.0, 0.0, -1.0)

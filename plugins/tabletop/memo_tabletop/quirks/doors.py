@@ -1,4 +1,4 @@
-"""Doors on an upright edge that do not just swing."""
+"""Doors with a vertical hinge and a peculiarity."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class OpenTheMedicineCabinet(OpenADoor):
 
 
 class OpenTheFreezer(OpenTheMedicineCabinet):
-    """The same on a taller thing, the other way round."""
+    """The same on a taller body, mirrored."""
 
     name = "open-the-freezer"
     instruction = "open the freezer"

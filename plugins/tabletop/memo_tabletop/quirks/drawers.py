@@ -1,4 +1,4 @@
-"""Drawers that do not just slide."""
+"""Drawers with a peculiarity."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Furniture of the tabletop suite with something about it: parts that move on their own, springs, stops.
-
-Each function takes a piece as ``memo_tabletop.furniture`` makes it and returns it changed; nothing that shows is added.
+"""Furniture of the tabletop suite with modifications: additional movable parts, springs, stops. Each function takes a
+piece made by ``memo_tabletop.furniture`` and returns a modified copy; nothing visible is added.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What opening a door, a drawer and a lid have in common: one fixture stands there, and a part of it has to move."""
+"""What the tasks of opening a door, a drawer and a lid have in common: one fixture, of which a part has to move."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class OpenAThing(QuirkTask):
         """The fixture, placed."""
 
     def changed(self, fixture: Body) -> Body:
-        """The fixture with what is particular about it."""
+        """The fixture with its peculiarity."""
         return fixture
 
     def mechanisms(self) -> tuple[Mechanism, ...]:

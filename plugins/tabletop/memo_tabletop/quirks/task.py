@@ -1,4 +1,5 @@
-"""What all tasks of this suite have: a mechanism, the sentence that teaches it, and what one would try without it."""
+"""Base class of the suite's tasks: a mechanism, the sentence that explains it, and the plain attempt made without
+knowing it."""
 
 from __future__ import annotations
 

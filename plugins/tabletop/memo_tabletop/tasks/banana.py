@@ -1,4 +1,4 @@
-"""Put the banana on the plate: a long thing among other fruit, and a rim to get over."""
+"""Put the banana on the plate: a long object among other fruit, and a rim to clear."""
 
 from __future__ import annotations
 

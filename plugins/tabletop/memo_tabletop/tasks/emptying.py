@@ -22,8 +22,8 @@ BROWN = (0.50, 0.34, 0.20, 1.0)
 
 
 class TakeOut(Task):
-    """Success: everything that was inside stands or lies on the table outside, set down rather than dropped, let go
-    and at rest. The door may stay as it is; who wants it shut says so."""
+    """Success: everything that was inside stands or lies on the table outside, set down rather than dropped, let go and
+    at rest. The door may be open or shut."""
 
     furniture_name: str
     things: tuple[str, ...]
@@ -180,7 +180,7 @@ class EmptyTheCabinet(_Cabinet):
 
 
 class PlaceTheAppleOnTheTable(_Cabinet):
-    """It is in the closed cabinet, and round."""
+    """The apple is round and in the closed cabinet."""
 
     name = "place-the-apple-on-the-table"
     instruction = "place the apple on the table"

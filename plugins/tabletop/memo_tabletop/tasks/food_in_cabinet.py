@@ -1,4 +1,5 @@
-"""What putting food into a microwave and into an oven have in common: a door to open, food beside, a hollow to fill."""
+"""What the tasks of putting food into a microwave and into an oven have in common: a door to open and food to put
+inside."""
 
 from __future__ import annotations
 
