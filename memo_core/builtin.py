@@ -60,7 +60,7 @@ def memo_teachers() -> list[Backend]:
         Backend(
             "teacher",
             "scripted",
-            "says what stands in the config",
+            "gives the feedback written in the config",
             ScriptedTeacher,
             ScriptSettings,
             aliases=("script",),
@@ -72,5 +72,5 @@ def memo_teachers() -> list[Backend]:
             SimulatedTeacher,
             SimulatedTeacherSettings,
         ),
-        Backend("teacher", "silent", "nobody watches: for evaluations", SilentTeacher, aliases=("nobody",)),
+        Backend("teacher", "silent", "never gives feedback, for evaluations", SilentTeacher, aliases=("nobody",)),
     ]

@@ -55,7 +55,7 @@ def transfer_table(
         ],
     )
     if done < transfer.size:
-        note(f"{done} of {transfer.size} runs; the same command goes on with the rest")
+        note(f"{done} of {transfer.size} runs; the same command continues with the rest")
 
 
 def _report(transfer: Any, rows: list[Any], done: int) -> dict[str, Any]:

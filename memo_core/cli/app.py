@@ -26,7 +26,7 @@ COMMANDS = {
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
     "new": "Begin a plugin of your own, of any kind: one that works.",
-    "skillbook": "Look into a skillbook, search it, take things out.",
+    "skillbook": "List, search, edit and export the entries of a skillbook.",
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",

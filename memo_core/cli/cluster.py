@@ -94,7 +94,7 @@ class _Once:
             ended = error
         self._report()
         if isinstance(ended, Stopped):
-            note(f"memo: stopped; {self.waiting} to go: the next memo cluster goes on with them")
+            note(f"memo: stopped; {self.waiting} left; the next memo cluster continues with them")
             raise typer.Exit(INTERRUPTED)
         if ended is not None:
             raise ended
@@ -148,7 +148,7 @@ class _Once:
             return
         for near in self.joined:
             would = "would be" if self.dry_run else "is"
-            print(f"{near.spelling} {would} kept under {near.key} (cosine {near.cosine:.2f})")
+            print(f"{near.spelling} {would} merged into {near.key} (cosine {near.cosine:.2f})")
         for one in done:
             print_outcome(one)
         verb = "would become" if self.dry_run else "became"
@@ -169,7 +169,7 @@ def print_outcome(outcome: Outcome) -> None:
     characters = f"{outcome.characters_before} -> {outcome.characters_after}"
     head = f"{cluster.label}: {before} -> {after} entries, {characters} characters"
     if outcome.problem:
-        head = f"{cluster.label}: {before} entries stay as they were: {outcome.problem}"
+        head = f"{cluster.label}: {before} entries are unchanged: {outcome.problem}"
     elif outcome.status == "unchanged":
         head = f"{cluster.label}: {before} entries, nothing to condense"
     shown.print(Text(head, style="bold"))
@@ -197,7 +197,7 @@ def print_outcome(outcome: Outcome) -> None:
         shown.print(Text(f"  + {one.text}", style="green") + Text(f"   [from {made_of}]", style="dim"))
     same = len(proposal.entries) - len(changed)
     if same:
-        shown.print(Text(f"  {same} as they were", style="dim"))
+        shown.print(Text(f"  {same} unchanged", style="dim"))
 
 
 def _watch(
@@ -218,7 +218,7 @@ def _watch(
             print(dumps(outcome_record(news), ensure_ascii=False), flush=True) if json else print_outcome(news)
         elif isinstance(news, NearKeys):
             line = {"joined": str(news.spelling), "into": str(news.key), "cosine": news.cosine}
-            print(dumps(line) if json else f"{news.spelling} is kept under {news.key}", flush=True)
+            print(dumps(line) if json else f"{news.spelling} is merged into {news.key}", flush=True)
         else:
             note(f"memo: {news}; tried again later")
 

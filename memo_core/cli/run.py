@@ -34,7 +34,7 @@ def command(
         Path | None, typer.Option("--replay", metavar="FILE", help="Answer from a recording instead of a model.")
     ] = None,
     resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="DIR", help="Go on with a run that was cut off, in its folder.")
+        Path | None, typer.Option("--resume", metavar="DIR", help="Resume an interrupted run in its folder.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the simulator's viewer (needs a display).")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
@@ -83,7 +83,7 @@ def command(
                 note(f"memo: {report.problem}")
             print(f"kept in {report.folder}")
     if report.resumable:
-        note(f"memo: it was cut off; to go on: memo run --resume {quote(str(report.folder))}")
+        note(f"memo: the run was interrupted; to continue: memo run --resume {quote(str(report.folder))}")
     if not report.success:
         raise typer.Exit(INTERRUPTED if report.ended_by_person else 1)
 

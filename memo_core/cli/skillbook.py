@@ -95,7 +95,7 @@ def show(
 @app.command()
 def search(
     words: Annotated[str, typer.Argument(help="What to look for; a subtask such as 'OPEN(oven)' is retrieved for.")],
-    count: Annotated[int, typer.Option("--count", "-n", min=1, help="At most so many.")] = 10,
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="Largest number of results.")] = 10,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -200,7 +200,7 @@ def forget(
         if person in opened.people() and not yes:
             if not sys.stdin.isatty():
                 raise InvalidArgument(
-                    "--yes", "nobody can be asked here whether this is meant", "memo skillbook forget … --yes"
+                    "--yes", "there is no terminal to ask for confirmation", "memo skillbook forget … --yes"
                 )
             typer.confirm(f"Remove everything {person!r} said from {opened.url}?", abort=True, err=True)
         forgotten = opened.forget(person, also or ())

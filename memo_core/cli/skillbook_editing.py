@@ -45,9 +45,9 @@ def edit(
     if json:
         print_json({"entry": new.id, "replaces": entry, "revision": new.revision, "text": new.text})
     elif new.id == entry:
-        print(f"entry {entry} says that already")
+        print(f"entry {entry} already has this text")
     else:
-        print(f"entry {new.id} is in place of {entry}; `memo skillbook rollback {new.revision}` takes it back")
+        print(f"entry {new.id} replaces {entry}; `memo skillbook rollback {new.revision}` undoes this")
 
 
 def remove(
@@ -64,7 +64,7 @@ def remove(
     if json:
         print_json({"entry": entry, "revision": revision.id})
     else:
-        print(f"entry {entry} is no longer served; `memo skillbook rollback {revision.id}` takes it back")
+        print(f"entry {entry} is no longer retrieved; `memo skillbook rollback {revision.id}` undoes this")
 
 
 def _name(who: str | None) -> str:

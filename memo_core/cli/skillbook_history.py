@@ -32,7 +32,7 @@ def history(
     key: Annotated[
         str | None, typer.Argument(metavar="[KEY]", help="Only this key, e.g. 'OPEN(oven)'; * for general statements.")
     ] = None,
-    last: Annotated[int | None, typer.Option("--last", min=1, help="Only the last so many revisions.")] = None,
+    last: Annotated[int | None, typer.Option("--last", min=1, help="Only this many of the latest revisions.")] = None,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -43,7 +43,7 @@ def rebuild(
     if method not in METHODS:
         raise UnknownName("method", method, tuple(METHODS))
     if out.exists():
-        raise InvalidArgument("--out", f"{out} is there already", "a new file")
+        raise InvalidArgument("--out", f"{out} exists already", "a new file")
     end = _until(until)
     _, experiment = load(config, overrides)
     with book_of(experiment, book, read_only=True):

@@ -28,7 +28,7 @@ def retest(
     seeds: Annotated[
         str, typer.Option("--seeds", metavar="A-B", help="Fresh scenes beside the stored start, e.g. 1001-1003.")
     ] = "1001-1003",
-    again: Annotated[bool, typer.Option("--again", help="Make trials anew that the book has already.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Repeat trials that the book already has.")] = False,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -81,7 +81,7 @@ def _chosen(book: Skillbook, entries: list[int] | None) -> list[Entry]:
     chosen = [book.entry(number) for number in dict.fromkeys(entries)]
     for entry in chosen:
         if entry.kind != "template":
-            raise InvalidArgument("ENTRY", f"entry {entry.id} is no template", "a template (memo skillbook list)")
+            raise InvalidArgument("ENTRY", f"entry {entry.id} is not a template", "a template (memo skillbook list)")
     return chosen
 
 

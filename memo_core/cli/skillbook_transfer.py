@@ -43,7 +43,9 @@ def import_book(
         typer.Option("--from", metavar="FORMAT", help="memo (JSONL) or lorebook; default: recognised."),
     ] = None,
     whose: Annotated[str | None, typer.Option("--whose", help="Whose book it is; without it, the file's name.")] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what it would bring, change nothing.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Report what would be imported, and change nothing.")
+    ] = False,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,

@@ -136,7 +136,7 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
         with working_in(folder.parent):
             run_study(load, registry, folder, jobs, sessions, AtTerminal(), note)
     except Stopped as stopped:
-        note(f"memo: {stopped}; to go on: memo study resume {folder.parent}")
+        note(f"memo: {stopped}; to continue: memo study resume {folder.parent}")
         raise typer.Exit(INTERRUPTED) from None
     shown = _status(folder.parent)
     if json:

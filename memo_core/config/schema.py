@@ -25,7 +25,7 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
     """The schema for the installed plugins and the rooms' own sections."""
     properties: dict[str, Any] = {
         "extends": {
-            "description": "Experiment files below this one, by paths relative to it; what is said here wins.",
+            "description": "Experiment files that this one extends, relative to it; this file takes precedence.",
             "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
         },
         "task": {"description": "Name of the task (memo tasks list).", "type": "string"},

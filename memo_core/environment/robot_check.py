@@ -111,8 +111,8 @@ def _standing(link: Link, robot: RobotDescription, limits: SafetyLimits) -> Chec
     from memo_core.arm.guarded_link import GuardedLink
 
     outside = GuardedLink(link, robot, limits).outside()
-    remedy = "guide it by hand until it stands within hardware.safety" if outside else ""
-    return Check("limits", "failed" if outside else "ok", outside or "it stands within hardware.safety", remedy)
+    remedy = "guide it by hand until it is within hardware.safety" if outside else ""
+    return Check("limits", "failed" if outside else "ok", outside or "it is within hardware.safety", remedy)
 
 
 def _bias(link: Link) -> Check:

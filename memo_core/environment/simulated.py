@@ -136,7 +136,7 @@ class SimulatedEnvironment(TaskEnvironment):
             owner = (state["task"], state["seed"])
         except (ValueError, KeyError, TypeError):
             raise InvalidArgument(
-                "checkpoint", "this is no checkpoint of a world", "bytes of SimulatedEnvironment.checkpoint()"
+                "checkpoint", "this is not a checkpoint of an environment", "bytes of SimulatedEnvironment.checkpoint()"
             ) from None
         if owner != (self.task.name, self.seed):
             raise InvalidArgument(

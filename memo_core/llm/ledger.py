@@ -168,4 +168,4 @@ def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
             runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]
             return runs, _sums(connection)
     except sqlite3.Error as error:
-        raise LedgerError(path, f"it is no ledger, or cannot be read ({error})") from error
+        raise LedgerError(path, f"it is not a ledger, or cannot be read ({error})") from error

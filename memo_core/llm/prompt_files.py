@@ -234,9 +234,11 @@ class PromptText:
             tree = prompt_environment().parse(self.text)
             used = meta.find_undeclared_variables(tree)
         except jinja2.TemplateSyntaxError as error:
-            raise BadPrompt(self.source, error.lineno + self.line, f"is no Jinja template: {error.message}") from None
+            raise BadPrompt(
+                self.source, error.lineno + self.line, f"is not a valid Jinja template: {error.message}"
+            ) from None
         except (RecursionError, MemoryError):
-            raise BadPrompt(self.source, 0, "is no Jinja template: nested too deeply") from None
+            raise BadPrompt(self.source, 0, "is not a valid Jinja template: nested too deeply") from None
         for node in tree.find_all(nodes.Name):
             if node.name in used and node.name not in known:
                 problem = f"unknown placeholder {node.name!r}{close_match(node.name, tuple(known))}; {self._known()}"
@@ -330,7 +332,7 @@ class PromptSettings:
     folder: str = attrs.field(
         default="",
         validator=_is_folder,
-        metadata={"help": "folder with plan.md.j2, code.md.j2, …; what it lacks stays built-in"},
+        metadata={"help": "folder with plan.md.j2, code.md.j2, …; built-in files are used for those missing there"},
     )
     system: str = _override("system")
     plan: str = _override("plan")

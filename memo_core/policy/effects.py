@@ -323,7 +323,7 @@ class Effects:
         kind: Effect[bool] = Effect("confirm the scene", outside=True, confirms=True)
         ask = self._session.confirm
         if ask is None or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
-            problem = f"what the robot did in {episode.subtask} before it was cut off is in doubt"
+            problem = f"what the robot did in {episode.subtask} before the interruption is in doubt"
             raise InvalidArgument("the world", problem, "somebody who looks and confirms the scene when asked")
 
     # -- the world of a resumed run ------------------------------------------------------------------------------------

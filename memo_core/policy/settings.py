@@ -37,9 +37,7 @@ class RunSettings:
     repairs: int = attrs.field(
         default=2,
         validator=attrs.validators.ge(0),
-        metadata={
-            "help": "times code is written anew in one attempt after ending with an error, before anybody is asked"
-        },
+        metadata={"help": "times that code is rewritten within one attempt after an error, before a person is asked"},
     )
     repairs_from: Literal["here", "start"] = attrs.field(
         default="here",
@@ -87,12 +85,12 @@ class RunSettings:
     settle_s: float = attrs.field(
         default=1.0,
         validator=attrs.validators.ge(0.0),
-        metadata={"help": "seconds to let things come to rest after code ran"},
+        metadata={"help": "seconds to let objects come to rest after code ran"},
     )
     subtask_limit_s: float = attrs.field(
         default=900.0,
         validator=attrs.validators.gt(0.0),
-        metadata={"help": "seconds by the clock on the wall that all programs for one subtask may take together"},
+        metadata={"help": "wall-clock seconds that all programs for one subtask may take together"},
     )
     time_limit_s: float = attrs.field(
         default=600.0,
@@ -142,7 +140,7 @@ class TeachingSettings:
         default=True, metadata={"help": "a note may be filed under another subtask of the run than the corrected one"}
     )
     judge_task: bool = attrs.field(
-        default=True, metadata={"help": "when the planner says DONE, whoever watches is asked about the whole task"}
+        default=True, metadata={"help": "when the planner says DONE, the teacher is asked about the whole task"}
     )
     competing: bool = attrs.field(
         default=True,

@@ -47,7 +47,7 @@ def read_lines(folder: Path) -> Lines:
     whole = data.rfind(b"\n") + 1
     records = [_record(file, number, line) for number, line in enumerate(data[:whole].split(b"\n")[:-1], start=1)]
     if not records:
-        raise InvalidArgument(_OPTION, f"{file} is empty: the run was cut off before it began", "a run that began")
+        raise InvalidArgument(_OPTION, f"{file} is empty: the run was interrupted before it began", "a run that began")
     version = records[0].get("memo_run_log")
     if version is None:
         raise InvalidArgument(_OPTION, f"{file}, line 1 is damaged: it is not the head of a run log", "a run log")

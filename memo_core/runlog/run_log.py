@@ -74,9 +74,7 @@ class InDoubt(MemoError):
     effect: str
 
     def __str__(self) -> str:
-        return (
-            f"entry {self.entry} ({self.effect}) began before the process was cut off; whether it took place is unknown"
-        )
+        return f"entry {self.entry} ({self.effect}) began before the process was interrupted; its outcome is unknown"
 
 
 class RunLog:

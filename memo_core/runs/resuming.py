@@ -35,7 +35,7 @@ def read_cut_off(folder: Path) -> CutOff:
     lines: Lines = read_lines(folder)
     history = read_history(folder, lines.records)
     if history.ended:
-        raise InvalidArgument("--resume", f"the run in {folder} has ended: {history.ended}", "a run that was cut off")
+        raise InvalidArgument("--resume", f"the run in {folder} has ended: {history.ended}", "an interrupted run")
     sent, subtask, attempt = set(), "", 1
     for event in read_events(folder):
         if isinstance(event.get("at"), str):

@@ -300,7 +300,7 @@ def _perform(
     torn = log.begin(head, {"settings": config})
     for name, count in (("events.jsonl", folder.mended), (FILE, torn)):
         if count:
-            tell(Problem(name, f"its last line was cut off half-way and is left out ({count} bytes)"))
+            tell(Problem(name, f"its last line is incomplete and was left out ({count} bytes)"))
     ended = _Ended()
     try:
         if components.teacher is not None:
@@ -488,7 +488,7 @@ def _note_book(book: Skillbook, parts: _Parts) -> None:
     if not book.read_only:
         book.note_place("run", parts.folder)  # for `memo skillbook forget`
     if parts.log.history is not None and (changes := book_changes(parts.log.history, book, parts.run)):
-        parts.tell(Problem("the skillbook has changed", f"{changes}; the run goes on with it as it is"))
+        parts.tell(Problem("the skillbook has changed", f"{changes}; the run continues with it as it is"))
     parts.log.note_book(book.generation())
 
 

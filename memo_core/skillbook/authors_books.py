@@ -37,7 +37,7 @@ class NotALorebook(MemoError):
     problem: str
 
     def __str__(self) -> str:
-        return f"this is no lorebook: {self.where or 'the whole'} {self.problem}"
+        return f"this is not a lorebook: {self.where or 'the whole'} {self.problem}"
 
 
 @attrs.frozen

@@ -29,7 +29,7 @@ def rescue(damaged: Path, out: Path) -> Rescued:
     """Write what can be read of a SQLite book into the new file ``out``. The damaged file is not changed. Raises
     ``InvalidArgument`` if ``out`` exists, ``SkillbookError`` if nothing can be read."""
     if out.exists():
-        raise InvalidArgument("--rescue", f"{out} is there already", "a new file")
+        raise InvalidArgument("--rescue", f"{out} exists already", "a new file")
     new = Database(str(out))
     new.open()
     new.close()

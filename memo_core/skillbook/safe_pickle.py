@@ -165,7 +165,7 @@ class _Machine:
         members = self._marked()
         target = self._top()
         if not isinstance(target, set):
-            raise UnsafePickle("it adds members to what is no set")
+            raise UnsafePickle("it adds members to something that is not a set")
         target.update(map(_key, members))
 
     def stack_global(self) -> None:
@@ -181,7 +181,7 @@ class _Machine:
         [state] = self._pop(1)
         target = self._top()
         if not isinstance(target, _Array) or target.built or not isinstance(state, tuple):
-            raise UnsafePickle("it sets the state of something that is no array")
+            raise UnsafePickle("it sets the state of something that is not an array")
         target.built = True
         if target.dtype is None:
             _fill_array(target, *state)
@@ -217,13 +217,13 @@ class _Machine:
     def _extend(self, items: list[Any]) -> None:
         target = self._top()
         if not isinstance(target, list):
-            raise UnsafePickle("it appends to what is no list")
+            raise UnsafePickle("it appends to something that is not a list")
         target.extend(items)
 
     def _set(self, items: list[Any]) -> None:
         target = self._top()
         if not isinstance(target, dict) or len(items) % 2:
-            raise UnsafePickle("it sets items of what is no dictionary")
+            raise UnsafePickle("it sets items of something that is not a dictionary")
         target.update(zip(map(_key, items[::2]), items[1::2], strict=True))
 
     def _name(self, module: Any, name: Any) -> None:

@@ -35,7 +35,7 @@ class SimulatedTeacherSettings:
         default=0.05,
         validator=[attrs.validators.ge(0.0), attrs.validators.le(1.0)],
         metadata={
-            "help": "share of subtasks judged wrongly: approved though it failed, or found fault with though fine"
+            "help": "share of subtasks judged wrongly: approved although it failed, or corrected although it succeeded"
         },
     )
     knows: str = attrs.field(

@@ -98,7 +98,7 @@ def test_near_keys_are_joined_unless_the_config_says_no(capsys, tmp_path) -> Non
     memo(capsys, "cluster", "--book", str(path), "--set", "clustering.join_keys=false")
     assert len(notes(path)) == 3
     _, out, _ = memo(capsys, "cluster", "--book", str(path))
-    assert "PUT(cubes, cabinet) is kept under PLACE(cube, cabinet)" in out
+    assert "PUT(cubes, cabinet) is merged into PLACE(cube, cabinet)" in out
 
 
 def test_the_history_commands_agree(capsys, path) -> None:

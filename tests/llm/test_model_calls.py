@@ -408,7 +408,7 @@ def test_what_was_spent_is_read_from_a_ledger_alone_and_nothing_is_written(tmp_p
         connection.execute("CREATE TABLE entries (id INTEGER)")
     before = other.read_bytes()
     code, told = memo(other)
-    assert code == 1 and "book.db" in told and "no ledger" in told and other.read_bytes() == before
+    assert code == 1 and "book.db" in told and "not a ledger" in told and other.read_bytes() == before
     assert memo(tmp_path) == (
         2,
         f"memo: LEDGER: {tmp_path} is a folder; expected the file that run.study_ledger names\n",

@@ -307,7 +307,7 @@ def test_a_file_replaces_one_prompt_and_a_folder_those_it_has(folder):
     [
         ("plan.md.j2", "# Plan\n{{ task }}\n{{ scene }}\n{{ dnoe }}\n", "plan.md.j2:4: unknown placeholder 'dnoe'; did you mean 'done'?; placeholders: robot, task, scene, done"),  # noqa: E501
         ("plan.md.j2", "---\nversion: 3\n---\n# Plan\n{{ tsk }}{{ task }}{{ scene }}\n", "plan.md.j2:5: unknown placeholder 'tsk'"),  # noqa: E501
-        ("plan.md.j2", "# Plan\n{{ task }\n", "plan.md.j2:2: is no Jinja template"),
+        ("plan.md.j2", "# Plan\n{{ task }\n", "plan.md.j2:2: is not a valid Jinja template"),
         ("plan.md.j2", "# Plan\n{{ task }}\n", "lacks the placeholder {{ scene }}"),
         ("feedback.md.j2", "# Note\n{{ subtask }}\n", "lacks the placeholder {{ words }}"),
         ("plan.md.j2", "---\nauthor: me\n---\n# Plan\n", "plan.md.j2:2: 'author: me' in the front matter"),

@@ -68,7 +68,7 @@ def test_where_nobody_confirms_the_scene_the_run_does_not_go_on(sandbox, book, t
     again = by_hand()
     session = {"log": log_in(tmp_path), "confirm": confirm}
     bench = Bench(sandbox, book, TWICE, [YES], environment=again, session=session)
-    with pytest.raises(InvalidArgument, match=r"PICK_UP\(red cube\) before it was cut off is in doubt"):
+    with pytest.raises(InvalidArgument, match=r"PICK_UP\(red cube\) before the interruption is in doubt"):
         bench.run()
     assert not again.control.commands
 

@@ -78,7 +78,7 @@ def test_what_can_be_read_of_a_damaged_book_is_got_out(tmp_path: Path) -> None:
     with Skillbook(str(tmp_path / "new.db"), FakeEmbedder()) as book:
         assert book.problems() == [] and len(book.entries()) > 50
         assert book.retrieve("OPEN(jar)").corrections
-    with pytest.raises(InvalidArgument, match="there already"):
+    with pytest.raises(InvalidArgument, match="exists already"):
         rescue(path, tmp_path / "new.db")
 
 

@@ -77,7 +77,7 @@ class SentenceTransformersEmbedder(Embedder):
                 try:
                     return self._session(folder, path)
                 except Exception as error:
-                    log.warning("the exported model %s cannot be read and is made anew: %s", path, error)
+                    log.warning("the exported model %s cannot be read and is recreated: %s", path, error)
             self._export(folder, path)
             return self._session(folder, path)
         except BackendUnavailable as error:

@@ -37,7 +37,7 @@ class FrankaSettings:
     clock_timeout_s: float = attrs.field(
         default=0.1,
         validator=gt(0.0),
-        metadata={"help": "seconds that the robot's clock may stand still, by the clock on the wall"},
+        metadata={"help": "wall-clock seconds for which the robot's clock may stand still"},
     )
 
 

@@ -205,7 +205,7 @@ class FaissStore(VectorStore):
                 stream.seek(start)
                 index = self._faiss.read_index(self._faiss.PyCallbackIOReader(stream.read, _CHUNK))
             if trained_on and index.ntotal > _OUTGROWN * trained_on:
-                log.info("the index %s has outgrown its lists and is made anew", file)
+                log.info("the index %s has outgrown its lists and is rebuilt", file)
                 return
             if trained_on:
                 index.nprobe = self._settings.probes
@@ -213,7 +213,7 @@ class FaissStore(VectorStore):
             self._index, self._ids, self._generation = index, set(ids.tolist()), generation
             self._trained_on, self._added, self._removed = trained_on, 0, False
         except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-            log.warning("the index %s cannot be read and is made anew: %s", file, error)
+            log.warning("the index %s cannot be read and is recreated: %s", file, error)
 
     def _ids_in_lists(self, index: Any) -> np.ndarray:
         lists = index.invlists

@@ -13,7 +13,7 @@ from memo_franka.testing.hand import HandDouble
 def main(address: str) -> None:
     hand = HandDouble(address)
     with hand, ControlBox(fr3(), address, hand=hand):
-        print(f"an FR3 that is none, at {address}; Ctrl-C ends it", flush=True)
+        print(f"test double of an FR3 at {address}; Ctrl-C ends it", flush=True)
         try:
             while True:
                 time.sleep(1.0)

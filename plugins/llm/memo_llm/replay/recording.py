@@ -77,7 +77,7 @@ def read_recording(path: Path) -> list[Call]:
             if number == len(lines) > 1 and not line.endswith(b"\n"):
                 break  # half a line: whoever wrote it was killed
             what = f"it lacks {error}" if isinstance(error, KeyError) else f"{error}"
-            raise BadRecording(str(path), number, f"this is no recorded call ({what})") from None
+            raise BadRecording(str(path), number, f"this is not a recorded call ({what})") from None
     return calls
 
 
@@ -105,7 +105,7 @@ def _decompressed(path: Path) -> bytes:
 def _check_header(path: Path, record: Any) -> None:
     version = record.get("memo_recording") if isinstance(record, dict) else None
     if version is None:
-        raise BadRecording(str(path), 1, f"this is no recording; its first line would be {json.dumps(_HEADER)}")
+        raise BadRecording(str(path), 1, f"this is not a recording; its first line would be {json.dumps(_HEADER)}")
     if version != VERSION:
         raise BadRecording(str(path), 1, f"it is of version {version}; this MEMO reads version {VERSION}")
 
