@@ -34,6 +34,13 @@ def command(
     book: Annotated[
         list[Path] | None, typer.Option("--book", "-b", help="Also this book, of another study or simulator.")
     ] = None,
+    model_in_the_loop: Annotated[
+        bool,
+        typer.Option("--model-in-the-loop", help="Every trial asks the model afresh, and keeps a recording of it."),
+    ] = False,
+    replay: Annotated[
+        Path | None, typer.Option("--replay", metavar="DIR", help="Answer from the recordings of this experiment.")
+    ] = None,
     engine: Annotated[str | None, typer.Option("--engine", help="joblib, or ray for a cluster.")] = None,
     jobs: Jobs = None,
     json: Json = False,
@@ -54,6 +61,8 @@ def command(
         given.append(f"evaluation.ablations={dumps(list(ABLATIONS) if 'all' in ablation else ablation)}")
     if book:
         given.append(f"evaluation.books={dumps([str(one.resolve()) for one in book])}")
+    given += ["evaluation.record=true", "evaluation.reuse=false"] if model_in_the_loop else []
+    given += [f"evaluation.replay={dumps(str(replay.resolve()))}"] if replay else []
     given += [f"evaluation.engine={engine}"] if engine else []
     given += [f"evaluation.jobs={jobs}"] if jobs else []
     folder = experiment_folder(file, out)

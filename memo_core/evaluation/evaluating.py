@@ -129,7 +129,7 @@ def _groups(
 ) -> list[Group]:
     """What is left to do, by scene where runs may be shared, else trial by trial."""
     config = folder / "evaluation" / CONFIG
-    shared = settings.reuse and experiment.create("llm").deterministic
+    shared = settings.reuse and not settings.replay and experiment.create("llm").deterministic
     groups: dict[Any, list[Trial]] = {}
     for trial in trials:
         alone = not shared or trial.mode == "corrected"

@@ -14,6 +14,7 @@ import attrs
 import cattrs
 
 from memo_core.config import Experiment
+from memo_core.llm.kept_calls import ASK
 from memo_core.parsing import parse_json
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.runlog.log_file import read_lines
@@ -94,6 +95,12 @@ def served_in(run: Path) -> dict[str, int]:
     effects = read_history(run, read_lines(run).records).replayed
     rows = [row for one in effects if one.name == "retrieve" and one.value for row in one.value["served"]]
     return {"served": len(rows), "irrelevant": sum(row["alike"] == ALIKE[3] for row in rows)}
+
+
+def programs_in(run: Path) -> int:
+    """How many programs were written in a run: one for each subtask that went well at once."""
+    effects = read_history(run, read_lines(run).records).replayed
+    return sum(one.name == ASK and one.about.startswith("code ") for one in effects)
 
 
 def write_questions(file: Path, questions: Sequence[Question]) -> None:

@@ -79,6 +79,12 @@ class EvaluationSettings:
         default=True,
         metadata={"help": "run a trial once where model and book give the same; never with models that vary"},
     )
+    record: bool = attrs.field(
+        default=False, metadata={"help": "keep what the language model was asked and said, a recording a trial"}
+    )
+    replay: str = attrs.field(
+        default="", metadata={"help": "folder of an experiment whose recordings answer instead of a model"}
+    )
     engine: Literal["joblib", "ray"] = attrs.field(
         default="joblib", metadata={"help": "joblib: processes of this machine; ray: of a cluster with a shared folder"}
     )

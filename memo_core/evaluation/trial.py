@@ -2,6 +2,7 @@
 
 trials/ID/row.json        the row; missing until the trial is over
 trials/ID/run/…           the folder of the run, as of any run; missing where it shares another's
+trials/ID/recording.jsonl what the model was asked and said, where that is recorded
 trials/ID/questions.json  what the book was asked and served, where nobody watched
 """
 
@@ -22,6 +23,7 @@ from memo_core.evaluation.books import book_key, told_of
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.served import (
     observed_book,
+    programs_in,
     read_questions,
     same_answers,
     served_in,
@@ -35,13 +37,14 @@ from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of, environment_of, task_of
 from memo_core.runs.folder import json_text
 from memo_core.runs.one_of_many import do_one
+from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import components_of
 from memo_core.skillbook.book import Skillbook
 from memo_core.study.history import public
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
 
-ROW, QUESTIONS, RUN = "row.json", "questions.json", "run"
+ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.json", "recording.jsonl", "run"
 EMPTY = "sqlite://"  # a book in memory that nobody writes to
 WATCHER = "E1"  # id of who corrects in an evaluation
 
@@ -124,6 +127,7 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
         book = book_of(experiment, str(private), read_only=False)
         watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
         teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
+    experiment = _transcribed(experiment, registry, place, trial)
     components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, teacher)
     summary = do_one(components, task, trial.model_seed, folder / RUN, registry, public(experiment))
     if trial.mode == "corrected":
@@ -132,6 +136,14 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
         write_questions(folder / QUESTIONS, observed.questions)
     return _row(trial, summary, served_in(folder / RUN), place, trial.id)
+
+
+def _transcribed(experiment: Experiment, registry: Registry, place: Place, trial: Trial) -> Experiment:
+    """The experiment with its model recorded, or played back, as the settings say."""
+    settings: EvaluationSettings = experiment.section("evaluation")
+    if settings.replay:
+        return replayed(experiment, registry, Place(Path(settings.replay)).trials / trial.id / RECORDING)
+    return recorded(experiment, registry, place.trials / trial.id / RECORDING) if settings.record else experiment
 
 
 def _remove_former(folder: Path, digest: str) -> None:
@@ -169,7 +181,13 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
     experiment = experiment_of(load, trial)
     settings: EvaluationSettings = experiment.section("evaluation")
     deterministic: bool = experiment.create("llm").deterministic
-    if not settings.reuse or not deterministic or trial.mode != "zero-shot" or trial.ablation == PRESET:
+    if (
+        not settings.reuse
+        or settings.replay
+        or not deterministic
+        or trial.mode != "zero-shot"
+        or trial.ablation == PRESET
+    ):
         return None
     memory = METHODS[trial.method]
     with book_of(experiment, place.book(trial) or EMPTY, read_only=True) as book:
@@ -216,6 +234,7 @@ def _row(trial: Trial, summary: dict[str, Any], served: dict[str, int], place: P
         | {
             "attempts": sum(one["attempts"] for one in summary["subtasks"]),
             "subtasks": len(summary["subtasks"]),
+            "programs": programs_in(place.trials / same_as / RUN),
             "failed_at": at,
             "why": why,
             "problem": summary["problem"] or "",

@@ -165,7 +165,8 @@ class Rebuilding:
         if not wanted:
             return
         made = self._log.entries.get(said.id, ())
-        notes = [entry for entry in made if entry.kind != "template"]
+        kept = ("correction", "general") if self._memory.general else ("correction",)
+        notes = [entry for entry in made if entry.kind in kept]
         if notes:
             self._target.add_notes(here, [Note(entry.key, entry.text) for entry in notes], notes[0].scene)
         elif said.kind == "correction" and said.status == "parked":

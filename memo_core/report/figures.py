@@ -114,9 +114,9 @@ def _by_task(findings: Findings, axes: Any) -> bool:
 
 
 def _errors(rates: list[Interval]) -> Any:
-    low = [0.0 if np.isnan(rate.value) else 100 * (rate.value - rate.low) for rate in rates]
-    high = [0.0 if np.isnan(rate.value) else 100 * (rate.high - rate.value) for rate in rates]
-    return np.maximum([low, high], 0.0)
+    low = [100 * (rate.value - rate.low) for rate in rates]
+    high = [100 * (rate.high - rate.value) for rate in rates]
+    return np.maximum(np.nan_to_num([low, high]), 0.0)
 
 
 def _profiles(findings: Findings, axes: Any) -> bool:

@@ -24,7 +24,8 @@ LEVEL = 0.95
 
 @attrs.frozen
 class Interval:
-    """An estimate with its bootstrap interval (percentiles at 95 %); NaN where there is nothing."""
+    """An estimate with its bootstrap interval (percentiles at 95 %); NaN where there is nothing. A single history and a
+    single scene of each task cannot be resampled: then the limits alone are NaN."""
 
     value: float
     low: float
@@ -36,8 +37,8 @@ class Interval:
         if np.isnan(self.value):
             return "-"
         value, low, high = (f"{scale * one:.{digits}f}" for one in (self.value, self.low, self.high))
-        if self.trials < 2:
-            return f"{value}{unit}"  # one trial has no interval
+        if np.isnan(self.low):
+            return f"{value}{unit}"
         return f"{value}{unit} ({low} to {high})"
 
 
@@ -102,6 +103,8 @@ def interval(
     for one in outcomes:
         for task, scores in one.by_task.items():
             scenes[task] = max(scenes.get(task, 0), scores.shape[1])
+    if histories < 2 and max(scenes.values()) < 2:
+        return Interval(float(statistic(*outcomes)), float("nan"), float("nan"), trials)
     found = []
     for _ in range(resamples):
         rows = rng.integers(histories, size=histories)

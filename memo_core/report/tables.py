@@ -83,6 +83,7 @@ def success_and_corrections(findings: Findings) -> Table:
                 _rate(watched),
                 _number(watched, "corrections"),
                 _number(done, "corrections"),
+                _number(zero, "programs"),
                 len(zero),
                 len(watched),
             )
@@ -94,6 +95,7 @@ def success_and_corrections(findings: Findings) -> Table:
         "success with corrections",
         "corrections a trial",
         "corrections until success",
+        "programs zero-shot",
         "trials",
         "watched",
     )

@@ -61,6 +61,7 @@ def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
         assert bool(row["why"]) != row["success"]
     assert (tmp_path / "evaluation" / "trials.parquet").exists()
     assert not list((tmp_path / "evaluation").rglob("skillbook.db"))  # private copies are gone
+    assert all(row["programs"] >= 1 for row in rows)
     taught = next(row for row in rows if (row["method"], row["hours"], row["mode"]) == ("memo", 1.0, "zero-shot"))
     assert taught["served"] > 0
 
@@ -86,3 +87,22 @@ def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
 
     with pytest.raises(InvalidArgument, match=r"run\.repairs was 2, is 0"):
         evaluate(load_of(tmp_path, FILE.replace('"off"', '"off", repairs: 0')), tmp_path, StopSwitch())
+
+
+@pytest.mark.slow
+def test_recorded_trials_play_back_without_the_model(tmp_path):
+    text = FILE.replace("hours: [0, 1]", "hours: []").replace("[memo, droc-v, memo-s]", "[memo-s]")
+    text = text.replace("  ablations: [no-general]\n", "  corrected: {corrections: 1}\n")
+    again = text + f"  replay: {tmp_path / 'first'}\n"
+    for name, told in (("first", text + "  record: true\n"), ("again", again)):
+        (tmp_path / name).mkdir()
+        evaluate(load_of(tmp_path / name, told), tmp_path / name, StopSwitch())
+    assert len(list((tmp_path / "first").rglob("recording.jsonl"))) == 2
+    first, second = table(tmp_path / "first"), table(tmp_path / "again")
+    assert [row["success"] for row in second] == [row["success"] for row in first]
+    assert [row["programs"] for row in second] == [row["programs"] for row in first]
+
+    shutil.rmtree(tmp_path / "first" / "evaluation" / "trials")
+    (tmp_path / "gone").mkdir()
+    with pytest.raises(InvalidArgument, match="there is no such file"):
+        evaluate(load_of(tmp_path / "gone", again), tmp_path / "gone", StopSwitch())

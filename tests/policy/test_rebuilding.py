@@ -103,6 +103,7 @@ def test_each_method_gets_its_own_book_with_what_people_said_of_the_notes(tmp_pa
     assert "def arc(): ..." not in texts(books["droc-v"]) and "def arc(): ..." in texts(books["memo"])
     assert "Lead it along an arc, slowly." not in texts(books["memo"]), "memo clusters"
     assert "Lead it along an arc, slowly." in texts(books["droc-v"])
+    assert HINGE in texts(books["memo-c"]) and HINGE not in texts(books["droc-v"])  # it has no general statements
     keys = {(r["action"], *r["objects"]) for r in books["memo-c"] if r["record"] == "entry"}
     assert ("open", "door") in keys, "the key of when it was said"
 

@@ -22,6 +22,7 @@ BLANK = {
     "given": "",
     "reason": "",
     "corrections": 0,
+    "programs": 3,
     "served": 10,
     "irrelevant": 4,
     "failed_at": "",

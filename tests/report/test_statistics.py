@@ -73,5 +73,6 @@ def test_a_profile_is_the_share_of_tasks_and_histories_above_each_threshold():
 
 def test_nothing_gives_no_number():
     assert interval([Outcomes.of([])]).text() == "-"
-    assert Interval(1.0, 1.0, 1.0, trials=1).text() == "100 %"
+    alone = interval([Outcomes.of([*rows([[1]], "a"), *rows([[0]], "b")])])
+    assert alone.text() == "50 %" and np.isnan(alone.low)  # one history and one scene cannot be resampled
     assert Interval(0.4, 0.2, 0.6, trials=5).text() == "40 % (20 to 60)"
