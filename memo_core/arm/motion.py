@@ -14,7 +14,7 @@ import numpy as np
 from memo_core.arm.cartesian_path import CartesianPath, lagging, turned_about_x, turns_between
 from memo_core.arm.collision import Checker, Held, Hit, Mode, Obstacle, RobotShape
 from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.motion_errors import Reasons
+from memo_core.arm.motion_errors import MotionErrors
 from memo_core.arm.redundancy_resolution import Blocked, BranchSearch, Motion, tilt_choices
 from memo_core.arm.rrt_connect import densified, plan_free
 from memo_core.arm.trajectory import Speed, Trajectory, time_path
@@ -65,7 +65,7 @@ class MotionPlanner:
         self.period = period
         self.kinematics = Kinematics(description, poll)
         self._shape = RobotShape(description, self.kinematics)
-        self._reasons = Reasons(description, self.kinematics)
+        self._errors = MotionErrors(description, self.kinematics)
 
     # -- free motion -------------------------------------------------------------------------------------------------
     def move(
@@ -80,7 +80,7 @@ class MotionPlanner:
         table: float,
     ) -> Plan:
         """Free motion from joints (n,) to a pose from which ``then`` can be followed. Raises ``MotionError``."""
-        self._reasons.check_workspace(skill, [goal, *then], table)
+        self._errors.check_workspace(skill, [goal, *then], table)
         checker = self._checker(world, start)
         failure: tuple[Blocked, CartesianPath] | None = None
         for path, tilts in self._options([goal, *then], _grasp([goal, *then], world), slack, None):
@@ -99,7 +99,7 @@ class MotionPlanner:
             assert isinstance(found, Blocked)
             failure = _further(failure, (found, path))
         assert failure is not None
-        raise self._reasons.error(skill, failure[0], failure[1], 0.0, start, slack)
+        raise self._errors.error(skill, failure[0], failure[1], 0.0, start, slack)
 
     def _start_of(
         self,
@@ -295,7 +295,7 @@ class MotionPlanner:
     ) -> Plan:
         """Straight pieces through ``poses``, from joints (n,), in configurations from which ``then`` can be followed.
         ``oriented``: the first pose has an orientation of its own. Raises ``MotionError``."""
-        self._reasons.check_workspace(skill, [*poses, *then], table)
+        self._errors.check_workspace(skill, [*poses, *then], table)
         here = self.kinematics.pose(start)
         tilt = 0.0
         if oriented and slack > 1e-3:
@@ -327,7 +327,7 @@ class MotionPlanner:
             failure = _further(failure, (found, path))
         assert failure is not None
         end = CartesianPath([here, *poses]).length
-        error = self._reasons.error(skill, failure[0], failure[1], end, start, slack)
+        error = self._errors.error(skill, failure[0], failure[1], end, start, slack)
         if failure[0].s > 0 and self._goes_otherwise(failure[1], slack, checker, start):
             error.problem += "; from another arm posture it can: give this path as then= to the motions before it"
         raise error
@@ -368,7 +368,7 @@ class MotionPlanner:
         where it feels something: only the arm itself is in its way. ``table`` (m) as in ``follow``, None where the
         path may lead into what is to be touched. Raises ``MotionError``."""
         floor = -np.inf if table is None else table
-        self._reasons.check_workspace(skill, poses, floor)
+        self._errors.check_workspace(skill, poses, floor)
         path = CartesianPath([self.kinematics.pose(start), *poses])
         alone = attrs.evolve(world, obstacles=())
         joints = self._line(path, start)

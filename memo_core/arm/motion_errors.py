@@ -18,7 +18,7 @@ _BELOW = 0.005  # m below the table's top that still counts as on it
 _ANGLES = tuple(np.deg2rad([10, 20, 30, 40, 50, 60]))
 
 
-class Reasons:
+class MotionErrors:
     """Makes the errors of one robot."""
 
     def __init__(self, description: RobotDescription, kinematics: Kinematics) -> None:

@@ -173,7 +173,7 @@ def retry(
     """Ask the model again about feedback that was set aside or is still pending. Exit code 1 when the model could not
     be asked.
     """
-    from memo_core.policy.feedback_processing import Noted, Noting, asking_without_a_run
+    from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, asking_without_a_run
     from memo_core.policy.feedback_processing import retry as ask_again
     from memo_core.runs.clustering import calls_without_a_run
     from memo_core.runs.factories import book_of, prompts_of
@@ -202,7 +202,7 @@ def retry(
         robot, reasks = experiment.create("robot"), experiment.section("run").reasks
         ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)
         try:
-            ask_again(Noting(ask, opened, ignore), opened, done)
+            ask_again(FeedbackProcessor(ask, opened, ignore), opened, done)
         except Stopped:
             stopped = True
     if json:

@@ -79,7 +79,7 @@ class Noted:
     away: bool = False
 
 
-class Noting:
+class FeedbackProcessor:
     """Has a model make notes of feedback and stores them in the book."""
 
     def __init__(
@@ -166,7 +166,9 @@ def asking_without_a_run(
     return ask
 
 
-def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None) -> list[Noted]:
+def retry(
+    processor: FeedbackProcessor, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None
+) -> list[Noted]:
     """Process all feedback that is parked or pending again, oldest first; ``done`` is called for each when it is
     finished. Feedback about which the model cannot be asked stays as it is; ends early if the model cannot be reached
     at all. Raises ``Stopped``."""
@@ -174,7 +176,7 @@ def retry(noting: Noting, book: Skillbook, done: Callable[[Noted], None] = lambd
     for feedback in book.pending_feedback(parked=True):
         if feedback.kind != "correction":
             continue  # an approval lacks nothing that somebody said
-        noted = noting.process(feedback)
+        noted = processor.process(feedback)
         results.append(noted)
         done(noted)
         if noted.away:

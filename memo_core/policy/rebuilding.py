@@ -17,7 +17,7 @@ import attrs
 
 from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_core.policy.clustering import Clustering
-from memo_core.policy.feedback_processing import Noting
+from memo_core.policy.feedback_processing import FeedbackProcessor
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, Note, ReadBack
@@ -102,7 +102,7 @@ class Rebuilding:
     def replay(
         self,
         model: AnswersOfBook,
-        noting: Noting,
+        processor: FeedbackProcessor,
         template_of: Callable[[Feedback], str | None],
         after: Callable[[Feedback], None] = lambda said: None,
     ) -> None:
@@ -114,7 +114,7 @@ class Rebuilding:
             following = self._log.feedback[place + 1].time if said is not self._log.feedback[-1] else math.inf
             with self._at(said.time):
                 model.about = frozenset({said.id})
-                self._say(said, noting, template_of)
+                self._say(said, processor, template_of)
             due = [one for one in left if one.feedback in self._here and one.time < following]
             left = [one for one in left if one not in due]
             for one in due:
@@ -145,7 +145,7 @@ class Rebuilding:
         model.asked = model.kept = 0
 
     # -- what was said -------------------------------------------------------------------------------------------------
-    def _say(self, said: Feedback, noting: Noting, template_of: Callable[[Feedback], str | None]) -> None:
+    def _say(self, said: Feedback, processor: FeedbackProcessor, template_of: Callable[[Feedback], str | None]) -> None:
         wanted = self._memory.any if said.kind == "correction" else self._memory.templates
         here = self._target.record_feedback(
             said.words,
@@ -172,7 +172,7 @@ class Rebuilding:
         elif said.kind == "correction" and said.status == "parked":
             self._target.park(here, said.reason)
         elif said.kind == "correction" and not made:
-            noting.process(self._target.feedback(here))
+            processor.process(self._target.feedback(here))
         if self._memory.templates:
             self._template(said, here, [entry for entry in made if entry.kind == "template"], template_of)
 

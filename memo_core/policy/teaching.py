@@ -14,7 +14,7 @@ from memo_core.interfaces.teacher import Note as ReadNote
 from memo_core.llm.readers import Unreadable, read_code, read_template
 from memo_core.policy.attempt import Tried
 from memo_core.policy.effects import Effects, Heard, Words
-from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, Noted, Noting
+from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, Noted
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
@@ -83,7 +83,7 @@ class Teaching:
         self._book = LoggedBook(session, self._raw) if self._raw is not None else None
         self._file = WordsFile(session.log.folder, session.who)
         if self._book is not None:
-            self._noting = Noting(questions.ask, self._book, session.emit, session.teaching)
+            self._processor = FeedbackProcessor(questions.ask, self._book, session.emit, session.teaching)
 
     def words(self, judged: Judged) -> Words:
         """Where words about an attempt are kept, verbatim: in the book, or else in a file of the run."""
@@ -139,7 +139,7 @@ class Teaching:
     def _process(self, feedback: Feedback, remark: _Remark | None) -> bool:
         """Note what was said and read it back; whether a model could be asked."""
         for _ in range(READ_BACKS):
-            noted = self._noting.process(feedback, None if remark is None else self._circumstances(remark))
+            noted = self._processor.process(feedback, None if remark is None else self._circumstances(remark))
             if noted.outcome == "pending":
                 return False
             if remark is None:

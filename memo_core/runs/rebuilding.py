@@ -13,7 +13,7 @@ from memo_core.events import Event
 from memo_core.interfaces.llm import LanguageModel, LanguageModelError
 from memo_core.llm.readers import Unreadable, read_template
 from memo_core.policy.clustering import Clustering
-from memo_core.policy.feedback_processing import Noting, asking_without_a_run
+from memo_core.policy.feedback_processing import FeedbackProcessor, asking_without_a_run
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
 from memo_core.runs.clustering import calls_without_a_run
@@ -93,7 +93,7 @@ def _replay(
                 return None
             return code
 
-        rebuilding.replay(model, Noting(ask, target, _ignore), template_of, after)
+        rebuilding.replay(model, FeedbackProcessor(ask, target, _ignore), template_of, after)
 
 
 def _condense(

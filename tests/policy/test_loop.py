@@ -13,7 +13,7 @@ from memo_core.events import CodeEnded, EntryStored, FeedbackGiven, ModelCalled,
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.readers import Unreadable
-from memo_core.policy.feedback_processing import Noted, Noting, retry
+from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, retry
 from memo_core.policy.model_questions import Questions
 from memo_core.sandbox import Limits, Sandbox
 from memo_core.skillbook.book import Skillbook
@@ -439,11 +439,11 @@ def test_nothing_understood_is_set_aside_and_can_be_asked_about_again(sandbox, b
     bench.run()
     [aside] = [said for said in book.pending_feedback(parked=True) if said.status == "parked"]
     assert "flurb" in aside.reason and not book.entries("correction")
-    noting = Noting(Questions(bench.session).ask, book, bench.events.append)
+    processor = FeedbackProcessor(Questions(bench.session).ask, book, bench.events.append)
     heard: list[Noted] = []
-    [noted] = retry(noting, book, heard.append)
+    [noted] = retry(processor, book, heard.append)
     assert noted.outcome == "learnt" and heard == [noted] and len(book.entries("correction")) == 1
-    assert retry(noting, book) == []
+    assert retry(processor, book) == []
 
 
 def test_a_retry_ends_when_no_model_can_be_asked_and_changes_nothing(sandbox, book):
@@ -451,8 +451,8 @@ def test_a_retry_ends_when_no_model_can_be_asked_and_changes_nothing(sandbox, bo
         book.park(book.record_feedback(words, "ana", subtask="PICK_UP(red cube)"), "unreadable")
     down = LanguageModelError("scripted", "down", retryable=True)
     bench = Bench(sandbox, book, {"feedback": [down, NOTES]}, None, retries=0)
-    noting = Noting(Questions(bench.session).ask, book, bench.events.append)
-    [noted] = retry(noting, book)
+    processor = FeedbackProcessor(Questions(bench.session).ask, book, bench.events.append)
+    [noted] = retry(processor, book)
     assert noted.outcome == "pending" and "down" in noted.reason
     assert [said.status for said in book.pending_feedback(parked=True)] == ["parked", "parked"]
 
@@ -462,8 +462,8 @@ def test_a_retry_passes_over_what_a_model_cannot_be_asked_about_and_goes_on_with
         book.park(book.record_feedback(words, "ana", subtask="PICK_UP(red cube)"), "unreadable")
     refused = LanguageModelError("scripted", "the prompt shows no scene")
     bench = Bench(sandbox, book, {"feedback": [refused, NOTES]}, None, retries=0)
-    noting = Noting(Questions(bench.session).ask, book, bench.events.append)
-    first, second = retry(noting, book)
+    processor = FeedbackProcessor(Questions(bench.session).ask, book, bench.events.append)
+    first, second = retry(processor, book)
     assert (first.outcome, second.outcome) == ("pending", "learnt") and "no scene" in first.reason
     [left] = book.pending_feedback(parked=True)
     assert left.words == "lower"

@@ -15,7 +15,7 @@ from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.clustering import Clustering
-from memo_core.policy.feedback_processing import Noting, asking_without_a_run
+from memo_core.policy.feedback_processing import FeedbackProcessor, asking_without_a_run
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.policy.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
 from memo_core.runlog.run_log import RunLog
@@ -66,7 +66,7 @@ def rebuilt(
         rebuilding = Rebuilding(log or source.log(until), target, METHODS[method], method)
         model = AnswersOfBook(llm, source)
         ask = asking_without_a_run(calls_of(model), Prompts(), FakeEnvironment().robot, 0)
-        rebuilding.replay(model, Noting(ask, target, lambda event: None), lambda said: None)
+        rebuilding.replay(model, FeedbackProcessor(ask, target, lambda event: None), lambda said: None)
         if METHODS[method].clusters:
             rebuilding.condense(Clustering(target, calls_of(model), model.name), model)
         return list(target.export()), rebuilding.result

@@ -9,7 +9,7 @@ from loop_setup import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import EntryStored, Problem
 from memo_core.llm.readers import Unreadable
-from memo_core.policy.feedback_processing import Noting, retry
+from memo_core.policy.feedback_processing import FeedbackProcessor, retry
 from memo_core.policy.model_questions import Questions
 
 BESIDE = "```python\nmove_to([0.4, 0.2, 0.3])\n```"
@@ -68,8 +68,8 @@ def test_words_whose_notes_stay_unreadable_are_set_aside_with_the_reason_and_lea
     assert len(last(bench, "feedback")) == 3 and "coordinates" in last(bench, "feedback")[1]
     assert any("coordinates" in event.message for event in bench.of(Problem))
 
-    noting = Noting(Questions(bench.session).ask, book, bench.events.append)
-    [noted] = retry(noting, book)
+    processor = FeedbackProcessor(Questions(bench.session).ask, book, bench.events.append)
+    [noted] = retry(processor, book)
     assert noted.outcome == "learnt" and not book.pending_feedback(parked=True)
     assert [event for event in bench.of(EntryStored) if event.kind == "correction"]
 
