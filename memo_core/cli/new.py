@@ -29,16 +29,29 @@ def _command(scaffold: Scaffold) -> Callable[..., None]:
 
 
 for _scaffold in SCAFFOLDS.values():
-    app.command(_scaffold.kind, help=_scaffold.about)(_command(_scaffold))
+    if _scaffold.kind != "robot":
+        app.command(_scaffold.kind, help=_scaffold.about)(_command(_scaffold))
 
 
-def _write(scaffold: Scaffold, name: str, folder: Path | None, json: bool) -> None:
+@app.command("robot", help=SCAFFOLDS["robot"].about)
+def robot(
+    name: Name,
+    folder: Folder = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="Its URDF; without one, an example arm.", metavar="FILE")
+    ] = None,
+    json: Json = False,
+) -> None:
+    _write(SCAFFOLDS["robot"], name, folder, json, urdf)
+
+
+def _write(scaffold: Scaffold, name: str, folder: Path | None, json: bool, urdf: Path | None = None) -> None:
     where = folder or Path(name)
     scaffold.check_name(name)
     _check_free(scaffold, name)
     if where.exists() and (not where.is_dir() or any(where.iterdir())):
         raise InvalidArgument("--folder", f"{where} exists and is not empty", "a new or empty folder")
-    written = write_scaffold(scaffold.kind, name, where)
+    written = write_scaffold(scaffold.kind, name, where, urdf)
     # pip takes a bare word for the name of something to download.
     project = where if where.is_absolute() else f"./{where}"
     commands = [f"pip install --editable {project}", *(line.format(name=name) for line in scaffold.next)]

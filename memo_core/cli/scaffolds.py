@@ -114,8 +114,21 @@ SCAFFOLDS = {
             "memo_simulators",
             "A simulator",
             "Write a plugin with a simulator that hands every call to another one.",
-            "memo tasks verify --tasks open-the-fridge --set simulator.backend={name}",
+            "memo tasks verify open-the-fridge --seeds 0-4 --set simulator.backend={name}",
             *_SETTINGS,
+        ),
+        Scaffold(
+            "robot",
+            "robot",
+            "memo_robots",
+            "A robot",
+            "Write a plugin with a robot read from a URDF, and say what was guessed.",
+            (),
+            (
+                "memo plugins check robot/{name}",
+                "memo tasks verify stack-the-cubes --seeds 0-4 --set robot.backend={name}",
+            ),
+            package=True,
         ),
         _scaffold(
             "driver",
@@ -183,12 +196,12 @@ SCAFFOLDS = {
 }
 
 
-def write_scaffold(kind: str, name: str, folder: Path) -> Written:
-    """Write a plugin of a kind into a folder, which is made. Raises ``InvalidArgument`` where the folder cannot be
-    written."""
+def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | None = None) -> Written:
+    """Write a plugin of a kind into a folder, which is made. ``urdf`` is the file a robot is read from; None: an
+    example arm. Raises ``InvalidArgument`` where the folder cannot be written or the URDF not be read."""
     scaffold = SCAFFOLDS[kind]
     scaffold.check_name(name)
-    files = rendered(kind, name)
+    files, notes = _robot_files(name, urdf) if kind == "robot" else (rendered(kind, name), ())
     written = []
     try:
         for target, text in files.items():
@@ -198,7 +211,7 @@ def write_scaffold(kind: str, name: str, folder: Path) -> Written:
             written.append(path)
     except OSError as error:
         raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
-    return Written(tuple(written))
+    return Written(tuple(written), notes)
 
 
 def rendered(kind: str, name: str, **more: Any) -> dict[str, str]:
@@ -233,6 +246,30 @@ def rendered(kind: str, name: str, **more: Any) -> dict[str, str]:
         source: render(f"{kind}/module.py.j2"),
         f"test_{module}.py": render(f"{kind}/test.py.j2", "test.py.j2") + render(f"{kind}/more.py.j2"),
     }
+
+
+def _robot_files(name: str, urdf: Path | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    if urdf is None:
+        text = resources.files("memo_core.cli.skeletons").joinpath("robot/example.urdf").read_text(encoding="utf-8")
+        meshes = None
+    else:
+        try:
+            text, meshes = urdf.read_text(encoding="utf-8"), str(urdf.resolve().parent)
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidArgument("--urdf", f"{urdf} cannot be read ({error})", "a URDF file") from None
+    try:
+        from memo_core.arm.description_from_urdf import describe_urdf
+    except ModuleNotFoundError as error:
+        raise InvalidArgument("robot", f"reading a URDF needs {error.name}", "memo-core with its extra `arm`") from None
+    described = describe_urdf(text, name=name, mesh_folder=meshes)
+    source = described.source()
+    names = ("GripperDescription", "JointDescription", "RobotDescription")
+    more = {"read": described.read, "source": source, "mesh_folder": repr(meshes)}
+    more["described_by"] = ", ".join(name for name in names if f"{name}(" in source)
+    files = rendered("robot", name, **more)
+    files[f"memo_{name.replace('-', '_')}/{name}.urdf"] = described.robot.urdf
+    notes = [*described.read, *(f"guessed {one.what}: {one.value} ({one.why})" for one in described.guessed)]
+    return files, tuple(notes)
 
 
 def _hyphenated(name: str) -> str:

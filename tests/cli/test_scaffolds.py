@@ -13,8 +13,11 @@ import tomllib
 import venv
 from pathlib import Path
 
+import click
 import pytest
+import typer
 
+from memo_core.cli import app, scaffolds
 from memo_core.cli.scaffolds import SCAFFOLDS, rendered, write_scaffold
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.backend import KINDS
@@ -75,7 +78,7 @@ def write_metadata(site: Path, project: dict) -> None:
 
 
 def test_there_is_one_for_every_kind():
-    assert {scaffold.backend_kind for scaffold in SCAFFOLDS.values()} == {*KINDS, ""} - {"robot"}
+    assert {scaffold.backend_kind for scaffold in SCAFFOLDS.values()} == {*KINDS, ""}
 
 
 @pytest.mark.parametrize("kind", [kind for kind, scaffold in SCAFFOLDS.items() if scaffold.backend_kind])
@@ -98,6 +101,45 @@ def test_their_own_tests_pass(site):
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=site)
     assert done.returncode == 0, done.stdout[-3000:]
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 50
+
+
+@pytest.mark.parametrize("kind", SCAFFOLDS)
+def test_the_commands_to_try_next_are_commands_with_these_options(kind, site, monkeypatch):
+    monkeypatch.syspath_prepend(str(site))
+    for line in SCAFFOLDS[kind].next:
+        program, *arguments = line.format(name=PLUGINS[kind]).split()
+        assert program == "memo"
+        command = typer.main.get_command(app._tree(arguments[0]))
+        context = command.make_context("memo", arguments)
+        while isinstance(command, click.Group):
+            rest = [*context._protected_args, *context.args]
+            if not rest:
+                break  # of a plugin with one command, its group
+            name, command, rest = command.resolve_command(context, rest)
+            context = command.make_context(name, rest, parent=context)
+
+
+def test_a_robot_is_read_from_a_urdf_and_what_was_guessed_is_said(tmp_path):
+    urdf = Path(scaffolds.__file__).parent / "skeletons" / "robot" / "example.urdf"
+    made = memo("new", "robot", "lab-arm", "--folder", str(tmp_path / "arm"), "--urdf", str(urdf), "--json")
+    assert made.returncode == 0, made.stderr
+    told = json.loads(made.stdout)
+    assert any("flange_roll" in line for line in told["notes"])
+    assert any(line.startswith("guessed home: ") for line in told["notes"])
+    source = (tmp_path / "arm" / "memo_lab_arm" / "__init__.py").read_text(encoding="utf-8")
+    assert f"MESH_FOLDER = {str(urdf.parent)!r}" in source and "# guessed: " in source
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [(None, "cannot be read"), ("<robot", "URDF"), ("<robot name='r'/>", "URDF")]
+)
+def test_a_urdf_that_cannot_be_read_is_one_line_and_nothing_is_written(text, said, tmp_path):
+    file = tmp_path / "arm.urdf"
+    if text is not None:
+        file.write_text(text)
+    done = memo("new", "robot", "lab-arm", "--folder", str(tmp_path / "arm"), "--urdf", str(file))
+    assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "arm").exists()
 
 
 def test_the_command_is_there(site):
