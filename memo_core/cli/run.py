@@ -22,6 +22,10 @@ def command(
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="Experiment file; none: the defaults.")] = None,
     task: Annotated[str | None, typer.Option("--task", "-t", help="The task (memo tasks list).")] = None,
     seed: Seed = None,
+    seeds: Annotated[
+        str | None,
+        typer.Option("--seeds", metavar="A-B", help="One run on each, e.g. 0-19 or 3,5, and a table; can be repeated."),
+    ] = None,
     config: Annotated[Path | None, typer.Option("--config", "-c", metavar="FILE", help="The same as FILE.")] = None,
     overrides: Overrides = None,
     teacher: Annotated[str | None, typer.Option("--teacher", help="Who watches: short for --set teacher=…")] = None,
@@ -56,6 +60,16 @@ def command(
         )
     typed = {"teacher": teacher, "skillbook.url": book}
     short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
+    if seeds is not None:
+        if seed is not None or record or replay or resume or view:
+            problem = "goes with none of --seed, --record, --replay, --resume and --view"
+            raise InvalidArgument("--seeds", problem, "--seeds alone: the same command again goes on where it ended")
+        from memo_core.cli.sweep import run_seeds
+        from memo_core.cli.tasks import read_seeds
+
+        return run_seeds(
+            one_file(file, config), [*(overrides or []), *short], task, read_seeds(seeds), out, verbose, json
+        )
     given = one_file(file, config) or (resume and run_config(resume))
     registry, experiment = load(given, [*(overrides or []), *short], task, seed)
     if record is not None:

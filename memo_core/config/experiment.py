@@ -55,6 +55,11 @@ class Choice:
             raise BackendUnavailable(self.backend.kind, self.backend.name, problem, "a bug in its plugin") from error
 
 
+def task_names(suite: Choice) -> tuple[str, ...]:
+    """Names of a suite's tasks. Raises as ``Choice.create``."""
+    return tuple(task.name for task in suite.create())
+
+
 @attrs.frozen
 class ShownValue:
     """One line of ``memo config show``: a dotted path, a value without secrets, and its origin."""
@@ -143,6 +148,7 @@ class _Assembly:
             self._choose_driver(kind, key)
         skills = self._choose_skills()
         sections = {name: self._section(name, cls) for name, cls in self._sections.items()}
+        self._check_task(scalars["task"])
         issues = self._all_issues()
         if issues:
             raise ConfigErrors(issues)
@@ -178,6 +184,17 @@ class _Assembly:
                 self._checker.wrong((name,), f"{value} is negative; expected a whole number from 0")
         self._shown.append(ShownValue(name, self._public((name,), value), self._origin((name,))))
         return value
+
+    def _check_task(self, name: Any) -> None:
+        """Whether the suite that is chosen has the task; said with everything else that is wrong."""
+        if name is None or "suite" not in self._choices:
+            return
+        try:
+            names = task_names(self._choices["suite"])
+        except MemoError:
+            return  # said when the suite is made
+        if name not in names:
+            self._checker.wrong(("task",), str(UnknownName("task", name, names)))
 
     def _section(self, name: str, cls: type) -> Any:
         values = self._merged.values.get(name)

@@ -16,7 +16,7 @@ import attrs
 
 from memo_core.config.errors import SECRET_NAME, Issue, Origin, dotted, shown_value
 from memo_core.config.layers import Merged
-from memo_core.config.source import Path_
+from memo_core.config.source import Path_, read_value
 from memo_core.errors import InvalidArgument, MemoError, close_match
 
 _URL_WITH_PASSWORD = re.compile(r"^[A-Za-z][\w+.-]*://[^/\s:@]*:(?!\$\{)[^/\s@]+@")
@@ -40,6 +40,15 @@ def field_types(cls: type) -> dict[str, Any]:
 def key_of(field: attrs.Attribute[Any]) -> str:
     """The key of a field in a config file."""
     return field.alias or field.name
+
+
+def _as_in_a_file(text: str) -> Any:
+    """What an environment variable says, read as a file would be: a number, true or false, else the text."""
+    try:
+        read = read_value(text)
+    except ValueError:
+        return text
+    return read if isinstance(read, (bool, int, float)) else text
 
 
 class Checker:
@@ -128,6 +137,8 @@ class Checker:
 
     # -- one shape each --------------------------------------------------------------------------------------------
     def _scalar(self, value: Any, wanted: Any, path: Path_) -> Any:
+        if isinstance(value, str) and wanted in (int, float, bool) and path in self._merged.from_environment:
+            value = _as_in_a_file(value)
         if wanted is float and type(value) in (int, float):
             try:
                 return float(value)
@@ -200,7 +211,9 @@ class Checker:
                 shown = shown[part]
             except (KeyError, IndexError, TypeError):
                 break
-        return "the value" if shown != value else shown_value(value, name)
+        if shown != value:
+            return f"the value of {shown}" if isinstance(shown, str) and "${" in shown else "the value"
+        return shown_value(value, name)
 
     def _unknown(self, key: str, path: Path_, known: tuple[str, ...], owner: str, secrets: tuple[str, ...]) -> None:
         if SECRET_NAME.search(key) and not close_match(key, known):
@@ -210,7 +223,7 @@ class Checker:
         self.wrong(path, said + (f" (keys: {', '.join(sorted(known))})" if known else " (it has none)"))
 
     def _guard_secrets(self, text: str, path: Path_) -> None:
-        if self._told(text, "", path) == "the value":
+        if self._told(text, "", path).startswith("the value"):
             return  # it came from the environment
         if _URL_WITH_PASSWORD.match(text):
             self.wrong(path, "holds a password: secrets come from the environment only (PGPASSWORD for a database)")

@@ -6,6 +6,7 @@ backend for a section replaces that section, since the keys of the previous back
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -19,16 +20,20 @@ from memo_core.config.source import Path_, Source, read_file, read_text, read_va
 from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
 
+_ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
+
 
 @attrs.define
 class Merged:
     """The merged layers: resolved ``values``; ``shown``, the same with the expression in place of values from the
-    environment; the origin of each value; and the errors so far."""
+    environment; the origin of each value; the errors so far; and the paths of values that are one environment
+    variable's, which is text whatever it is meant as."""
 
     values: dict[str, Any]
     shown: dict[str, Any]
     origins: dict[Path_, Origin]
     issues: list[Issue]
+    from_environment: frozenset[Path_] = frozenset()
 
     def origin(self, path: Path_) -> Origin:
         """Origin of the value itself or, if it is absent, of the nearest enclosing section."""
@@ -56,8 +61,8 @@ def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, 
     origins = {path: origin for layer in stacked for path, origin in layer.origins.items()}
     if file is not None:
         origins.setdefault((), Origin(str(file)))
-    values, shown, failed = _resolve([layer.values for layer in stacked], origins)
-    return Merged(values, shown, origins, issues + failed)
+    values, shown, failed, from_environment = _resolve([layer.values for layer in stacked], origins)
+    return Merged(values, shown, origins, issues + failed, from_environment)
 
 
 def presets() -> tuple[str, ...]:
@@ -234,8 +239,9 @@ def _make_room(below: list[Source], layer: Source) -> None:
 
 def _resolve(
     layers: list[dict[str, Any]], origins: dict[Path_, Origin]
-) -> tuple[dict[str, Any], dict[str, Any], list[Issue]]:
-    """Resolved values, values to show, and the expressions that cannot be resolved."""
+) -> tuple[dict[str, Any], dict[str, Any], list[Issue], frozenset[Path_]]:
+    """Resolved values, values to show, the expressions that cannot be resolved, and the paths of values that are
+    wholly from the environment."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -244,18 +250,18 @@ def _resolve(
 
     for values in layers:  # OmegaConf reads references when it is given them, and follows some when it merges
         if entangled := _entangled(values, origin):
-            return {}, {}, [entangled]
+            return {}, {}, [entangled], frozenset()
     try:
         config = OmegaConf.merge(*[OmegaConf.create(values) for values in layers])
     except (OmegaConfBaseException, TypeError, ValueError, RecursionError) as error:
         key = getattr(error, "full_key", None) or ""
         path: Path_ = tuple(key.split(".")) if key else ()
-        return {}, {}, [Issue(origin(path), key, f"cannot be merged: {_first_line(error)}")]
+        return {}, {}, [Issue(origin(path), key, f"cannot be merged: {_first_line(error)}")], frozenset()
     raw = OmegaConf.to_container(config, resolve=False)
     assert isinstance(raw, dict)
     issues: list[Issue] = []
     if entangled := _entangled(raw, origin):
-        return {}, {}, [entangled]
+        return {}, {}, [entangled], frozenset()
     from_environment: set[str] = set()
     resolved: dict[Path_, Any] = {}
     expressions = [(path, value) for path, value in _leaves(raw) if isinstance(value, str) and "${" in value]
@@ -281,7 +287,12 @@ def _resolve(
         for path, value in resolved.items()
         if not any(secret and secret in str(value) for secret in from_environment)
     }
-    return values, _replaced(raw, public), issues
+    whole = frozenset(
+        path
+        for path, expression in expressions
+        if _ONE_REFERENCE.fullmatch(expression) and str(resolved[path]) in from_environment
+    )
+    return values, _replaced(raw, public), issues, whole
 
 
 def _entangled(values: dict[Any, Any], origin: Callable[[Path_], Origin]) -> Issue | None:

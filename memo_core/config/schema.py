@@ -12,9 +12,10 @@ from typing import Annotated, Any, Literal, Union
 
 import attrs
 
-from memo_core.config.experiment import DRIVERS, SINGLE_KINDS, plain
+from memo_core.config.experiment import DRIVERS, SINGLE_KINDS, Choice, plain, task_names
 from memo_core.config.fields import field_types, key_of
 from memo_core.config.layers import preset_sections, presets
+from memo_core.errors import MemoError
 from memo_core.interfaces.backend import Backend
 from memo_core.plugins import Registry
 
@@ -28,7 +29,7 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
             "description": "Experiment files that this one extends, relative to it; this file takes precedence.",
             "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
         },
-        "task": {"description": "Name of the task (memo tasks list).", "type": "string"},
+        "task": {"description": "Name of the task (memo tasks list).", **_tasks(registry)},
         "preset": {"description": "Settings to begin with; what a file says wins.", "enum": list(presets())},
         "seed": {"description": "Seed of the scene and of everything drawn.", "type": "integer", "minimum": 0},
     }
@@ -49,6 +50,19 @@ def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[
         "additionalProperties": False,
         "properties": properties,
     }
+
+
+def _tasks(registry: Registry) -> dict[str, Any]:
+    """The tasks of all suites; any text too, where one of them does not tell its tasks without settings."""
+    names: list[str] = []
+    complete = True
+    for suite in registry.backends("suite"):
+        try:
+            names += task_names(Choice(suite, suite.config()))
+        except (MemoError, TypeError):  # what it needs is not installed, or settings have no defaults
+            complete = False
+    options: list[dict[str, Any]] = [{"enum": sorted(set(names))}] if names else []
+    return {"anyOf": [*options, dict(INTERPOLATION)] if complete and names else [*options, {"type": "string"}]}
 
 
 def _choice(backends: tuple[Backend, ...]) -> dict[str, Any]:

@@ -139,10 +139,11 @@ def run_experiment(
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
     on_text: Callable[[str, str], None] | None = None,
+    folder: Path | None = None,
 ) -> RunReport:
-    """Do the experiment's task once, in a new folder under ``out``. ``listener`` hears every event (a console);
-    ``view`` opens the simulator's viewer; ``on_text`` hears (phase, piece) while models write. Call it in the main
-    thread: it owns the signals meanwhile.
+    """Do the experiment's task once, in a new folder under ``out``, or in ``folder``, which holds no run. ``listener``
+    hears every event (a console); ``view`` opens the simulator's viewer; ``on_text`` hears (phase, piece) while models
+    write. Call it in the main thread: it owns the signals meanwhile.
 
     Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
     """
@@ -151,10 +152,10 @@ def run_experiment(
     task = task_of(experiment, experiment.task)
     components = _components(experiment, task)
 
-    def folder() -> RunFolder:
-        return RunFolder(new_run_folder(out, task.name, experiment.seed))
+    def made() -> RunFolder:
+        return RunFolder(folder or new_run_folder(out, task.name, experiment.seed))
 
-    return perform(components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text)
+    return perform(components, task, experiment.seed, made, registry, experiment.public(), listener, view, on_text)
 
 
 def resume_experiment(

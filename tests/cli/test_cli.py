@@ -51,7 +51,7 @@ def test_a_mistyped_command_gets_the_near_one(capsys):
     ("arguments", "code", "said"),
     [
         (["config", "check", "no-such-file.yaml"], 2, "no such file"),
-        (["run", "--task", "x", "--set", "sed=3"], 2, "did you mean 'seed'"),
+        (["run", "--task", "stack-the-cubes", "--set", "sed=3"], 2, "did you mean 'seed'"),
         (["run"], 2, "task"),
         (["exec", "no-such-file.py", "--task", "x"], 2, "no-such-file.py"),
         (["tasks", "show", "no-such-task"], 2, "unknown task"),
