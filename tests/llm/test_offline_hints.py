@@ -34,10 +34,29 @@ def test_a_hint_about_something_else_is_not_followed_and_a_note_whose_key_passes
         ("Go 5 cm higher.", "LIFT(bread)"),  # the same kind of action
         ("Go 5 cm higher.", "PLACE(food)"),  # the same thing
         ("Go 5 cm higher with the food.", "OPEN(microwave)"),  # names the thing
+        ("Grab it 5 cm higher.", "OPEN(microwave)"),  # names the action in another word
     ],
 )
 def test_a_hint_about_something_like_it_is_followed(text, key):
     assert written(Shown(text, key, f"{ALIKE_ELSE}, only a hint")) != written(None)
+
+
+def test_a_hint_that_speaks_of_a_part_or_of_how_such_a_part_is_worked_is_followed():
+    lamp = scene(
+        thing("lamp", (0.5, 0.0, 0.1), (0.2, 0.2, 0.2), kind="fixture"),
+        thing("lamp knob", (0.5, 0.0, 0.21), (0.03, 0.03, 0.02), part_of="lamp", kind="part"),
+    )
+    plain = write(lamp, "SWITCH_ON(lamp)")[0]
+    for text in ("Press it down 5 cm lower while rotating.", "Hold the knob 5 cm lower."):
+        hint = Shown(text, "OPEN(bottle)", f"{ALIKE_ELSE}, only a hint")
+        assert write(lamp, "SWITCH_ON(lamp)", [hint])[0] != plain, text
+
+
+def test_every_hint_is_tried_once_the_plain_way_has_failed():
+    hint = Shown("Keep the hand 5 cm higher.", "OPEN(microwave)", f"{ALIKE_ELSE}, only a hint")
+    failed = [{"code": "look()", "printed": "", "ended": "RuntimeError: it is not held"}]
+    again = [write(TABLE, "PICK_UP(food)", notes, attempts=failed)[0] for notes in ([], [hint])]
+    assert again[0] != again[1] and written(hint) == written(None)
 
 
 def test_the_template_of_another_kind_of_action_is_not_taken_over():

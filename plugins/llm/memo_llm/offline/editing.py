@@ -330,7 +330,9 @@ def _press_turn(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     if "turn" not in steps:
         at = _after_grip(steps)
         steps = (*steps[:at], "turn", *steps[at:])
-    return attrs.evolve(recipe, steps=steps, turn=recipe.turn or 90.0, press=rough["press"])
+    # Caps and knobs that guard against children open counterclockwise; a way that somebody named stays.
+    turn = -90.0 if recipe.turn in (0.0, 90.0) else recipe.turn
+    return attrs.evolve(recipe, steps=steps, turn=turn, press=rough["press"])
 
 
 def _press_part(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:

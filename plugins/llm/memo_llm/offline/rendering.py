@@ -118,6 +118,8 @@ def _hold_object(recipe: Recipe, around: Surroundings, sheet: Sheet, task: str) 
     assert thing is not None
     sheet.constant("THING", thing.label)
     part = around.part(recipe.hold_at)
+    if part is None and recipe.kind == "turn" and thing.kind == "fixture" and recipe.hold_at == "middle":
+        part = around.handle  # what stands fixed has a knob that is turned
     if part is not None:
         sheet.add(f"grasp = get_position({sheet.constant('HELD', part.label)})")
     else:

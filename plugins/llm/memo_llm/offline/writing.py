@@ -8,6 +8,10 @@ import re
 import attrs
 
 from memo_core.scene.graph import SceneGraph
+from memo_core.skillbook.action_relations import default_actions
+from memo_core.skillbook.keys import Key
+from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.skillbook.shared_terms import Terms
 from memo_llm.offline.editing import apply
 from memo_llm.offline.feedback import hear
 from memo_llm.offline.prompt import Corrected, Entry, Prompt, read_subtask, unreadable
@@ -18,6 +22,8 @@ from memo_llm.offline.rendering import render
 from memo_llm.offline.surroundings import descendants, find
 from memo_llm.offline.templates import adopt
 from memo_llm.offline.vocabulary import Vocabulary
+
+TERMS = Terms(default_actions())
 
 
 @attrs.frozen
@@ -40,7 +46,9 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
         if recipe is None:
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
     recipe = _adopted(recipe, prompt, scene, habits, missed)
-    corrections = [one for one in prompt.entries("corrections") if not one.hint or _applies(one, prompt, habits)]
+    # What is only a hint and speaks of nothing here is left for when the plain way has failed.
+    said = prompt.entries("corrections")
+    corrections = [one for one in said if failed or not one.hint or _applies(one, prompt, habits)]
     known = [node.label for node in scene.nodes] + [*objects, action, *(entry.key for entry in corrections)]
     told: list[tuple[str, Edit]] = []
     # Lists come best first: the best is applied last, and corrections after general statements.
@@ -119,10 +127,14 @@ def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabula
 
 
 def _applies(hint: Entry, prompt: Prompt, habits: Habits) -> bool:
-    """Whether a note that is only a hint is about something like this subtask, or names what this is about."""
+    """Whether a note that is only a hint is about something like this subtask, or speaks of what this is about: the
+    action, the things, their parts that the scene shows and how such parts are worked."""
     action, objects = prompt.subtask
-    names = {word for name in (action, *objects) for word in name.lower().split() if len(word) > 2}
-    return _like(hint, prompt, habits) or bool(names & set(re.findall(r"\w+", hint.text.lower())))
+    words = {word for name in (action, *objects) for word in name.lower().split() if len(word) > 2}
+    if _like(hint, prompt, habits) or words & set(re.findall(r"\w+", hint.text.lower())):
+        return True
+    subtask = Key.make(action, *objects)
+    return TERMS.overlap(TERMS.of_subtask(subtask, SubtaskContext.of(subtask, prompt.scene())), hint.text) > 0
 
 
 def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
