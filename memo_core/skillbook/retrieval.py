@@ -33,7 +33,7 @@ from memo_core.skillbook.shared_terms import Terms
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
-from memo_core.skillbook.trials import failing
+from memo_core.skillbook.trials import failing_among
 
 __all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text"]
 
@@ -177,8 +177,7 @@ class Retriever:
 
     def _failing_last(self, ranked: _Ranked) -> _Ranked:
         """Templates that fail when they are run again in a simulator come after those that do not."""
-        with self._database.read() as connection:
-            failed = failing(self._database, connection, [entry.id for entry, _ in ranked])
+        failed = failing_among(self._database, [entry.id for entry, _ in ranked])
         return sorted(ranked, key=lambda one: one[0].id in failed)
 
     def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> tuple[Served, ...]:

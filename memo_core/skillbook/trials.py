@@ -6,15 +6,17 @@ version that does not fail takes its place under its own key.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, batched, places
 
 _T = tables.trials.c
+_SUCCESSES = sa.select(_T.entry, _T.success).where(_T.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]))
 
 
 @attrs.frozen
@@ -51,6 +53,17 @@ def fails(trials: Iterable[Trial]) -> bool:
 def failing(database: Database, connection: sa.Connection, entries: Iterable[int]) -> set[int]:
     """Those of the entries that fail when they are run again."""
     return {entry for entry, trials in trials_of(database, connection, entries).items() if fails(trials)}
+
+
+def failing_among(database: Database, entries: Sequence[int]) -> set[int]:
+    """``failing`` as a transaction of its own, for every retrieval."""
+    if not entries or not database.has_table(tables.trials):
+        return set()
+    made: dict[int, list[bool]] = {}
+    for part in batched(entries, PLACES):
+        for entry, success in database.fetch(_SUCCESSES, places(part)):
+            made.setdefault(entry, []).append(bool(success))
+    return {entry for entry, successes in made.items() if 2 * sum(successes) < len(successes)}
 
 
 def keep_trial(connection: sa.Connection, entry: int, trial: Trial) -> None:
