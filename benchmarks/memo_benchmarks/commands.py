@@ -374,6 +374,17 @@ def understanding(
 
 
 @app.command()
+def agreement(
+    file: Annotated[Path, typer.Argument(help='JSON Lines, a sentence each, with "judges": two verdicts.')],
+    json: Json = False,
+) -> None:
+    """What two judges made of sentences: shares of each verdict, agreement, Cohen's kappa."""
+    from memo_benchmarks.understanding import agreement as agreed
+
+    print_report(agreed(file), json)
+
+
+@app.command()
 def stop(
     signals: Annotated[int, typer.Option("--signals", min=1, help="Stops in each phase.")] = 20,
     phases: Annotated[list[str] | None, typer.Option("--phase", help="Only this phase; repeatable.")] = None,

@@ -257,7 +257,10 @@ _CHECKS: dict[str, Callable[[str, float | None, Motion, Motion], bool]] = {
     "gentler": lambda n, v, b, a: a.force is not None and a.force < 30,
     "firmer": lambda n, v, b, a: a.force is not None and a.force > 40,
     "harder": lambda n, v, b, a: (a.force or 0.0) > 40 or a.extent > b.extent + 0.003,
-    "softer": lambda n, v, b, a: (a.force is not None and a.force < 30) or a.extent < b.extent - 0.003,
+    # What opens is let slip by a soft grip: there a gentle pull is a slow one.
+    "softer": lambda n, v, b, a: (
+        (a.force is not None and a.force < 30) or a.extent < b.extent - 0.003 or a.speed < b.speed
+    ),
     "slower": lambda n, v, b, a: a.speed < b.speed,
     "faster": lambda n, v, b, a: a.fastest > b.fastest,
     "release": lambda n, v, b, a: a.released,

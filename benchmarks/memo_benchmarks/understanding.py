@@ -8,10 +8,14 @@ with what the person meant, which the file says as ``effects``:
 - *asked back*: no note was made, and the answer says what would have to be asked
 - *without effect*: noted, and the motion is the same
 - *misread*: noted, and the motion changed in another way than was meant, or praise was noted as a correction
+
+A sentence that is meant for the plan (``first``) is understood where a note about plans is made of it, as in a run.
+Without ``effects`` a sentence that was noted is *to be judged*: by people, who see what the hand did differently.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Callable
@@ -47,7 +51,8 @@ ALREADY = {  # effects that the untaught motion may have already, and how a note
     "close fingers first": r"close .* first",
 }
 
-Verdict = Literal["understood", "asked back", "without effect", "misread"]
+_OF_JUDGES = {"noted", "asked", "changed", "judges", "verdict", "notes"}
+Verdict = Literal["understood", "asked back", "without effect", "misread", "to be judged"]
 PRAISE = re.compile(r"right|fine|good|well|approv|praise|worked|as it (?:is|was)", re.I)
 
 
@@ -59,8 +64,8 @@ class Saying:
     subtask: str
     seen: str  # what was visibly wrong
     says: str
-    means: str
-    effects: tuple[str, ...] = attrs.field(converter=tuple)
+    means: str = ""
+    effects: tuple[str, ...] = attrs.field(converter=tuple, default=())
 
     @effects.validator
     def _known(self, _: Any, effects: tuple[str, ...]) -> None:
@@ -98,19 +103,53 @@ class _Note:
 
 
 def sayings_in(path: Path) -> list[Saying]:
-    """The sentences of a YAML file. Raises ``InvalidArgument`` naming the entry."""
-    try:
-        rows = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, yaml.YAMLError) as error:
-        raise InvalidArgument("FILE", f"{path}: {error}", "a YAML list of sentences") from None
+    """The sentences of a YAML or JSON Lines file, without verdicts. Raises ``InvalidArgument`` naming the entry."""
     found = []
-    for i, row in enumerate(rows if isinstance(rows, list) else [rows], 1):
+    for i, row in enumerate(_rows(path), 1):
+        row = {key: value for key, value in row.items() if key not in _OF_JUDGES} if isinstance(row, dict) else row
         try:
             found.append(Saying(**row))
         except TypeError as error:
             keys = ", ".join(field.name for field in attrs.fields(Saying))
             raise InvalidArgument("FILE", f"{path}: sentence {i}: {error}", keys) from None
     return found
+
+
+def _rows(path: Path) -> list[Any]:
+    try:
+        text = path.read_text("utf-8")
+        if path.suffix == ".jsonl":
+            return [json.loads(line) for line in text.splitlines() if line.strip()]
+        rows = yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InvalidArgument("FILE", f"{path}: {error}", "a YAML list of sentences, or JSON Lines") from None
+    return rows if isinstance(rows, list) else [rows]
+
+
+def agreement(path: Path) -> dict[str, Any]:
+    """What two judges said of each sentence of a JSON Lines file (``judges``: two verdicts): the share of each verdict
+    by each of them, how often they agree, and Cohen's kappa. Raises ``InvalidArgument`` naming the entry."""
+    pairs: list[tuple[str, str]] = []
+    for i, row in enumerate(_rows(path), 1):
+        said = row.get("judges") if isinstance(row, dict) else None
+        if not (isinstance(said, list) and len(said) == 2 and all(isinstance(one, str) for one in said)):
+            raise InvalidArgument("FILE", f"{path}: sentence {i} has no judges", '"judges": [VERDICT, VERDICT]')
+        pairs.append((said[0], said[1]))
+    if not pairs:
+        raise InvalidArgument("FILE", f"{path} is empty", "a line a sentence")
+    counts = [Counter(pair[judge] for pair in pairs) for judge in (0, 1)]
+    observed = sum(a == b for a, b in pairs) / len(pairs)
+    expected = sum(counts[0][verdict] * counts[1][verdict] for verdict in counts[0]) / len(pairs) ** 2
+    shares_of = [{verdict: round(n / len(pairs), 3) for verdict, n in sorted(one.items())} for one in counts]
+    kappa = 1.0 if expected == 1 else (observed - expected) / (1 - expected)
+    return {
+        "bench": "agreement",
+        "sentences": len(pairs),
+        "judge_a": shares_of[0],
+        "judge_b": shares_of[1],
+        "agreement": round(observed, 3),
+        "kappa": round(kappa, 3),
+    }
 
 
 def bench_understanding(
@@ -134,7 +173,9 @@ def shares(heard: list[Heard]) -> dict[str, Any]:
     """Counts and shares of each verdict."""
     counts = Counter(one.verdict for one in heard)
     report: dict[str, Any] = {"sentences": len(heard)}
-    for verdict in ("understood", "asked back", "without effect", "misread"):
+    for verdict in ("understood", "asked back", "without effect", "misread", "to be judged"):
+        if verdict == "to be judged" and not counts[verdict]:
+            continue
         report[verdict.replace(" ", "_")] = counts[verdict]
         report[f"{verdict.replace(' ', '_')}_share"] = round(counts[verdict] / max(1, len(heard)), 3)
     return report
@@ -157,7 +198,8 @@ class _Listener:
             after = self._motion(self._code(saying, scene, said), scene)
         told = changed(before, after) if before is not None and after is not None else {}
         verdict = judged(saying, notes, before, after, scene)
-        return Heard(saying, verdict, said, notes.unclear, tuple(told.values()))
+        for_plans = tuple(f"for plans: {note}" for note in notes.plan)
+        return Heard(saying, verdict, (*said, *for_plans), notes.unclear, tuple(told.values()))
 
     def _code(self, saying: Saying, scene: SceneGraph, notes: list[str] | tuple[str, ...]) -> str:
         corrections = [_Note(text, saying.subtask) for text in notes]
@@ -179,7 +221,9 @@ class _Listener:
     def _notes(self, saying: Saying, scene: SceneGraph, code: str) -> Notes:
         told = {"task": saying.task.replace("-", " "), "subtask": saying.subtask, "words": saying.says, "code": code}
         try:
-            return self._answer("feedback", scene, read_notes, ended="a person found fault with it", **told)
+            return self._answer(
+                "feedback", scene, read_notes, ended="a person found fault with it", plans=True, planning=False, **told
+            )
         except Unreadable as error:
             return Notes((), (), str(error))
 
@@ -196,6 +240,11 @@ class _Listener:
 def judged(saying: Saying, notes: Notes, before: Motion | None, after: Motion | None, scene: SceneGraph) -> Verdict:
     """The mechanical criterion, as the module's docstring says it."""
     said = (*notes.corrections, *notes.general)
+    if notes.plan and (saying.effects or not said):
+        for_plans = any(_name(effect) == "first" for effect in saying.effects)
+        return "understood" if for_plans else "misread" if saying.effects else "to be judged"
+    if said and not saying.effects:
+        return "to be judged"
     if not said:
         praised = "approve" in saying.effects and PRAISE.search(notes.unclear.partition(saying.says)[0])
         return "understood" if praised else "asked back"

@@ -167,9 +167,14 @@ class TerminalTeacher(Teacher):
         question = noted.question or "What should I do differently?"
         asked = f'I could not learn anything from "{noted.words}". {question}'
         while True:
-            typed = self._line.ask(asked, "[say it in other words, s = never mind]")
-            if typed is None or meaning_of(typed) in ("silent", "approve"):
+            typed = self._line.ask(asked, "[y = yes, s = never mind, or say it in other words]")
+            if typed is None or meaning_of(typed) == "silent":
                 return ReadBack("accepted")
+            if (
+                meaning_of(typed) == "approve"
+            ):  # an answer where the question proposes something; once, lest it goes round
+                answered = not noted.question or noted.words.rstrip().endswith("\nyes")
+                return ReadBack("accepted") if answered else ReadBack("reworded", "yes")
             if meaning_of(typed) not in ("empty", "explain"):
                 return ReadBack("reworded", typed.strip())
 

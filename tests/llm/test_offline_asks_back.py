@@ -142,3 +142,20 @@ def test_the_answer_to_a_question_stands_for_what_it_was_asked_about(answer, not
 )
 def test_what_a_remark_is_about_depends_on_what_the_subtask_does(words, subtask, noted):
     assert any(one.startswith(noted) for one in said(words, PEN if "pen" in subtask else CRATE, subtask)["corrections"])
+
+
+@pytest.mark.parametrize(
+    ("words", "noted"),
+    [
+        ("Whoa, too far! About twenty centimetres is plenty.", "Go 20 cm in all."),
+        ("slow down with that door, it comes back and hits you", "Move slower."),
+        ("it's still open about an inch, keep pushing til you feel it click", "Go all the way."),
+    ],
+)
+def test_what_only_tells_or_bounds_does_not_stop_a_request_from_being_heard(words, noted):
+    assert noted in said(words)["corrections"]
+
+
+def test_what_another_sentence_says_better_is_not_noted_beside_it():
+    words = "Whoa, too far! About twenty centimetres is plenty."
+    assert said(words)["corrections"] == ["Go 20 cm in all."]

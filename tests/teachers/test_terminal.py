@@ -154,6 +154,14 @@ def test_nothing_learnt_is_answered_with_a_question(monkeypatch, capsys):
     assert typing(monkeypatch, "s").read_back(noted()[1]).kind == "accepted"
 
 
+def test_yes_to_what_is_asked_back_is_an_answer_once(monkeypatch):
+    asked = attrs.evolve(noted()[1], words="come lower, the thingummy", question="is this what you mean: Go lower.")
+    answer = typing(monkeypatch, "y").read_back(asked)
+    assert (answer.kind, answer.words) == ("reworded", "yes")
+    again = attrs.evolve(asked, words=f"{asked.words}\nyes")
+    assert typing(monkeypatch, "y").read_back(again).kind == "accepted", "it is not asked for ever"
+
+
 def test_read_back_can_be_switched_off():
     assert TerminalTeacher(TerminalSettings()).reads_back
     assert not TerminalTeacher(TerminalSettings(read_back=False)).reads_back

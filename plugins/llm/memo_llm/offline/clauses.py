@@ -18,7 +18,8 @@ def split_words(words: str) -> frozenset[str]:
 _OPENERS = re.compile(
     r"^(?:(?:no|nope|well|ok|okay|please|hey|hm+|oh|ah|uh|um|just|then|now|so|and|but|next time|also|careful|really|"
     r"maybe|perhaps|"
-    r"always|in general|first|instead|actually|yes|sorry|still|again|here|there|this time|robot|it looks like|i think|"
+    r"always|in general|first|instead|actually|yes|sorry|still|again|here|there(?! is| are| was|'s)|"
+    r"this time|robot|it looks like|i think|"
     r"looks like|seems|as i said|i said|i mean)[, ]+)+"
 )
 _ASKED_FOR = re.compile(
@@ -62,7 +63,7 @@ _ACTS = {
 }
 _HOLD = "hold grip grab grasp take squeeze press push pull pinch clamp catch"
 _LEAD = "open close shut push pull turn twist rotate tip tilt swing slide press lift raise"
-_MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick reach pour carry"
+_MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick reach pour carry fly scoot nudge shift"
 # edit -> verbs that it says how to do
 _CARRIED = {
     "force": f"{_HOLD} handle touch wipe close shut turn open",
@@ -84,7 +85,8 @@ _CARRIED = {
 _LIGHT = "go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
 _ALL_ACTS = frozenset(" ".join(_ACTS.values()).split()) | split_words(
     "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat "
-    "withdraw carry clamp pinch set lay drop touch spread tighten loosen drag bring shift aim continue"
+    "withdraw fly scoot nudge ease carry clamp pinch set lay drop touch spread tighten loosen drag bring "
+    "shift aim continue"
 )
 _TELLING = split_words(
     "up down left right out back front top bottom middle centre center near inside outside above below "
@@ -120,7 +122,7 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
 
 def time_part(clause: str) -> int:
     """Where a clause begins to say only when: "come up | before you let go"; its length where it does not."""
-    match = re.search(r"\b(?:before|after|when|whenever|while|once|until|till|as soon as|by the time)\b", clause)
+    match = re.search(r"\b(?:before|after|when|whenever|where|while|once|until|till|as soon as|by the time)\b", clause)
     return match.start() if match else len(clause)
 
 
@@ -147,12 +149,14 @@ def is_request(clause: str, before: bool = True) -> bool:
     if subject is None:
         return True
     first = plain.split()[0]
-    if re.match(r"(?:(?:it|that|this|there)|(?:the|my|your|its) [\w'-]+(?: one| \w+)?) [a-z]+s\b", plain):
+    if re.match(r"(?:(?:it|that|this|there)|(?:the|my|your|its|that|this) [\w'-]+(?: one| \w+)?) [a-z]+s\b", plain):
         return False
     if re.match(
         r"(?:your|the|my|its|our) [a-z]+s (?!up|down|left|right|first|only|last|further|closer|higher|lower)[a-z]+\b",
         plain,
     ):
+        return False
+    if not before and re.match(r"[a-z]+s (?:you|it|me|us|the|my|your|them|off|out|over|down)\b", plain):
         return False
     if not before and re.match(r"\w+(?:ed|ing)\b|made\b", first):
         return False
@@ -171,7 +175,9 @@ def has_condition(clause: str) -> bool:
 def core(rest: str, own: Collection[str], others: Collection[str]) -> str:
     """A clause's remainder without what only says when, where or for what: "after letting go", "over the bowl". ``own``
     are words for what the subtask is about, ``others`` for what else is to be seen."""
-    rest = re.sub(r"\b(?:after|before|when|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest)
+    rest = re.sub(
+        r"\b(?:after|before|when|where|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest
+    )
     rest = re.sub(r"\b(?:mind|watch(?: out for)?|careful (?:with|of)) (?:the|my|your|that|this) \w+", " ", rest)
     rest = re.sub(r"\btry (?:it |that )?(?:again|once more|another time)\b", " ", rest)
     place = r"(?:side|edge|top|front|back|rim|bottom|middle|centre|center|end|inside|outside|wall|surface)"
@@ -195,6 +201,8 @@ def unread(core: str, kind: str, carried: Collection[str], others: Collection[st
     core = re.sub(r"^ *(?:lower|raise) (?=it\b|them\b|the\b|that\b)", "bring ", core)
     words = re.findall(r"[a-z][a-z'-]*|\d+(?:\.\d+)?", core)
     found = [w for w in words if w[0].isdigit() or w in _TELLING or w in others]
+    if "speed" in carried:  # "up slowly": the way is what the subtask does
+        found = [w for w in found if w not in ("up", "down", "out", "back")]
     acts = [w for w in words if (stem := _stem(w)) in _ALL_ACTS and stem not in own]
     for carrier, verbs_of in _CARRIED.items():
         if carrier in carried:

@@ -101,6 +101,14 @@ def _turned_on(recipe: Recipe, edit: Edit, degrees: float, rough: Rough) -> Reci
     return attrs.evolve(recipe, angle=min(angle + degrees, 180.0))
 
 
+def _extent(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    """So far and no farther, however far it was."""
+    if edit.negated or edit.amount is None or not edit.amount.exact or "path" not in recipe.steps:
+        return recipe
+    angle = min(math.degrees(edit.amount.metres / rough["door_radius"]), 180.0)
+    return attrs.evolve(recipe, distance=edit.amount.metres, angle=max(5.0, angle))
+
+
 def _lengthened(recipe: Recipe, edit: Edit, metres: float, rough: Rough) -> Recipe:
     if recipe.changes_nothing_held:
         return _reached(recipe, metres)
@@ -412,6 +420,7 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "all-the-way": _all_the_way,
     "less-far": _less_far,
     "angle": _angle,
+    "extent": _extent,
     "offset": _offset,
     "hold-at": _hold_at,
     "approach": _approach,

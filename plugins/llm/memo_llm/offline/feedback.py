@@ -135,7 +135,7 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
     general: list[str] = []
     for sentence, reading in zip(heard.sentences, heard.readings, strict=True):
         notes = [said for edit in reading.edits if edit in heard.edits and (said := _said(edit, heard.recipe, attempt))]
-        if not notes and len(sentence.split()) > 2 and not vocabulary.praises(sentence):
+        if not notes and not reading.edits and len(sentence.split()) > 2 and not vocabulary.praises(sentence):
             notes = [_plainly(sentence)]
         everywhere = _EVERYWHERE.search(sentence.lower()) and reading.edits
         (general if everywhere else corrections).extend(notes)
@@ -223,7 +223,7 @@ def _question(
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
     understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
-    if vocabulary.praises(words) and not _RESERVED.search(words.lower()):
+    if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
         return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
     turned = [edit for edit in edits if edit.kind == "reverse"]
     if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
@@ -252,7 +252,7 @@ def _question(
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
     kinds = {edit.kind for edit in edits}
-    if any(edit.kind == "angle" and edit.degrees is not None for edit in edits):
+    if any(edit.kind == "extent" or (edit.kind == "angle" and edit.degrees is not None) for edit in edits):
         edits = [edit for edit in edits if edit.kind not in LENGTHS]
     if any(edit.kind == "pivot" and not edit.negated for edit in edits):  # the edge says which way round
         edits = [edit for edit in edits if edit.kind != "reverse"]

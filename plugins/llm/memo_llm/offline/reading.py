@@ -36,6 +36,10 @@ _BARE = r"(?:push|press|shove|lift|raise)(?: [\w' ]+?)??(?: (?:it|them|this|that
 _MATTERS = split_words(
     "in out up down off on away over back under only not no other another first more less about what here there"
 )
+# An amount that is told and bounds what is to be done: "an inch is enough".
+_BOUNDED = (
+    r"\d (?:cm|mm|inch|m|degrees|seconds)\b.*\b(?:plenty|enough|all|do)\b|\b(?:at (?:least|most)|no more than) \d"
+)
 _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _MOTIONS = {
@@ -102,6 +106,7 @@ class Reading:
 
     edits: tuple[Edit, ...]
     not_understood: tuple[str, ...]  # words, or a whole clause where nothing of it was understood
+    praised: bool = False  # whether a clause approves and asks for nothing
     unsure: tuple[str, ...] = ()  # clauses that may mean something else than what was understood of them
 
 
@@ -118,14 +123,14 @@ def read_sentence(
     unsure: list[str] = []
     found, plain = _read_whole(_plain(text, vocabulary, nouns), vocabulary, kind)
     edits += found
-    request = True
+    request, praised = True, False
     for clause, part in _parted(plain):
         mood = mood_of(clause, is_request(clause, request), bool(edits))
         request = mood == "request"
         if edits and (amount := _amount_alone(clause, vocabulary)) and not _measured(edits[-1]):
             edits[-1] = attrs.evolve(edits[-1], amount=amount)
             continue
-        found, rest = _read_clause(clause, vocabulary, kind)
+        found, rest = _read_clause(clause, vocabulary, kind, nouns)
         complains = vocabulary.complaint(clause)
         said = [
             edit
@@ -136,6 +141,7 @@ def read_sentence(
         unknown = [
             w for w in re.findall(r"[^\W_][\w'-]*", rest) if not (_plain_word(w, vocabulary, nouns) or is_act(w))
         ]
+        praised |= not said and vocabulary.praises(clause)
         for edit in said:
             edits += [] if any(_same(edit, other) for other in edits) else [edit]
         denied = vocabulary.negations.search(clause) is not None and not said
@@ -155,12 +161,12 @@ def read_sentence(
             and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns)))
         )
         doubtful |= _clash(said, clause)
-        doubtful |= mood == "told" and re.search(r"\d (?:cm|mm|inch|m|degrees|seconds)\b", rest) is not None
+        doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
         if doubtful:
             unsure.append(clause)
     if not edits:
         missed = [" ".join(text.split())]
-    return Reading(tuple(edits), tuple(missed), tuple(unsure))
+    return Reading(tuple(edits), tuple(missed), praised, tuple(unsure))
 
 
 def _words(names: Iterable[str]) -> set[str]:
@@ -214,8 +220,10 @@ def _clash(edits: list[Edit], clause: str) -> bool:
     of_fingers = re.search(
         r"\b(?:open|clos|spread|shut)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b", clause
     )
+    of_doors = re.search(r"\b(?:door|lid|flap|panel)s?\b", clause) is not None
     return (
-        ("offset" in kinds and bool(kinds & {"arc", "pivot"}))
+        (of_doors and "finger-width" in kinds)
+        or ("offset" in kinds and bool(kinds & {"arc", "pivot"}))
         or {"speed", "release"} <= kinds
         or (of_fingers is not None and "all-the-way" in kinds)
         or len({edit.value for edit in edits if edit.kind == "way"}) > 1
@@ -258,7 +266,8 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
     plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
     plain = re.sub(r"\b(?:can't|couldn't|can|could|would|won't|why don't|will) you\b", "", plain)  # asked politely
-    return in_figures(" ".join(plain.split()))
+    plain = in_figures(" ".join(plain.split()))
+    return re.sub(r"\b(?:maybe|roughly|like|say|approximately|perhaps|i'd say|something like) (?=\d)", "", plain)
 
 
 def _clauses(plain: str) -> list[str]:
@@ -295,7 +304,7 @@ def _read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edi
     return edits, plain
 
 
-def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edit], str]:
+def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]) -> tuple[list[Edit], str]:
     """Edits in the order of the words, and the clause with what was read blanked out."""
     rest = clause
     found: list[tuple[int, Phrase, re.Match[str]]] = []
@@ -321,7 +330,7 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
     for start, phrase, match in found:
         placed.append((start, _edit(phrase, match, denial is not None and denial.start() < start, vocabulary)))
     edits = [
-        _as_turn(_as_motion(edit, clause, kind, vocabulary), kind, vocabulary)
+        _as_turn(_as_motion(edit, clause, kind, vocabulary), kind, vocabulary, nouns)
         for _, edit in sorted(placed, key=lambda item: item[0])
     ]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
@@ -332,6 +341,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str) -> tuple[list[E
         edit.kind in _CARRIED_BY_WAY for edit in edits
     ):  # "push it further": the verb carries what is said beside it
         edits = [edit for edit in edits if edit.kind != "way" or not re.fullmatch(_BARE, edit.said.strip())]
+    if any(edit.kind == "force" for edit in edits):  # "hold on to it tighter"
+        edits = [edit for edit in edits if edit.kind != "hold-on"]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
     return edits, rest.replace("\x00", " ")
@@ -355,13 +366,18 @@ def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary
     )
 
 
-def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary) -> Edit:
+def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary, nouns: set[str]) -> Edit:
     """To the right is clockwise where something is turned in place."""
-    if kind != "turn" or edit.kind not in ("offset", "pivot") or edit.value not in ("left", "right"):
+    if (
+        kind != "turn"
+        or "lever" in nouns
+        or edit.kind not in ("offset", "pivot")
+        or edit.value not in ("left", "right")
+    ):
         return edit
     if edit.amount is not None and edit.amount.exact:
         return edit
-    turned = next((p for p in vocabulary.phrases if p.edit == "turn-thing" and not p.value), None)
+    turned = next((p for p in vocabulary.phrases if p.edit == "turn-thing" and not (p.value or p.lesson)), None)
     value = "clockwise" if edit.value == "right" else "counterclockwise"
     return attrs.evolve(edit, kind="turn-thing", value=value, amount=None, phrase=turned)
 

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from functools import cache
 
 _SHORT = {
+    "til": "until",
     "u": "you",
     "ur": "your",
     "pls": "please",
