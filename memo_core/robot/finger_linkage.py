@@ -1,8 +1,9 @@
 """How a gripper's finger joints and its opening belong together.
 
-Fingers on slides open by the sum of their positions. Fingers on hinges (a four-bar linkage, as Robotiq's or xArm's)
-open by a curve: the first finger joint is driven, the others follow it as their URDF's ``<mimic>`` says (or one to
-one), and the opening is how far the pads are apart, measured from where they are nearest to each other.
+Fingers on slides that all open with growing positions open by the sum of them. All others, such as fingers on hinges (a
+four-bar linkage, as Robotiq's or xArm's), open by a curve: the first finger joint is driven, the others follow it as
+their URDF's ``<mimic>`` says (or one to one), and the opening is how far the pads are apart, measured from where they
+are nearest to each other.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ class FingerLinkage:
     def __init__(self, urdf: Urdf, gripper: GripperDescription) -> None:
         self.names = gripper.finger_joints
         joints = [urdf.joint(name) for name in self.names]
-        self.slides = all(joint.kind == "prismatic" for joint in joints)
         self.multipliers, self.offsets = self._couple(urdf)
         driver = joints[0]
+        alike = set(self.multipliers) == {1.0} and not any(self.offsets)
+        self.slides = alike and all(joint.kind == "prismatic" for joint in joints) and self._outwards(urdf, gripper)
         if not self.slides and not (math.isfinite(driver.lower) and math.isfinite(driver.upper)):
             problem = "drives the fingers and has no limits"
             raise InvalidArgument(f"URDF joint {driver.name!r}", problem, "lower and upper of shut and open fingers")
@@ -70,6 +72,19 @@ class FingerLinkage:
             multipliers.append(multiplier)
             offsets.append(offset)
         return tuple(multipliers), tuple(offsets)
+
+    def _outwards(self, urdf: Urdf, gripper: GripperDescription) -> bool:
+        """Whether growing positions take the pads apart."""
+        driver, pads = urdf.joint(self.names[0]), gripper.pads
+        if len(pads) < 2 or any(pad not in urdf.links for pad in pads):
+            return True
+        apart = []
+        for position in (driver.lower, driver.upper):
+            poses = link_poses(urdf, dict.fromkeys(self.names, position))
+            # Frames may stand beyond each other when shut: what counts is which way they go.
+            apart.append(np.subtract(poses[pads[0]].position, poses[pads[-1]].position))
+        moved = apart[1] - apart[0]
+        return bool(moved @ apart[1] >= 0)
 
     @property
     def stroke(self) -> float:

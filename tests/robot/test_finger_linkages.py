@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import attrs
 import numpy as np
@@ -146,3 +147,25 @@ def test_slides_are_what_they_were():
     linkage = FingerLinkage(urdf, hand.gripper())
     assert linkage.slides and linkage.stroke == pytest.approx(hand.stroke)
     assert linkage.positions(0.05) == pytest.approx([0.025, 0.025])
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_slides_that_go_the_other_way_or_mimic_by_minus_one_open_as_well(simulator):
+    """Finger 1 opens with falling positions, finger 2 mirrors it."""
+    urdf = ARM.replace("</robot>", ParallelHand().text("wrist_3_link") + "</robot>")
+    names = ("hand_finger_joint1", "hand_finger_joint2")
+    for name, axis, limits, mimic in (
+        (names[0], "0 -1 0", 'lower="-0.04" upper="0"', ""),
+        (names[1], "0 1 0", 'lower="0" upper="0.04"', f'<mimic joint="{names[0]}" multiplier="-1"/>'),
+    ):
+        pattern = rf'(<joint name="{name}".*?)<axis xyz="0 1 0"/><limit lower="0" upper="0.04"(.*?)</joint>'
+        urdf, count = re.subn(
+            pattern, rf'\1<axis xyz="{axis}"/><limit {limits}\2{mimic}</joint>', urdf, flags=re.DOTALL
+        )
+        assert count == 1
+    robot = describe_urdf(urdf).robot
+    assert robot.gripper.stroke == pytest.approx(0.08)
+    for rule in RULES.values():
+        rule(lambda: robot)
+    trial = RobotTrial(robot, SIMULATORS[simulator])
+    assert trial.grasp.step == "", trial.grasp.why

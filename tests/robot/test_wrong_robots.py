@@ -114,8 +114,8 @@ WRONG: dict[str, tuple[RobotDescription, str, str]] = {
     ),
     "mimic the wrong way": (
         _urdf(FINGER2, _finger2('<mimic joint="hand_finger_joint1" multiplier="-1"/>')),
-        "the_tool_frame_sits_between_the_fingers",
-        r"the fingers do not move apart alike: by \+10\.0, \+10\.0 mm along the tool's y",
+        "the_gripper_opens_by_its_stroke",
+        r"hand_finger_joint1'?: opens its pads hand_finger1 and hand_finger2 by no rising or falling curve",
     ),
     "mimic not described": (
         _urdf(FINGER2, _finger2('<mimic joint="hand_finger_joint1"/>'), gripper=ONE_FINGER),
