@@ -96,7 +96,7 @@ def test_a_checkpoint_of_another_world_is_refused_in_clear_words(experiment, wor
         foreign = other.checkpoint()
     with pytest.raises(InvalidArgument, match="seed 4"):
         world.restore(foreign)
-    with pytest.raises(InvalidArgument, match="no checkpoint"):
+    with pytest.raises(InvalidArgument, match="not a checkpoint"):
         world.restore(b"\x00nonsense")
 
 

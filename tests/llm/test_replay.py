@@ -206,10 +206,10 @@ def test_a_compressed_recording_is_played_and_not_added_to(tmp_path):
     ("content", "said"),
     [
         (b"", "it is empty"),
-        (b'{"hello": 1}\n', "line 1: this is no recording"),
+        (b'{"hello": 1}\n', "line 1: this is not a recording"),
         (b'{"memo_recording": 9}\n', "line 1: it is of version 9"),
-        (b'{"memo_recording": 1}\n{"call": 3}\n{}\n', "line 2: this is no recorded call .it lacks 'answer'"),
-        (b'{"memo_recording": 1}\n{"foo": 3}\n{}\n', "line 2: this is no recorded call .it lacks 'call'"),
+        (b'{"memo_recording": 1}\n{"call": 3}\n{}\n', "line 2: this is not a recorded call .it lacks 'answer'"),
+        (b'{"memo_recording": 1}\n{"foo": 3}\n{}\n', "line 2: this is not a recorded call .it lacks 'call'"),
     ],
 )
 def test_a_file_that_is_no_recording_is_named_with_its_line(tmp_path, content, said):
