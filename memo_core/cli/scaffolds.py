@@ -211,6 +211,8 @@ def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | None = None)
             written.append(path)
     except OSError as error:
         raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
+    if kind == "task":
+        notes = ("it is a block to put on a mat so far: scene, goal, check and solution are yours to change",)
     return Written(tuple(written), notes)
 
 

@@ -60,6 +60,14 @@ def task_names(suite: Choice) -> tuple[str, ...]:
     return tuple(task.name for task in suite.create())
 
 
+def _names_of(suite: Backend) -> tuple[str, ...]:
+    """Names of a suite's tasks with its default settings; empty where it cannot be made."""
+    try:
+        return task_names(Choice(suite, suite.config()))
+    except (MemoError, TypeError):  # what it needs is not installed, or settings have no defaults
+        return ()
+
+
 @attrs.frozen
 class ShownValue:
     """One line of ``memo config show``: a dotted path, a value without secrets, and its origin."""
@@ -194,7 +202,10 @@ class _Assembly:
         except MemoError:
             return  # said when the suite is made
         if name not in names:
-            self._checker.wrong(("task",), str(UnknownName("task", name, names)))
+            others = [one.name for one in self._registry.backends("suite") if name in _names_of(one)]
+            elsewhere = f"the suite {others[0]!r} has it: suite.backend={others[0]}" if others else ""
+            said = f"unknown task {name!r} of suite {self._choices['suite'].backend.name!r}; {elsewhere}"
+            self._checker.wrong(("task",), said if others else str(UnknownName("task", name, names)))
 
     def _section(self, name: str, cls: type) -> Any:
         values = self._merged.values.get(name)

@@ -32,7 +32,7 @@ def test_a_misspelt_task_is_in_the_list_of_all_mistakes_with_its_line(registry, 
 
 def test_a_task_is_looked_for_in_the_suite_that_is_chosen(registry, tmp_path):
     assert load(registry, tmp_path, "suite: quirks\ntask: open-the-safe\n").task == "open-the-safe"
-    with pytest.raises(ConfigErrors, match="unknown task 'open-the-safe'"):
+    with pytest.raises(ConfigErrors, match=r"unknown task 'open-the-safe'.*'quirks' has it: suite.backend=quirks"):
         load(registry, tmp_path, "suite: tabletop\ntask: open-the-safe\n")
 
 
