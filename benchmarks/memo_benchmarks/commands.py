@@ -82,6 +82,27 @@ def sim(
 
 
 @app.command()
+def trial(
+    tasks: Annotated[
+        list[str] | None, typer.Option("--task", help="Tasks; repeatable. None: the held-out ones without grains.")
+    ] = None,
+    scenes: Annotated[int, typer.Option("--scenes", min=1, help="Scenes of each task.")] = 3,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Trials of an evaluation a minute, on one core and on two, and where the time of a trial goes."""
+    from memo_benchmarks.trial import bench_trial, has_grains
+    from memo_core.runs.factories import task_of, tasks_of
+
+    experiment = load(config, overrides)[1]
+    held_out = [task.name for task in tasks_of(experiment) if task.split == "held-out" and not has_grains(task)]
+    names = tuple(task_of(experiment, name).name for name in tasks) if tasks else tuple(held_out)
+    given = tuple(overrides or ())
+    print_report(with_progress("trial", lambda progress: bench_trial(config, given, names, scenes, progress)), json)
+
+
+@app.command()
 def teacher(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
     suites: Annotated[
