@@ -159,3 +159,18 @@ def test_what_only_tells_or_bounds_does_not_stop_a_request_from_being_heard(word
 def test_what_another_sentence_says_better_is_not_noted_beside_it():
     words = "Whoa, too far! About twenty centimetres is plenty."
     assert said(words)["corrections"] == ["Go 20 cm in all."]
+
+
+def test_what_is_said_looking_back_is_noted_for_the_subtask_it_is_about():
+    context = {"task": "t", "code": "open_gripper()", "ended": "done", "subtasks": ["OPEN(crate)", "PICK_UP(pen)"]}
+
+    def of_placing(words):
+        asked = request("feedback", CRATE, subtask="PLACE(pen, crate)", words=words, **context)
+        return json.loads(MODEL.answer(asked).text)
+
+    answer = of_placing("you should have opened it further")
+    assert answer["elsewhere"] == [{"subtask": "OPEN(crate)", "note": "Go further."}] and answer["corrections"] == []
+    assert "elsewhere" not in of_placing("open your hand before you go lower"), "that is about placing"
+    assert "elsewhere" not in of_placing("2 cm lower")
+    unclear = of_placing("you should have opened the thingummy of the whatsit")
+    assert "elsewhere" not in unclear and unclear["unclear"]

@@ -11,7 +11,7 @@ import attrs
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
-from memo_llm.offline.prompt import Prompt
+from memo_llm.offline.prompt import Prompt, read_subtask
 from memo_llm.offline.reading import Edit, Reading, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart, than_that
@@ -62,6 +62,15 @@ _STATES = frozenset(
 _RESERVED = re.compile(
     r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
 )
+# Words that look back at what was done before, and the verbs that say at what.
+_LOOKS_BACK = re.compile(
+    r"\b(?:should|could|ought to|must)(?: not|n't)? ?(?:have|'ve|of)\b|\bearlier\b|\bwhen you (?:\w+ed|took|held)\b"
+)
+_DONE_BEFORE = {
+    "open": r"\bopen\w*\b|\bpulled\b|\bswung\b",
+    "close": r"\bclosed?\b|\bshut\b",
+    "pick": r"\b(?:pick|grip|grab|grasp|held|took|taken|lift)\w*\b",
+}
 _OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
 _OF_ANY_MOTION = frozenset({"offset", "speed", "force"})
 
@@ -121,6 +130,9 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> NotesAnswer:
     prompt lacks."""
     words = _settled_words(prompt.quoted("what the person said"))
     scene = prompt.scene()
+    elsewhere = _elsewhere(words, prompt, scene, habits, vocabulary)
+    if elsewhere is not None:
+        return elsewhere
     heard = hear(words, prompt, scene, habits, vocabulary)
     plans = _plans(words, heard, prompt)
     if plans:
@@ -170,6 +182,32 @@ def _answer(
     lists = {"corrections": corrections, "general": general, **({"plan": plan} if plan else {})}
     answer: dict[str, object] = {name: list(dict.fromkeys(notes)) for name, notes in lists.items()}
     return NotesAnswer(json.dumps(answer | {"unclear": unclear}, ensure_ascii=False), heard.not_understood)
+
+
+def _elsewhere(
+    words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary
+) -> NotesAnswer | None:
+    """Notes about another subtask of this run, where the words look back at it ("you should have opened it further",
+    said while placing) and are surely understood of it; None where they do not, or are not."""
+    plain = words.lower().replace("’", "'")
+    here = habits.recipe(*prompt.subtask)
+    listed = prompt.bullets("subtasks of this run") if "subtasks of this run" in prompt.sections else []
+    if _LOOKS_BACK.search(plain) is None:
+        return None
+    for other in reversed(listed):
+        recipe = habits.recipe(*read_subtask(other))
+        verbs = _DONE_BEFORE.get(recipe.kind) if recipe is not None else None
+        if verbs is None or (here is not None and recipe is not None and recipe.kind == here.kind):
+            continue
+        if re.search(verbs, plain) is None:
+            continue
+        there = attrs.evolve(prompt, sections=prompt.sections | {"subtask": other})
+        heard = hear(words, there, scene, habits, vocabulary)
+        notes = [{"subtask": other, "note": said} for edit in heard.edits if (said := _said(edit, None, None))]
+        if notes and not heard.question:
+            answer = {"corrections": [], "general": [], "elsewhere": notes, "unclear": ""}
+            return NotesAnswer(json.dumps(answer, ensure_ascii=False), heard.not_understood)
+    return None
 
 
 def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
