@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from memo_gymnasium.scene_arrays import RELATIONS, SceneArrays
 
 import memo_core
-from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.task import Outcome
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gym_policy.py"
@@ -170,7 +170,7 @@ def test_relations_are_in_the_rows_of_their_nodes(made):
 @pytest.mark.parametrize(
     ("settings", "error", "said"),
     [
-        ({"task": "open-the-frigde"}, UnknownName, "did you mean 'open-the-fridge'"),
+        ({"task": "open-the-frigde"}, memo_core.ConfigErrors, "did you mean 'open-the-fridge'"),
         ({"action": "torque"}, InvalidArgument, "'joint' or 'cartesian'"),
         ({"render_mode": "human"}, InvalidArgument, "rgb_array"),
         ({"suite": "tabeltop"}, memo_core.ConfigErrors, "did you mean 'tabletop'"),

@@ -79,8 +79,7 @@ class TaskEnv(gymnasium.Env[Any, Any]):
             render_mode: None or ``rgb_array``.
 
         Raises:
-            ConfigErrors: for overrides that do not fit.
-            UnknownName: for a task that does not exist.
+            ConfigErrors: for overrides that do not fit, and for a task or suite that does not exist.
             InvalidArgument: for an unknown kind of action or render mode.
         """
         if action not in ("joint", "cartesian"):
@@ -89,10 +88,6 @@ class TaskEnv(gymnasium.Env[Any, Any]):
             raise InvalidArgument("render_mode", f"{render_mode!r} is none", "'rgb_array' or None")
         chosen = [*overrides] + ([f"suite={json.dumps({'backend': suite})}"] if suite is not None else [])
         self._experiment = memo_core.load(None, *chosen, task=task)
-        if task not in memo_core.tasks(self._experiment):
-            from memo_core.errors import UnknownName
-
-            raise UnknownName("task", task, memo_core.tasks(self._experiment))
         self.render_mode = render_mode
         self._robot: RobotDescription = self._experiment.create("robot")
         self._actions = JointTargets(self._robot) if action == "joint" else CartesianTargets(self._robot)
