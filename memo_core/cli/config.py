@@ -25,7 +25,7 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
     from memo_core.config import ConfigErrors
 
     try:
-        _, experiment = load(file, overrides)
+        _, experiment = load(file, overrides, sections=_all_sections())
         _check_task(experiment)
     except ConfigErrors as errors:
         if not json:
@@ -41,7 +41,7 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
 @app.command()
 def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Print every value of the resolved experiment and its origin: file and line, --set, or default."""
-    _, experiment = load(one_file(file, config), overrides)
+    _, experiment = load(one_file(file, config), overrides, sections=_all_sections())
     if json:
         shown = [
             {"path": v.path, "value": v.value, "file": v.origin.file, "line": v.origin.line} for v in experiment.values
@@ -55,9 +55,15 @@ def show(file: OptionalFile = None, config: ConfigFile = None, overrides: Overri
 def schema() -> None:
     """Print the JSON Schema of experiment files with the installed plugins, for editors."""
     from memo_core.config.schema import experiment_schema
-    from memo_core.runs.sections import SECTIONS
 
-    print_json(experiment_schema(load_registry(), SECTIONS))
+    print_json(experiment_schema(load_registry(), _all_sections()))
+
+
+def _all_sections() -> dict[str, type]:
+    """Those of a run, a study and an evaluation: they may stand in one file."""
+    from memo_core.evaluation.sections import ALL_SECTIONS
+
+    return ALL_SECTIONS
 
 
 def _check_task(experiment: Experiment) -> None:

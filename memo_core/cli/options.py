@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from memo_core.config import Experiment
     from memo_core.plugins import Registry
 
@@ -47,15 +49,20 @@ def load_registry() -> Registry:
 
 
 def load(
-    config: Path | None, overrides: list[str] | None, task: str | None = None, seed: int | None = None
+    config: Path | None,
+    overrides: list[str] | None,
+    task: str | None = None,
+    seed: int | None = None,
+    sections: Mapping[str, type] | None = None,
 ) -> tuple[Registry, Experiment]:
-    """The plugins and the checked experiment; notices for its author go to stderr. Raises ``ConfigErrors``."""
+    """The plugins and the checked experiment with these sections, by default those of a run. Notices for its author go
+    to stderr. Raises ``ConfigErrors``."""
     from memo_core.cli.output import note
     from memo_core.config import load_experiment
     from memo_core.runs.sections import SECTIONS
 
     registry = load_registry()
-    experiment = load_experiment(registry, config, overrides or (), SECTIONS, task, seed)
+    experiment = load_experiment(registry, config, overrides or (), sections or SECTIONS, task, seed)
     for notice in experiment.notices:
         note(f"memo: {notice}")
     return registry, experiment

@@ -52,6 +52,14 @@ def test_a_hint_that_speaks_of_a_part_or_of_how_such_a_part_is_worked_is_followe
         assert write(lamp, "SWITCH_ON(lamp)", [hint])[0] != plain, text
 
 
+def test_a_hint_about_a_part_of_the_place_where_something_is_put_is_not_followed():
+    box, *_ = box_with_door("microwave")
+    food = thing("food", (0.45, -0.2, 0.03))
+    shown = scene(*box.nodes, food)
+    hint = Shown("Lead the handle along an arc about the hinge edge.", "OPEN(fridge)", f"{ALIKE_ELSE}, only a hint")
+    assert write(shown, "PLACE(food, microwave)", [hint])[0] == write(shown, "PLACE(food, microwave)")[0]
+
+
 def test_every_hint_is_tried_once_the_plain_way_has_failed():
     hint = Shown("Keep the hand 5 cm higher.", "OPEN(microwave)", f"{ALIKE_ELSE}, only a hint")
     failed = [{"code": "look()", "printed": "", "ended": "RuntimeError: it is not held"}]

@@ -128,12 +128,12 @@ def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabula
 
 def _applies(hint: Entry, prompt: Prompt, habits: Habits) -> bool:
     """Whether a note that is only a hint is about something like this subtask, or speaks of what this is about: the
-    action, the things, their parts that the scene shows and how such parts are worked."""
+    action, the things, the first one's parts that the scene shows and how such parts are worked."""
     action, objects = prompt.subtask
     words = {word for name in (action, *objects) for word in name.lower().split() if len(word) > 2}
     if _like(hint, prompt, habits) or words & set(re.findall(r"\w+", hint.text.lower())):
         return True
-    subtask = Key.make(action, *objects)
+    subtask = Key.make(action, *objects[:1])  # where a thing is put, no part is worked
     return TERMS.overlap(TERMS.of_subtask(subtask, SubtaskContext.of(subtask, prompt.scene())), hint.text) > 0
 
 
