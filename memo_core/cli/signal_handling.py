@@ -66,15 +66,19 @@ def ignore() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-@contextmanager
-def handling(handler: Callable[..., None]) -> Iterator[None]:
-    """Install ``handler`` for all signals that stop a command; outside the main thread nothing is changed."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, handler) for number in STOPS}
-    try:
-        yield
-    finally:
-        for number, one in before.items():
+class handling:
+    """Install ``handler`` for all signals that stop a command, until the block ends; outside the main thread nothing is
+    changed. A class, because a generator restores the handlers also when it is only forgotten: a process that ends by
+    ``sys.exit`` would get the default actions back before its shutdown is over, and be killed by a late signal."""
+
+    def __init__(self, handler: Callable[..., None]) -> None:
+        self._handler = handler
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {number: signal.signal(number, self._handler) for number in STOPS}
+
+    def __exit__(self, *_: object) -> None:
+        for number, one in self._before.items():
             signal.signal(number, one)
