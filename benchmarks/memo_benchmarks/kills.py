@@ -216,7 +216,7 @@ def _import(path: Path, acknowledged: Path, writer: int) -> None:
                         _KEYS[entry % 4],
                         [f"{name}: lesson {_letters(entry)}", f"{name}: other {_letters(entry)}"],
                     )
-                records = source.export()
+                records = list(source.export())
             for file in path.parent.glob(f"{other.name}*"):
                 file.unlink()
             book.merge(records, name)

@@ -111,4 +111,4 @@ def test_the_context_names_what_the_scene_shows_of_a_thing_in_other_words() -> N
     assert (about.labels, about.parts, about.attributes) == (("shaker",), ("cap",), ("metal",))
     assert SubtaskContext.of(Key.parse("OPEN(nightstand drawer)"), seen).attributes == ("white",)
     assert SubtaskContext.of(Key.parse("PLAN(put the cake on the nightstand)"), seen).attributes == ("white",)
-    assert SubtaskContext.of(Key.parse("OPEN(oven)"), seen) == SubtaskContext(holding=False)
+    assert SubtaskContext.of(Key.parse("OPEN(oven)"), seen) == SubtaskContext(holding=False, structures=(None,))
