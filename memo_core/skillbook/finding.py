@@ -31,6 +31,7 @@ from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, b
 
 _MORE = 3  # times as many entries are looked at as are served,
 _WIDER = 4  # and so many times those by r alone, before what else their keys tell
+_EACH_KEY = 4  # entries of one key that count as found: where words decide too, one large key must not hide the next
 _BY_TEXT = 64  # entries asked of the vector store
 _OPPOSITE_KEYS = 12  # of the opposite action, that remarks about gripping are looked for under,
 _OPPOSITE_ENTRIES = 400  # as long as there are not so many entries under them
@@ -133,6 +134,8 @@ class Finder:
         scores, sizes = question.scores.scores, state.sizes[kind]
         by_text = self._settings.ranking == "key-and-text"
         rows = np.flatnonzero(~question.opposite & (sizes > 0) & (scores >= floor - TIE))
+        if by_text:
+            sizes = np.minimum(sizes, _EACH_KEY)
         rows = _until(rows, scores[rows], sizes, _WIDER * count if by_text else count)
         if by_text and len(rows):  # the rest of what their keys add to the scores, of the few that are near
             weight, share = self._settings.text_weight, self._settings.text_weight + self._settings.overlap_weight
