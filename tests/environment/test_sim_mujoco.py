@@ -294,6 +294,11 @@ def test_a_body_weighs_what_it_states(tmp_path):
         ((Body("a", (Geom("sphere", (0.1,)),)), Body("a", (Geom("sphere", (0.1,)),))), {}, "called 'a'"),
         ((Body("robot/x", (Geom("sphere", (0.1,)),)),), {}, "called 'robot/x'"),
         ((Body("a", (Geom("box", (0.1,)),)),), {}, "scene body 'a': a box of size"),
+        (
+            (Body("a", (attrs.evolve(Geom("box", (0.1, 0.1, 0.1)), shape="tube"),)),),
+            {},
+            "unknown shape 'tube'; expected box",
+        ),
         ((Body("a", (Geom("box", (0.1, -0.1, 0.1)),)),), {}, "positive numbers"),
         ((Body("a", (), joint=Free()),), {}, "moves but has no geoms"),
         ((Body("a", (Geom("mesh", (1.0,), mesh="nowhere.stl"),)),), {}, "nowhere.stl"),
