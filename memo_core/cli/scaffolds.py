@@ -123,7 +123,7 @@ SCAFFOLDS = {
             "memo_robots",
             "A robot",
             "Write a plugin with a robot read from a URDF, and say what was guessed.",
-            (),
+            _SETTINGS,
             (
                 "memo plugins check robot/{name}",
                 "memo tasks verify stack-the-cubes --seeds 0-4 --set robot.backend={name}",
@@ -255,6 +255,10 @@ def _robot_files(name: str, urdf: Path | None) -> tuple[dict[str, str], tuple[st
         text = resources.files("memo_core.cli.skeletons").joinpath("robot/example.urdf").read_text(encoding="utf-8")
         meshes = None
     else:
+        if urdf.suffix == ".xacro":
+            expanded = f"{urdf.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
+            problem = f"{urdf} is xacro; expand it first: xacro {urdf.name} > {expanded}"
+            raise InvalidArgument("--urdf", problem, "a URDF file")
         try:
             text, meshes = urdf.read_text(encoding="utf-8"), str(urdf.resolve().parent)
         except (OSError, UnicodeDecodeError) as error:

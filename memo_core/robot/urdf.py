@@ -120,16 +120,22 @@ def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
 
 
 def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
-    """Parse URDF text. ``package://NAME/…`` and relative mesh paths are looked up below ``mesh_folder``.
+    """Parse URDF text. ``package://NAME/…`` and relative mesh paths are looked up below ``mesh_folder``, the former
+    also in a folder NAME that it lies in or next to, as in a ROS package.
 
     Raises ``InvalidArgument`` naming the element that is wrong.
     """
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
+        if "<xacro:" in text:
+            raise _not_expanded("<xacro:…>") from error
         raise InvalidArgument("URDF", f"is not well-formed XML ({error})", "a <robot> document") from error
     if root.tag != "robot":
         raise InvalidArgument("URDF", f"its root element is <{root.tag}>", "<robot>")
+    for element in root.iter():
+        if "xacro}" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
+            raise _not_expanded(f"<{element.tag.rpartition('}')[2]}>")
     name = root.get("name", "robot")
     named = {str(material.get("name")): _colour(material) for material in root.findall("material")}
     colours = {key: colour for key, colour in named.items() if colour is not None}
@@ -154,6 +160,10 @@ def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
             problem = f"mimics {joint.mimic.joint!r}, which does not exist"
             raise InvalidArgument(f"URDF joint {joint.name!r}", problem, f"one of {', '.join(sorted(known))}")
     return Urdf(name, roots[0], links, _parents_first(roots[0], joints))
+
+
+def _not_expanded(where: str) -> InvalidArgument:
+    return InvalidArgument("URDF", f"{where} is xacro; expand it first: xacro x.xacro > x.urdf", "a <robot> document")
 
 
 def _parents_first(root: str, joints: list[UrdfJoint]) -> tuple[UrdfJoint, ...]:
@@ -230,11 +240,19 @@ def find_mesh(where: str, filename: str, folder: str | None) -> Path:
     candidates = [Path(relative)]
     if folder is not None:
         candidates = [Path(folder) / package, Path(folder) / "/".join(package.split("/")[1:])]
-    for candidate in candidates:
+    above = _above(package, folder) if folder is not None and relative.startswith("package://") else []
+    for candidate in (*candidates, *above):
         if candidate.is_file():
             return candidate
     looked = ", ".join(str(candidate) for candidate in candidates)
+    if above:
+        looked += f", and in each folder above in {package.split('/')[0]}"
     raise InvalidArgument(where, f"mesh {filename!r} not found (looked at {looked})", "a mesh_folder that holds it")
+
+
+def _above(package: str, folder: str) -> list[Path]:
+    """Where ``NAME/…`` may lie in a ROS workspace, nearest first: in a package NAME that ``folder`` is in or next to."""
+    return [parent / package for parent in Path(folder).resolve().parents]
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:

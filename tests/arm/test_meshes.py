@@ -16,6 +16,7 @@ from memo_core.arm.collision import Obstacle, RobotShape
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
+from memo_core.robot.urdf import find_mesh, read_urdf
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Pose
 from tests.arms import six_joint_arm
@@ -43,6 +44,35 @@ def robot(tmp_path):
     urdf = six_joint_arm().urdf
     assert CYLINDER in urdf
     return describe_urdf(urdf.replace(CYLINDER, MESH), "meshed", str(tmp_path)).robot
+
+
+@pytest.mark.parametrize("urdf_in", ["arm/urdf", "arm", "other_arm/urdf/deep"])
+def test_a_package_is_found_from_inside_and_from_next_to_it(urdf_in, tmp_path):
+    bar, folder = tmp_path / "arm" / "meshes" / "bar.stl", tmp_path / urdf_in
+    write_bar(bar)
+    folder.mkdir(parents=True, exist_ok=True)
+    assert find_mesh("link", "package://arm/meshes/bar.stl", str(folder)).samefile(bar)
+    with pytest.raises(InvalidArgument, match="in each folder above in arm"):
+        find_mesh("link", "package://arm/meshes/no.stl", str(folder))
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("<robot name='r'><link name='a'><visual><origin xyz='0 0 ${l}'/></visual></link></robot>", "origin"),
+        ("<robot name='r'><link name='$(arg prefix)a'/></robot>", "link"),
+        ("<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>", "arm"),
+        ("<robot name='r'><xacro:arm/></robot>", "xacro:…"),
+    ],
+)
+def test_xacro_is_to_be_expanded_first(text, where):
+    with pytest.raises(InvalidArgument, match=re.escape(f"<{where}> is xacro; expand it first: xacro ")):
+        read_urdf(text)
+
+
+def test_a_namespace_and_a_comment_that_expanding_left_are_no_xacro():
+    text = "<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'><!-- ${l} --><link name='a'/></robot>"
+    assert read_urdf(text).root == "a"
 
 
 def test_the_mesh_counts_in_collision_checks(robot):

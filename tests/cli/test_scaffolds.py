@@ -18,10 +18,12 @@ import pytest
 import typer
 
 from memo_core.cli import app, scaffolds
+from memo_core.cli.options import load
 from memo_core.cli.scaffolds import SCAFFOLDS, rendered, write_scaffold
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.backend import KINDS
 from memo_core.plugins import Registry
+from memo_core.robot.mounting import base_pose
 from memo_core.testing.plugins import check_backend
 
 PAGES = Path(__file__).parents[2] / "docs" / "plugins"
@@ -128,6 +130,23 @@ def test_a_robot_is_read_from_a_urdf_and_what_was_guessed_is_said(tmp_path):
     assert any(line.startswith("guessed home: ") for line in told["notes"])
     source = (tmp_path / "arm" / "memo_lab_arm" / "__init__.py").read_text(encoding="utf-8")
     assert f"MESH_FOLDER = {str(urdf.parent)!r}" in source and "# guessed: " in source
+
+
+def test_a_new_robot_can_be_mounted(site, monkeypatch):
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    chosen = [f"robot.backend={PLUGINS['robot']}", "robot.base_position=[0.1,0,0.2]", "robot.mount_length=0.2"]
+    robot = load(None, chosen)[1].create("robot")
+    assert base_pose(robot).position == (0.1, 0.0, 0.2)
+    assert base_pose(load(None, chosen[:1])[1].create("robot")).position == (0.0, 0.0, 0.0)
+
+
+def test_a_xacro_file_is_to_be_expanded_first(tmp_path):
+    file = tmp_path / "arm.urdf.xacro"
+    file.write_text("<robot name='r'/>")
+    with pytest.raises(InvalidArgument, match=r"expand it first: xacro arm\.urdf\.xacro > arm\.urdf"):
+        write_scaffold("robot", "lab-arm", tmp_path / "arm", file)
+    assert not (tmp_path / "arm").exists()
 
 
 @pytest.mark.parametrize(
