@@ -251,7 +251,7 @@ def find_mesh(where: str, filename: str, folder: str | None) -> Path:
 
 
 def _above(package: str, folder: str) -> list[Path]:
-    """Where ``NAME/…`` may lie in a ROS workspace, nearest first: in a package NAME that ``folder`` is in or next to."""
+    """Where ``NAME/…`` may lie, nearest first: in a ROS package NAME that ``folder`` is in or next to."""
     return [parent / package for parent in Path(folder).resolve().parents]
 
 
