@@ -28,6 +28,7 @@ _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _STIFFEST = 4500.0  # Nm/rad
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
+_NEARLY_SHUT = 5e-4  # m that a slide may be off 0 when shut
 _RADII, _HEIGHTS = (0.5, 0.42, 0.6, 0.35, 0.7), (0.45, 0.35, 0.55, 0.25, 0.65)  # shares of the reach, of home's tool
 
 
@@ -72,6 +73,9 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
         urdf = read_urdf(text, mesh_folder)
         chain, fingers = _arm_and_fingers(urdf)
         guesses.append(Guess("gripper", "ParallelHand()", f"the URDF has no fingers: a plain hand sits on {flange!r}"))
+    light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
+    if light:
+        read.append(f"moving links without mass, each needs an <inertial>: {', '.join(light)}")
     joints = tuple(_joint(joint, guesses) for joint in chain)
     label = name or urdf.name
     gripper = _first_gripper(urdf, fingers)
@@ -163,12 +167,16 @@ def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
         raise InvalidArgument(f"URDF joint {joint.name!r}", problem, "lower < upper")
     velocity, effort = joint.velocity, joint.effort
     if not (math.isfinite(velocity) and velocity > 0):
+        guesses.append(Guess(f"{joint.name}.velocity", f"{_SPEED:g} rad/s", _not_stated(velocity)))
         velocity = _SPEED
-        guesses.append(Guess(f"{joint.name}.velocity", f"{velocity:g} rad/s", "the URDF states none"))
     if not (math.isfinite(effort) and effort > 0):
+        guesses.append(Guess(f"{joint.name}.effort", f"{_EFFORT:g} Nm", _not_stated(effort)))
         effort = _EFFORT
-        guesses.append(Guess(f"{joint.name}.effort", f"{effort:g} Nm", "the URDF states none"))
     return JointDescription(joint.name, lower, upper, velocity, 4 * velocity, 400 * velocity, effort, 1000.0, 100.0)
+
+
+def _not_stated(value: float) -> str:
+    return "the URDF's 0 is taken as not stated" if value == 0 else "the URDF states none"
 
 
 def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> tuple[str, tuple[float, float, float]]:
@@ -245,10 +253,12 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
     linkage = FingerLinkage(urdf, gripper)
     shapes = RobotShape(robot, Kinematics(robot)).corners()
     hand = robot.tool_link
+    _check_zero_is_shut(urdf, gripper, linkage)
     shut = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(0.0)))
     open_ = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(linkage.stroke)))
     opening = np.subtract(open_[0].position, open_[1].position) - np.subtract(shut[0].position, shut[1].position)
     y = opening / np.linalg.norm(opening)
+    _check_pads_part(urdf, robot, linkage, [_across(poses, gripper.pads, shapes, y) for poses in (shut, open_)])
     last = link_poses(urdf, {})[hand].inverse() * link_poses(urdf, {})[urdf.joint(robot.joint_names[-1]).child]
     corners = [
         np.concatenate([shut[k].apply(shapes[pad]) for k, pad in enumerate(gripper.pads) if pad in shapes] or [_NONE]),
@@ -286,6 +296,39 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
 
 
 _NONE: Array = np.empty((0, 3))
+_FRAME: Array = np.zeros((1, 3))
+
+
+def _check_zero_is_shut(urdf: Urdf, gripper: GripperDescription, linkage: FingerLinkage) -> None:
+    """Raise ``InvalidArgument`` for slides that do not begin at 0: their positions add up to the opening."""
+    for name in gripper.finger_joints if linkage.slides else ():
+        joint = urdf.joint(name)
+        if joint.mimic is None and abs(joint.lower) > _NEARLY_SHUT:
+            problem = f"its limits are {joint.lower:g} to {joint.upper:g} m"
+            right = f"a finger that is shut at 0 and opens with growing positions, 0 to {joint.upper - joint.lower:g} m"
+            raise InvalidArgument(f"URDF joint {name!r}", problem, right)
+
+
+def _check_pads_part(urdf: Urdf, robot: RobotDescription, linkage: FingerLinkage, across: list[float]) -> None:
+    """Raise ``InvalidArgument`` unless the pads' shapes are farther apart where the fingers count as open."""
+    if abs(across[1]) < abs(across[0]):
+        joint = urdf.joint(robot.gripper.finger_joints[0])
+        shut, open_ = linkage.driver(0.0), linkage.driver(linkage.stroke)
+        problem = f"its pads are nearer to each other at {open_:g} than at {shut:g} m"
+        right = "a finger that is shut at 0 and opens with growing positions (turn its axis, move its origin)"
+        if joint.kind != "prismatic":
+            problem = problem.removesuffix(" m") + " rad"
+            right = "links whose frames are on the pads, so that they part as the pads do"
+        raise InvalidArgument(f"URDF joint {joint.name!r}", problem, right)
+
+
+def _across(poses: Sequence[Pose], pads: Sequence[str], shapes: dict[str, Array], y: Array) -> float:
+    """m along y from the middle of the last pad's shapes (without any: its frame) to that of the first's."""
+    first, last = (
+        pose.apply(shapes.get(pad, _FRAME)).mean(axis=0) @ y
+        for pose, pad in ((poses[0], pads[0]), (poses[-1], pads[-1]))
+    )
+    return float(first - last)
 
 
 def _pads_in(urdf: Urdf, hand: str, pads: Sequence[str], positions: dict[str, float]) -> list[Pose]:

@@ -120,7 +120,8 @@ def limits_are_possible(make: Make) -> None:
         for key in ("velocity", "acceleration", "jerk", "effort", "kp", "kv"):
             value = getattr(joint, key)
             assert math.isfinite(value) and value > 0, f"{joint.name}: {key} is {value}"
-        assert joint.velocity <= stated.velocity + 1e-9, f"{joint.name} is faster than the URDF's {stated.velocity}"
+        slow = stated.velocity <= 0 or joint.velocity <= stated.velocity + 1e-9  # 0 is taken as not stated
+        assert slow, f"{joint.name} is faster than the URDF's {stated.velocity}"
         assert joint.armature >= 0, f"{joint.name}: armature is {joint.armature}"
 
 
@@ -138,7 +139,10 @@ def what_moves_has_mass(make: Make) -> None:
     """Links that carry something and move have mass and an inertia that a solid body can have."""
     robot = make()
     urdf = _read(robot)
-    moving = {joint.child for joint in urdf.joints if joint.kind != "fixed"}
+    moving = [joint.child for joint in urdf.joints if joint.kind != "fixed"]
+    light = [name for name in moving if urdf.links[name].mass <= 0]
+    if len(light) > 1:
+        raise AssertionError(f"the moving links {', '.join(light)} weigh nothing: each <inertial> needs a mass")
     for name in moving:
         link = urdf.links[name]
         assert link.mass > 0, f"the moving link {name} weighs {link.mass} kg: its <inertial> needs a mass"
@@ -157,6 +161,10 @@ def the_gripper_opens_by_its_stroke(make: Make) -> None:
         urdf = _read(robot)
         assert gripper.finger_joints and gripper.pads, "a parallel gripper without fingers or pads"
         linkage = _linkage(robot, urdf)
+        for joint in map(urdf.joint, gripper.finger_joints if linkage.slides else ()):
+            assert joint.mimic is not None or abs(joint.lower) <= 5e-4, (
+                f"{joint.name}'s limits are {joint.lower:g} to {joint.upper:g} m: slides are shut at 0 and open upwards"
+            )
         stated, near = gripper.stroke, 1e-6 if linkage.slides else 1e-4
         assert abs(linkage.stroke - stated) < near, (
             f"the fingers open by {linkage.stroke:.4f} m, stroke says {stated} m"

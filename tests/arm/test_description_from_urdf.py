@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import attrs
 import numpy as np
 import pytest
 from memo_franka.description import panda
@@ -114,3 +115,67 @@ def test_a_hand_needs_a_flange_and_free_names():
 
 def test_fewer_joints_than_six_are_described_too():
     assert len(describe_urdf(check_robot().urdf).robot.joints) == 3
+
+
+def _slides(axis: str, limits: str, y: float) -> str:
+    """BARE with a hand on two slides, the pads ``y`` m off their joints' frames, finger 2 turned about."""
+    hand = ParallelHand().text("tool")
+    hand = hand.replace('<axis xyz="0 1 0"/>', f'<axis xyz="{axis}"/>').replace('lower="0" upper="0.04"', limits)
+    for old in ("0 0.005 ", "0.0 0.005 "):
+        hand = hand.replace(f'xyz="{old}', f'xyz="0 {y + 0.005} ')
+    return BARE.replace("</robot>", hand + "</robot>")
+
+
+def test_a_hand_on_slides_is_described_where_zero_is_shut():
+    assert describe_urdf(_slides("0 1 0", 'lower="0" upper="0.04"', 0.0)).robot.gripper.stroke == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize(
+    ("axis", "limits", "y", "what"),
+    [
+        ("0 1 0", 'lower="-0.04" upper="0"', 0.04, "its limits are -0.04 to 0 m"),
+        ("0 -1 0", 'lower="0" upper="0.04"', 0.04, "its pads are nearer to each other at 0.04 than at 0 m"),
+    ],
+    ids=["open at zero", "growing positions close"],
+)
+def test_slides_that_are_open_at_zero_are_refused_by_the_joint_and_what_is_right(axis, limits, y, what):
+    with pytest.raises(InvalidArgument, match="hand_finger_joint1.*" + what + ".*shut at 0") as raised:
+        describe_urdf(_slides(axis, limits, y))
+    assert "\n" not in str(raised.value)
+
+
+def test_the_rule_about_the_stroke_refuses_slides_that_are_open_at_zero():
+    robot = describe_urdf(BARE).robot
+    open_at_zero = robot.urdf.replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"')
+    with pytest.raises(AssertionError, match="hand_finger_joint1's limits are -0.04 to 0 m"):
+        RULES["the_gripper_opens_by_its_stroke"](lambda: attrs.evolve(robot, urdf=open_at_zero))
+
+
+def test_of_mirrored_slides_without_a_mimic_the_second_is_refused():
+    urdf = _slides("0 1 0", 'lower="0" upper="0.04"', 0.0)
+    head, joint, tail = urdf.partition('<joint name="hand_finger_joint2"')
+    tail = tail.replace('"0 1 0"', '"0 -1 0"', 1).replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"', 1)
+    with pytest.raises(InvalidArgument, match=r"hand_finger_joint2.*its limits are -0\.04 to 0 m"):
+        describe_urdf(head + joint + tail)
+
+
+def test_a_velocity_or_effort_of_zero_is_none_for_the_description_and_for_the_rules():
+    urdf = BARE.replace('velocity="1.5" effort="100"', 'velocity="0" effort="0"', 2)
+    described = describe_urdf(urdf)
+    guesses = {guess.what: guess for guess in described.guessed}
+    for number in (1, 2):
+        for field in ("velocity", "effort"):
+            assert "0 is taken as not stated" in guesses[f"joint{number}.{field}"].why
+    assert "joint3.velocity" not in guesses
+    for rule in RULES.values():
+        rule(lambda: described.robot)
+
+
+def test_all_moving_links_without_mass_are_listed():
+    urdf = re.sub(r'(<link name="link[25]">)<inertial>.*?</inertial>', r"\1", BARE)
+    described = describe_urdf(urdf)
+    (line,) = (line for line in described.read if "mass" in line)
+    assert "link2, link5" in line and "link1" not in line and "tool" not in line
+    with pytest.raises(AssertionError, match="link2, link5"):
+        RULES["what_moves_has_mass"](lambda: described.robot)
+    assert not [line for line in describe_urdf(BARE).read if "mass" in line]
