@@ -147,7 +147,7 @@ def test_slides_that_are_open_at_zero_are_refused_by_the_joint_and_what_is_right
 def test_the_rule_about_the_stroke_refuses_slides_that_are_open_at_zero():
     robot = describe_urdf(BARE).robot
     open_at_zero = robot.urdf.replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"')
-    with pytest.raises(AssertionError, match="hand_finger_joint1's limits are -0.04 to 0 m"):
+    with pytest.raises(AssertionError, match=r"hand_finger_joint1's limits are -0\.04 to 0 m"):
         RULES["the_gripper_opens_by_its_stroke"](lambda: attrs.evolve(robot, urdf=open_at_zero))
 
 
