@@ -258,7 +258,7 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
     open_ = _pads_in(urdf, hand, gripper.pads, linkage.positions_at(linkage.driver(linkage.stroke)))
     opening = np.subtract(open_[0].position, open_[1].position) - np.subtract(shut[0].position, shut[1].position)
     y = opening / np.linalg.norm(opening)
-    _check_pads_part(urdf, robot, linkage, [_across(poses, gripper.pads, shapes, y) for poses in (shut, open_)])
+    _check_pads_part(urdf, robot, linkage, [_across(urdf, poses, gripper.pads, shapes, y) for poses in (shut, open_)])
     last = link_poses(urdf, {})[hand].inverse() * link_poses(urdf, {})[urdf.joint(robot.joint_names[-1]).child]
     corners = [
         np.concatenate([shut[k].apply(shapes[pad]) for k, pad in enumerate(gripper.pads) if pad in shapes] or [_NONE]),
@@ -296,7 +296,6 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
 
 
 _NONE: Array = np.empty((0, 3))
-_FRAME: Array = np.zeros((1, 3))
 
 
 def _check_zero_is_shut(urdf: Urdf, gripper: GripperDescription, linkage: FingerLinkage) -> None:
@@ -311,7 +310,7 @@ def _check_zero_is_shut(urdf: Urdf, gripper: GripperDescription, linkage: Finger
 
 def _check_pads_part(urdf: Urdf, robot: RobotDescription, linkage: FingerLinkage, across: list[float]) -> None:
     """Raise ``InvalidArgument`` unless the pads' shapes are farther apart where the fingers count as open."""
-    if abs(across[1]) < abs(across[0]):
+    if abs(across[1]) < abs(across[0]) - 1e-6:
         joint = urdf.joint(robot.gripper.finger_joints[0])
         shut, open_ = linkage.driver(0.0), linkage.driver(linkage.stroke)
         problem = f"its pads are nearer to each other at {open_:g} than at {shut:g} m"
@@ -322,13 +321,25 @@ def _check_pads_part(urdf: Urdf, robot: RobotDescription, linkage: FingerLinkage
         raise InvalidArgument(f"URDF joint {joint.name!r}", problem, right)
 
 
-def _across(poses: Sequence[Pose], pads: Sequence[str], shapes: dict[str, Array], y: Array) -> float:
-    """m along y from the middle of the last pad's shapes (without any: its frame) to that of the first's."""
-    first, last = (
-        pose.apply(shapes.get(pad, _FRAME)).mean(axis=0) @ y
-        for pose, pad in ((poses[0], pads[0]), (poses[-1], pads[-1]))
-    )
-    return float(first - last)
+def _across(urdf: Urdf, poses: Sequence[Pose], pads: Sequence[str], shapes: dict[str, Array], y: Array) -> float:
+    """m along y from the middle of the last pad's shapes to that of the first's; 0 where one has none."""
+    middles = []
+    for pose, pad in ((poses[0], pads[0]), (poses[-1], pads[-1])):
+        rest = link_poses(urdf, {})
+        solid = [(rest[pad].inverse() * rest[link]).apply(shapes[link]) for link in _fixed_to(urdf, pad) & set(shapes)]
+        if not solid:
+            return 0.0
+        middles.append(float(pose.apply(np.concatenate(solid)).mean(axis=0) @ y))
+    return middles[0] - middles[1]
+
+
+def _fixed_to(urdf: Urdf, link: str) -> set[str]:
+    """The link and those below it over fixed joints."""
+    links = {link}
+    for joint in urdf.joints:
+        if joint.kind == "fixed" and joint.parent in links:
+            links.add(joint.child)
+    return links
 
 
 def _pads_in(urdf: Urdf, hand: str, pads: Sequence[str], positions: dict[str, float]) -> list[Pose]:

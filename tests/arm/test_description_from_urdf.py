@@ -144,6 +144,17 @@ def test_slides_that_are_open_at_zero_are_refused_by_the_joint_and_what_is_right
     assert "\n" not in str(raised.value)
 
 
+def test_slides_whose_pads_are_fixed_to_them_are_refused_too():
+    urdf = _slides("0 -1 0", 'lower="0" upper="0.04"', 0.04)
+    for number in (1, 2):
+        joint = f'<joint name="tip{number}" type="fixed"><parent link="slide{number}"/>'
+        joint += f'<child link="hand_finger{number}"/></joint><link name="slide{number}"/>'
+        urdf = urdf.replace(f'<child link="hand_finger{number}"/>', f'<child link="slide{number}"/>')
+        urdf = urdf.replace("</robot>", joint + "</robot>")
+    with pytest.raises(InvalidArgument, match=r"hand_finger_joint1.*nearer to each other"):
+        describe_urdf(urdf)
+
+
 def test_the_rule_about_the_stroke_refuses_slides_that_are_open_at_zero():
     robot = describe_urdf(BARE).robot
     open_at_zero = robot.urdf.replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"')
