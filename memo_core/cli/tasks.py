@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, UnknownName
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
+    from memo_core.interfaces.task import Task
+    from memo_core.plugins import Registry
 
 app = typer.Typer(help="The tasks there are.")
 
@@ -52,9 +57,8 @@ def show(
 ) -> None:
     """Show one task: its instruction, what stands in its scene, what watches it."""
     from memo_core.environment.task_environment import generator
-    from memo_core.runs.factories import task_of
 
-    task = task_of(load(config, _with_suite(overrides, suite))[1], name)
+    task = _task(*load(config, _with_suite(overrides, suite)), name)
     scene = task.scene(generator(seed, "scene"))
     bodies = [
         {"name": body.name, "label": body.label, "joint": type(body.joint).__name__.lower() if body.joint else "fixed"}
@@ -98,12 +102,12 @@ def verify(
     is how many seconds are simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
-    from memo_core.runs.factories import task_of, tasks_of
+    from memo_core.runs.factories import tasks_of
 
     wanted, overrides = read_seeds(seeds), _with_suite(overrides, suite)
-    _, experiment = load(config, overrides)
-    chosen = [task_of(experiment, name).name for name in names] if names else [t.name for t in tasks_of(experiment)]
-    chosen = list(dict.fromkeys(chosen))
+    registry, experiment = load(config, overrides)
+    tasks = [_task(registry, experiment, name) for name in names] if names else tasks_of(experiment)
+    chosen = list(dict.fromkeys(task.name for task in tasks))
     trials = [verification.Trial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted]
     log = verification.TrialLog(out, verification.digest_of(experiment))
     results = verification.run_trials(trials, jobs, log)
@@ -148,10 +152,10 @@ def pictures(
     Exit code 1 when a reference solution did not succeed; its picture is drawn all the same.
     """
     from memo_core.cli.pictures import draw
-    from memo_core.runs.factories import task_of, tasks_of
+    from memo_core.runs.factories import tasks_of
 
-    _, experiment = load(config, _with_suite(overrides, suite))
-    chosen = [task_of(experiment, name) for name in dict.fromkeys(names)] if names else tasks_of(experiment)
+    registry, experiment = load(config, _with_suite(overrides, suite))
+    chosen = [_task(registry, experiment, name) for name in dict.fromkeys(names)] if names else tasks_of(experiment)
     drawn = list(draw(experiment, chosen, folder, seed, camera, width))
     if json:
         print_json({"pictures": drawn})
@@ -175,6 +179,19 @@ def read_seeds(text: str) -> tuple[int, ...]:
             raise InvalidArgument("--seeds", f"{text!r} are too many", f"at most {MOST_SEEDS}")
         seeds += range(int(first), int(last or first) + 1)
     return tuple(dict.fromkeys(seeds))
+
+
+def _task(registry: Registry, experiment: Experiment, name: str) -> Task:
+    """One task by name. Raises ``InvalidArgument``, which names the suite that has it if another one does."""
+    from memo_core.config.experiment import unknown_task
+    from memo_core.runs.factories import task_of, tasks_of
+
+    try:
+        return task_of(experiment, name)
+    except UnknownName:
+        names = tuple(task.name for task in tasks_of(experiment))
+        said = unknown_task(registry, experiment.choice("suite").backend.name, name, names)
+        raise InvalidArgument("NAME", said) from None
 
 
 def _with_suite(overrides: list[str] | None, suite: str | None) -> list[str]:

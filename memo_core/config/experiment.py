@@ -68,6 +68,15 @@ def _names_of(suite: Backend) -> tuple[str, ...]:
         return ()
 
 
+def unknown_task(registry: Registry, suite: str, name: str, names: tuple[str, ...]) -> str:
+    """What to say of a task that the suite does not have: which other suite has it, or a task of a similar name."""
+    for other in registry.backends("suite"):
+        if name in _names_of(other):
+            has = f"the suite {other.name!r} has it: suite.backend={other.name}"
+            return f"unknown task {name!r} of suite {suite!r}; {has}"
+    return str(UnknownName("task", name, names))
+
+
 @attrs.frozen
 class ShownValue:
     """One line of ``memo config show``: a dotted path, a value without secrets, and its origin."""
@@ -202,10 +211,8 @@ class _Assembly:
         except MemoError:
             return  # said when the suite is made
         if name not in names:
-            others = [one.name for one in self._registry.backends("suite") if name in _names_of(one)]
-            elsewhere = f"the suite {others[0]!r} has it: suite.backend={others[0]}" if others else ""
-            said = f"unknown task {name!r} of suite {self._choices['suite'].backend.name!r}; {elsewhere}"
-            self._checker.wrong(("task",), said if others else str(UnknownName("task", name, names)))
+            said = unknown_task(self._registry, self._choices["suite"].backend.name, name, names)
+            self._checker.wrong(("task",), said)
 
     def _section(self, name: str, cls: type) -> Any:
         values = self._merged.values.get(name)

@@ -35,6 +35,14 @@ def memo(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.parametrize("command", ["verify", "show", "pictures"])
+def test_a_task_of_another_suite_is_told_with_what_to_set(command):
+    done = memo("tasks", command, "open-the-safe", "--suite", "tabletop")
+    assert done.returncode == 2
+    said = "unknown task 'open-the-safe' of suite 'tabletop'; the suite 'quirks' has it: suite.backend=quirks"
+    assert said in done.stderr and len(done.stderr.splitlines()) == 1
+
+
 def test_what_is_in_the_file_is_not_run_again(tmp_path, monkeypatch):
     log = TrialLog(tmp_path / "deep" / "out.jsonl", same)
     log.add(RESULT)
