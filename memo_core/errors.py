@@ -12,6 +12,8 @@ from collections.abc import Iterable
 
 import attrs
 
+WHILE = "raised while"  # how a note begins that says whose code raised an error
+
 
 class MemoError(Exception):
     """Base class of all expected errors. ``exit_code`` is what the command line exits with."""

@@ -82,12 +82,13 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
             raise KeyboardInterrupt from error
         if debug:
             raise
-        from memo_core.errors import MemoError  # late: help has no use for it
+        from memo_core.errors import WHILE, MemoError  # late: help has no use for it
 
         if isinstance(error, MemoError):
             _say(str(error))
             return error.exit_code
-        _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} (a bug; memo --debug shows where)")
+        whose = next((one for one in getattr(error, "__notes__", ()) if one.startswith(WHILE)), "a bug")
+        _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} ({whose}; memo --debug shows where)")
         return 70
 
 

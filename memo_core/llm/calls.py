@@ -14,7 +14,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import Stopped
+from memo_core.errors import WHILE, Stopped
 from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
@@ -154,7 +154,11 @@ class ModelCalls:
 
         def work() -> Answer:
             begun.append(self._budget.begin(request, self._llm.name, number))
-            answer = self._llm.answer(request, shown, given_up.is_set)
+            try:
+                answer = self._llm.answer(request, shown, given_up.is_set)
+            except Exception as error:  # whose plugin it is must be said, whatever it raises
+                error.add_note(f"{WHILE} llm {self._llm.name!r} answered")
+                raise
             if shown is not None:
                 shown.end()
             return attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text)))

@@ -104,6 +104,20 @@ def test_a_call_that_ends_in_an_error_of_another_kind_is_kept_and_over():
     assert "llm.options" in bench.of(ModelCalled)[0].problem
 
 
+def test_an_error_of_a_kind_of_its_own_is_told_with_the_name_of_the_model(monkeypatch, capsys):
+    class Broken(ScriptedModel):
+        def answer(self, request, on_text=None, cancelled=None):
+            return {}["choices"]
+
+    bench = Bench(Broken({}))
+    monkeypatch.setattr("memo_core.cli.app.run_app", lambda given: bench.calls.answer(QUESTION))
+    with pytest.raises(SystemExit) as ended:
+        main(["run"])
+    assert ended.value.code == 70
+    said = "unexpected KeyError: 'choices' (raised while llm 'scripted' answered; memo --debug shows where)"
+    assert said in capsys.readouterr().err
+
+
 def test_it_is_asked_again_so_often_and_no_more():
     bench = Bench([may_pass()] * 9, retrying=Retrying(2, 0.0))
     with pytest.raises(LanguageModelError, match="overloaded"):
