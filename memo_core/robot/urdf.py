@@ -240,7 +240,8 @@ def find_mesh(where: str, filename: str, folder: str | None) -> Path:
     candidates = [Path(relative)]
     if folder is not None:
         candidates = [Path(folder) / package, Path(folder) / "/".join(package.split("/")[1:])]
-    above = _above(package, folder) if folder is not None and relative.startswith("package://") else []
+    in_a_package = folder is not None and Path(folder).is_dir() and relative.startswith("package://")
+    above = _above(package, str(folder)) if in_a_package else []
     for candidate in (*candidates, *above):
         if candidate.is_file():
             return candidate
