@@ -1,0 +1,70 @@
+"""What a detector must provide: names for what the pictures show. It measures nothing; geometry does."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Literal
+
+import attrs
+import numpy as np
+
+from memo_core.interfaces.perception import PerceptionContext
+from memo_perception.cameras.frames import Frame
+from memo_perception.cameras.inventory import Hint, Item, Kind
+from memo_perception.cameras.regions import Region
+
+State = Literal["open", "closed", "unclear"]
+
+
+@attrs.frozen(eq=False)
+class Request:
+    """What a detector may look at."""
+
+    frames: tuple[Frame, ...]
+    regions: tuple[Region, ...] = ()  # numbered pieces found by geometry; the arm and the bare table are not among them
+    inventory: tuple[Item, ...] = ()  # may be empty
+    hints: tuple[Hint, ...] = ()
+    table_height: float = 0.0  # m, base frame
+
+
+@attrs.frozen(eq=False)
+class Detection:
+    """One thing, or part of one, that a detector names.
+
+    Where it is: ``masks`` and ``regions`` together (their union). ``part_of`` is the ``key`` of another detection of
+    the same answer. A ``space`` (the inside of a container) may have neither mask nor region: its place follows from
+    what it is part of.
+    """
+
+    label: str  # what a person calls it, without a number
+    kind: Kind = "object"
+    key: str = ""  # unique in an answer; empty: the label
+    part_of: str | None = None
+    state: State | None = None  # of what opens and closes; None: it does not
+    masks: dict[str, np.ndarray] = attrs.field(factory=dict)  # frame name -> (H, W) bool
+    regions: frozenset[int] = frozenset()
+    confidence: float = 1.0  # 0 to 1: probability that the name is right
+    source: str = ""  # name of the detector
+    flag: str = ""  # why this may be wrong, in words; empty: nothing is known against it
+
+    @property
+    def name(self) -> str:
+        """The key, or the label if none is set."""
+        return self.key or self.label
+
+
+class Detector(ABC):
+    """Names what frames show. The constructor touches nothing; ``open`` loads and connects, ``close`` is idempotent."""
+
+    def open(self) -> None:
+        """Raises ``BackendUnavailable`` with the remedy."""
+
+    def start(self, context: PerceptionContext | None) -> None:
+        """Bind to an environment, before the first ``detect``; None when there is no robot."""
+
+    @abstractmethod
+    def detect(self, request: Request) -> tuple[Detection, ...]:
+        """What is seen, whole things before their parts, at most one detection per thing. May take time. A name that
+        is only guessed is left out, or has a low confidence and a ``flag``."""
+
+    def close(self) -> None: ...

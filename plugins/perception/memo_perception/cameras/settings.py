@@ -1,0 +1,71 @@
+"""Settings of the ``cameras`` backend and of its stages: one nested section per source and detector that has any."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import attrs
+from attrs.validators import and_, ge, in_, le
+
+from memo_perception.cameras.detectors import DETECTORS
+from memo_perception.cameras.inventory import Item
+from memo_perception.cameras.sources import SOURCES
+
+
+@attrs.frozen
+class SimulatedSettings:
+    """Settings of the ``simulated`` source."""
+
+    noise: Literal["none", "d435", "d405", "femto"] = attrs.field(
+        default="none", metadata={"help": "depth noise of this camera over the rendered depth"}
+    )
+    calibration_error: float = attrs.field(
+        default=0.0,
+        validator=ge(0.0),
+        metadata={"help": "distance (m) by which each camera's pose is believed wrong; direction drawn once per seed"},
+    )
+    calibration_rotation: float = attrs.field(
+        default=0.0, validator=ge(0.0), metadata={"help": "angle (rad) by which each camera's pose is believed wrong"}
+    )
+    width: int = attrs.field(
+        default=640, validator=and_(ge(64), le(4096)), metadata={"help": "pixels; the height follows from the camera"}
+    )
+
+
+@attrs.frozen
+class FolderSettings:
+    """Settings of the ``folder`` source."""
+
+    path: str = attrs.field(default="", metadata={"help": "folder that `memo cameras record` wrote"})
+    repeat: bool = attrs.field(default=True, metadata={"help": "begin again after the last recorded look"})
+
+
+@attrs.frozen
+class InventorySettings:
+    """Settings of the ``inventory`` detector."""
+
+    accept: float = attrs.field(
+        default=0.5,
+        validator=and_(ge(0.0), le(1.0)),
+        metadata={"help": "least confidence at which a name is given; below it a thing is unknown"},
+    )
+
+
+@attrs.frozen
+class CamerasSettings:
+    """Settings of the ``cameras`` backend."""
+
+    source: str = attrs.field(
+        default="simulated", validator=in_(tuple(SOURCES)), metadata={"help": "where frames come from"}
+    )
+    detector: str = attrs.field(
+        default="inventory", validator=in_(tuple(DETECTORS)), metadata={"help": "what names the things in them"}
+    )
+    cameras: tuple[str, ...] = attrs.field(default=(), metadata={"help": "cameras to use; empty: all of the source"})
+    images: bool = attrs.field(default=False, metadata={"help": "keep RGB and depth in the observation"})
+    items: tuple[Item, ...] = attrs.field(
+        default=(), metadata={"help": "what may be on the table; empty: what the task's scene lists"}
+    )
+    simulated: SimulatedSettings = SimulatedSettings()
+    folder: FolderSettings = FolderSettings()
+    inventory: InventorySettings = InventorySettings()
