@@ -18,12 +18,16 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
+from memo_core.robot.hand_mount import mount_rpy
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf import Urdf, UrdfJoint, link_poses, read_urdf
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 _FINGER_NAMES = re.compile(r"finger|grip|jaw|knuckle|thumb|claw", re.IGNORECASE)
-_FLANGE_NAMES = re.compile(r"^(.*_)?(tool0|flange|ee_link|end_effector(_link)?|attachment.*|hand)$", re.IGNORECASE)
+_FLANGE_NAMES = re.compile(
+    r"^(.*_)?(tool(0|_link|_flange)?|flange(_link)?|eef?(_link)?|end_effector(_link)?|attachment.*|hand)$",
+    re.IGNORECASE,
+)
 _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _STIFFEST = 4500.0  # Nm/rad
@@ -67,12 +71,17 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
     if fingers:
         read.append(f"fingers: {', '.join(joint.name for joint in fingers)}")
     else:
-        flange, turned = _flange(urdf, chain)
+        flange = _flange(urdf, chain)
+        turned, leads = mount_rpy(urdf, [joint.name for joint in chain], flange)
         hand = ParallelHand()
         text = with_parallel_hand(text, flange, hand, mount=turned)
         urdf = read_urdf(text, mesh_folder)
         chain, fingers = _arm_and_fingers(urdf)
         guesses.append(Guess("gripper", "ParallelHand()", f"the URDF has no fingers: a plain hand sits on {flange!r}"))
+        if any(turned):
+            rpy = f"rpy ({', '.join(f'{value:.4g}' for value in turned)})"
+            why = f"the arm leads out along {flange!r}'s {leads}, a hand along its +z: the URDF's hand_mount turns it"
+            guesses.append(Guess("hand_mount", rpy, why))
     light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
     if light:
         read.append(f"moving links without mass, each needs an <inertial>: {', '.join(light)}")
@@ -179,8 +188,8 @@ def _not_stated(value: float) -> str:
     return "the URDF's 0 is taken as not stated" if value == 0 else "the URDF states none"
 
 
-def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> tuple[str, tuple[float, float, float]]:
-    """The link a hand belongs on, and the roll that makes the hand's z lead outwards."""
+def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> str:
+    """The link a hand belongs on."""
     fixed: dict[str, list[str]] = {}
     for joint in urdf.joints:
         if joint.kind == "fixed":
@@ -191,11 +200,7 @@ def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> tuple[str, tuple[float, f
         ends.append(link)
         stack.extend(fixed.get(link, []))
     named = [link for link in ends if _FLANGE_NAMES.match(link)]
-    flange = named[-1] if named else chain[-1].child
-    poses = link_poses(urdf, {})
-    outwards = np.subtract(poses[flange].position, poses[chain[-2].child].position)
-    inwards = float(poses[flange].rotation[:, 2] @ outwards) < -1e-6
-    return flange, (math.pi if inwards else 0.0, 0.0, 0.0)
+    return named[-1] if named else chain[-1].child
 
 
 # -- the gripper and the tool frame ------------------------------------------------------------------------------------

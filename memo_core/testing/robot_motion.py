@@ -13,16 +13,20 @@ from collections.abc import Callable
 import numpy as np
 
 from memo_core.robot.description import JointDescription
+from memo_core.robot.hand_mount import sideways
 from memo_core.testing.robot_trial import RobotTrial, Tracked
 from memo_core.testing.rules import Limited, Rules
 
 RULES: Rules[Callable[[RobotTrial], None]] = Rules()
 rule = RULES.rule
 FOLLOWS: dict[str, tuple[str, ...]] = {
+    "home_is_clear": ("the_hand_leads_out_of_the_arm",),
     "it_holds_home": ("home_is_clear",),
     "it_follows_a_motion": ("home_is_clear", "it_holds_home"),
     "the_hand_does_not_give_way": ("home_is_clear", "it_holds_home", "it_follows_a_motion"),
+    "it_reaches_in_six_dimensions": ("the_hand_leads_out_of_the_arm",),
     "it_grasps_a_cube": (
+        "the_hand_leads_out_of_the_arm",
         "home_is_clear",
         "the_tool_centre_is_between_the_pads",
         "it_holds_home",
@@ -42,6 +46,24 @@ PRESS = 20.0  # N
 _WEAK = 0.3  # of the usual gain, from which on a servo that does not follow counts as weak
 LEAST_REACH = 0.25  # share of the sampled hand poses
 LEAST_TASKS = 0.8  # share of what the tasks grasp
+
+
+@rule
+def the_hand_leads_out_of_the_arm(trial: RobotTrial) -> None:
+    """The hand's approach axis leads on where the arm ends, not sideways off its last joint."""
+    robot = trial.robot
+    found = sideways(trial.urdf, robot.joint_names, robot.tool_link, robot.tool_offset)
+    if found is None:
+        return
+    rpy = " ".join(f"{value + 0.0:.4f}".rstrip("0").rstrip(".") for value in np.round(found.rpy, 4))
+    right = f'in <joint name={found.mount!r}> write <origin rpy="{rpy}">'
+    right += f" (mount=({rpy.replace(' ', ', ')}) of with_parallel_hand), so that it leads on from {found.flange!r}"
+    if not found.mount:
+        right = f"turn it in {found.flange!r}"
+    raise Limited(
+        f"the hand points sideways: its approach axis, the tool's z, is at {found.degrees:.0f} degrees to the axis of "
+        f"the last joint {found.joint}, along which the arm leads out; {right}"
+    )
 
 
 @rule

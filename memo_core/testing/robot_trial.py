@@ -22,6 +22,7 @@ from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Task
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.urdf import Urdf, read_urdf
 from memo_core.scene.description import Body, Camera, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Array, Pose, look_at, quaternion_from_rotation
@@ -100,6 +101,10 @@ class RobotTrial:
     @functools.cached_property
     def kinematics(self) -> Kinematics:
         return Kinematics(self.robot)
+
+    @functools.cached_property
+    def urdf(self) -> Urdf:
+        return read_urdf(self.robot.urdf, self.robot.mesh_folder)
 
     @functools.cached_property
     def shape(self) -> RobotShape:
