@@ -78,6 +78,15 @@ def box(name: str, position, size, kind: str = "fixture", **more) -> Node:
     return Node(name, name, Pose(tuple(position)), tuple(size), kind=kind, **more)
 
 
+def on_a_rail(urdf: str) -> str:
+    """The six-joint arm's URDF text, its base on a carriage that slides by 0.4 m either way along y."""
+    mass = '<inertial><mass value="3"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+    rail = '<joint name="rail" type="prismatic"><parent link="rail_base"/><child link="carriage"/><axis xyz="0 1 0"/>'
+    rail += '<limit lower="-0.4" upper="0.4" velocity="0.5" effort="400"/></joint>'
+    rail += '<joint name="feet" type="fixed"><parent link="carriage"/><child link="base"/></joint>'
+    return urdf.replace("</robot>", f'<link name="rail_base"/><link name="carriage">{mass}</link>{rail}</robot>')
+
+
 class FixedPerception(Perception):
     """Sees the nodes it was given, whatever happens."""
 

@@ -30,6 +30,7 @@ _FLANGE_NAMES = re.compile(
 )
 _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
+_SLIDE_SPEED, _SLIDE_EFFORT = 0.25, 500.0  # m/s, N
 _STIFFEST = 4500.0  # Nm/rad
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
 _NEARLY_SHUT = 5e-4  # m that a slide may be off 0 when shut
@@ -95,7 +96,7 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
         joints=joints,
         gripper=gripper,
         tool_link=tool_link,
-        home=tuple((joint.lower + joint.upper) / 2 for joint in joints),
+        home=tuple((joint.lower + joint.upper) / 2 + 0.0 for joint in joints),
         mesh_folder=mesh_folder,
         allowed_contacts=_finger_pairs(urdf, fingers),
     )
@@ -167,7 +168,11 @@ def _all_below(joints: Sequence[UrdfJoint], below: dict[str, list[UrdfJoint]]) -
 
 def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
     lower, upper = joint.lower, joint.upper
+    units, slide = joint.units, joint.kind == "prismatic"
+    speed, torque = (_SLIDE_SPEED, _SLIDE_EFFORT) if slide else (_SPEED, _EFFORT)
     if not (math.isfinite(lower) and math.isfinite(upper)):
+        if slide:
+            raise InvalidArgument(f"URDF joint {joint.name!r}", "slides without limits", "lower and upper in m")
         lower, upper = -_TURN, _TURN
         why = "the URDF states no limits: it is planned within one turn either way"
         guesses.append(Guess(f"{joint.name}.limits", f"{lower:.4f} to {upper:.4f} rad", why))
@@ -176,11 +181,11 @@ def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
         raise InvalidArgument(f"URDF joint {joint.name!r}", problem, "lower < upper")
     velocity, effort = joint.velocity, joint.effort
     if not (math.isfinite(velocity) and velocity > 0):
-        guesses.append(Guess(f"{joint.name}.velocity", f"{_SPEED:g} rad/s", _not_stated(velocity)))
-        velocity = _SPEED
+        guesses.append(Guess(f"{joint.name}.velocity", f"{speed:g} {units.position}/s", _not_stated(velocity)))
+        velocity = speed
     if not (math.isfinite(effort) and effort > 0):
-        guesses.append(Guess(f"{joint.name}.effort", f"{_EFFORT:g} Nm", _not_stated(effort)))
-        effort = _EFFORT
+        guesses.append(Guess(f"{joint.name}.effort", f"{torque:g} {units.effort}", _not_stated(effort)))
+        effort = torque
     return JointDescription(joint.name, lower, upper, velocity, 4 * velocity, 400 * velocity, effort, 1000.0, 100.0)
 
 
@@ -396,7 +401,8 @@ def _with_home(robot: RobotDescription, guesses: list[Guess]) -> RobotDescriptio
                 found = kinematics.inverse(pose, kinematics.home[:, None], samples=200)
                 free = [one for one in found.T if not checker.collides(one, "free")]
                 if free:
-                    home = tuple(round(float(angle), 4) for angle in _comfortable(robot, kinematics, free))
+                    rounded = np.round(_comfortable(robot, kinematics, free), 4) + 0.0  # no -0.0
+                    home = tuple(rounded.tolist())
                     out, _, up = pose.position
                     why = f"the hand points down {out:.2f} m in front of the base, {up:.2f} m up"
                     guesses.append(Guess("home", f"{home}", why))
@@ -446,13 +452,22 @@ def _with_gains(robot: RobotDescription, guesses: list[Guess]) -> RobotDescripti
                 joint, kp=float(kp), kv=kp / 10, armature=armature, acceleration=acceleration, jerk=100 * acceleration
             )
         )
-    gains = ", ".join(f"{joint.kp:.0f}" for joint in joints)
-    guesses.append(
-        Guess("kp, kv", f"kp {gains} Nm/rad, kv = kp / 10", "160 Nm/rad for each Nm of torque, 4500 at most")
-    )
-    quick = ", ".join(f"{joint.acceleration:g}" for joint in joints)
-    guesses.append(Guess("acceleration, jerk", f"{quick} rad/s2", "0.3 of the torque on the inertia moved at home"))
+    urdf = read_urdf(robot.urdf, robot.mesh_folder)
+    units = [urdf.joint(joint.name).units for joint in joints]
+    gains = _in_units([f"{joint.kp:.0f}" for joint in joints], [one.stiffness for one in units])
+    why = "160 Nm/rad for each Nm of torque (a slide: N/m for each N), 4500 at most"
+    guesses.append(Guess("kp, kv", f"kp {gains}, kv = kp / 10", why))
+    quick = _in_units([f"{joint.acceleration:g}" for joint in joints], [f"{one.position}/s2" for one in units])
+    guesses.append(Guess("acceleration, jerk", quick, "0.3 of the torque on the inertia moved at home"))
     return attrs.evolve(robot, joints=tuple(joints))
+
+
+def _in_units(values: Sequence[str], units: Sequence[str]) -> str:
+    """Values with the unit behind the last of those that share it: ``4500 N/m, 800, 800 Nm/rad``."""
+    following = [*units[1:], ""]
+    return ", ".join(
+        value if unit == then else f"{value} {unit}" for value, unit, then in zip(values, units, following, strict=True)
+    )
 
 
 def _with_contact_force(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:

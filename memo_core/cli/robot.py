@@ -126,7 +126,7 @@ def _move(link: Link, goal: Callable[[], np.ndarray]) -> None:
     from memo_core.arm.slow_motion import move_joints
 
     move_joints(link, goal())
-    shown = ", ".join(f"{angle:.3f}" for angle in link.joint_positions())
+    shown = ", ".join(f"{angle:.3f}" for angle in np.round(link.joint_positions(), 3) + 0.0)
     print(f"at rest; joints {shown} rad")
 
 

@@ -17,7 +17,8 @@ from memo_core.scene.pose import Pose
 
 @attrs.frozen
 class JointDescription:
-    """One arm joint. Angles in rad, torques in Nm, position-servo gains in Nm/rad and Nm s/rad.
+    """One arm joint. Angles in rad, torques in Nm, position-servo gains in Nm/rad and Nm s/rad; for a slide, lengths in
+    m, forces in N, gains in N/m and N s/m.
 
     The servo's torque is kp (target - q) - kv dq/dt, so that it lags kv/kp seconds behind a moving target: to follow
     q(t) without lag, command q(t) + kv/kp dq/dt.
@@ -26,13 +27,13 @@ class JointDescription:
     name: str  # as in the URDF
     lower: float
     upper: float
-    velocity: float  # rad/s
-    acceleration: float  # rad/s2
-    jerk: float  # rad/s3
-    effort: float  # Nm
+    velocity: float  # rad/s or m/s
+    acceleration: float  # rad/s2 or m/s2
+    jerk: float  # rad/s3 or m/s3
+    effort: float  # Nm or N
     kp: float
     kv: float
-    armature: float = 0.1  # kg m2
+    armature: float = 0.1  # kg m2 or kg
 
 
 @attrs.frozen
@@ -69,7 +70,7 @@ class RobotDescription:
     gripper: GripperDescription
     tool_link: str  # URDF link the tool frame is attached to
     tool_offset: Pose = Pose()  # of the tool frame in that link
-    home: tuple[float, ...] = ()  # rad, one per joint
+    home: tuple[float, ...] = ()  # rad or m, one per joint
     allowed_contacts: tuple[tuple[str, str], ...] = ()  # pairs of links that may touch (neighbours always may)
     reach: float = 0.855  # m from the first joint's axis
     max_contact_force: float = 60.0  # N the hand may press with; more than this felt ends a guarded motion

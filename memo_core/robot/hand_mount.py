@@ -87,14 +87,14 @@ def _outwards(urdf: Urdf, joints: Sequence[str], end: Array) -> Array | None:
     poses = link_poses(urdf, {})
     last = urdf.joint(joints[-1])
     wrist = poses[last.child]
-    axis = wrist.rotation @ np.array(last.axis)
-    after = end - np.array(wrist.position)
+    axis: Array = wrist.rotation @ np.array(last.axis)
+    after: Array = end - np.array(wrist.position)
     if (far := float(np.linalg.norm(after))) > _APART:
         along = float(after @ axis) / far
-        return axis * np.sign(along) if abs(along) > _ALONG else after / far
+        return math.copysign(1.0, along) * axis if abs(along) > _ALONG else after / far
     before = np.subtract(wrist.position, poses[urdf.joint(joints[-2]).child].position)
     if (far := float(np.linalg.norm(before))) > _APART and abs(float(before @ axis)) > _ALONG * far:
-        return axis * np.sign(before @ axis)
+        return math.copysign(1.0, float(before @ axis)) * axis
     return None
 
 

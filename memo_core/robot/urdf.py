@@ -64,6 +64,19 @@ class Mimic:
 
 
 @attrs.frozen
+class Units:
+    """What a joint's numbers are in."""
+
+    position: str  # its limits; speeds are per s, accelerations per s2
+    effort: str
+    stiffness: str
+    inertia: str
+
+
+_TURNING, _SLIDING = Units("rad", "Nm", "Nm/rad", "kg m2"), Units("m", "N", "N/m", "kg")
+
+
+@attrs.frozen
 class UrdfJoint:
     """``origin`` is the child's frame in the parent's at position 0. ``lower``/``upper`` are infinite where the URDF
     states no limits (continuous joints)."""
@@ -79,6 +92,10 @@ class UrdfJoint:
     velocity: float = math.inf  # rad/s or m/s
     effort: float = math.inf  # Nm or N
     mimic: Mimic | None = None
+
+    @property
+    def units(self) -> Units:
+        return _SLIDING if self.kind == "prismatic" else _TURNING
 
 
 @attrs.frozen

@@ -69,7 +69,7 @@ def the_hand_leads_out_of_the_arm(trial: RobotTrial) -> None:
 @rule
 def home_is_clear(trial: RobotTrial) -> None:
     """At home the robot touches neither the table nor itself."""
-    tool = trial.kinematics.pose(trial.kinematics.home).position
+    tool = np.round(trial.kinematics.pose(trial.kinematics.home).position, 2) + 0.0  # no -0.00
     where = f"the tool is at x {tool[0]:.2f}, y {tool[1]:.2f}, z {tool[2]:.2f} m"
     hit = trial.home_hit
     assert hit is None, f"home is not clear: {hit} ({where}; the table's top is at z 0): choose another home"
@@ -104,18 +104,18 @@ def it_holds_home(trial: RobotTrial) -> None:
     held = trial.held
     assert not held.problem, f"the simulator gave up at home: {held.problem}; {_hardest(trial)}"
     worst = int(np.argmax(held.drift**2 + held.ripple**2))
-    joint = trial.robot.joints[worst]
+    joint, unit = trial.robot.joints[worst], trial.units[worst].position
     if held.ripple[worst] > MOST_RIPPLE:
-        raise AssertionError(f"{joint.name} shakes at home by {held.ripple[worst]:.2g} rad/s: {_hard(trial, worst)}")
+        raise AssertionError(f"{joint.name} shakes at home by {held.ripple[worst]:.2g} {unit}/s: {_hard(trial, worst)}")
     if abs(held.drift[worst]) > MOST_DRIFT:
         pushed = "; ".join(f"{one} touches {other}" for one, other in held.touching[:2])
-        why = f"pushed away ({pushed})" if pushed else _weak(joint, trial.inertias[worst])
-        raise AssertionError(f"{joint.name} leaves home by {held.drift[worst]:+.3f} rad: {why}")
+        why = f"pushed away ({pushed})" if pushed else _weak(trial, worst)
+        raise AssertionError(f"{joint.name} leaves home by {held.drift[worst]:+.3f} {unit}: {why}")
 
 
 @rule
 def it_follows_a_motion(trial: RobotTrial) -> None:
-    """Each joint follows a swing of 0.25 rad at half of its speed and acceleration, and rests at its end."""
+    """Each joint follows a swing of 0.25 rad (a slide: m) at half of its speed and acceleration, then rests."""
     found = [_followed(trial, number, one) for number, one in enumerate(trial.tracked)]
     problems = [problem for problem in found if problem]
     assert not problems, "; ".join(_grouped(problems))
@@ -131,7 +131,7 @@ def the_hand_does_not_give_way(trial: RobotTrial) -> None:
     part = f"{100 * PRESS * ways[worst] / total:.0f} % of it there"
     assert total < MOST_GIVING, (
         f"{joint.name}'s servo is weak: the hand gives way by {1000 * total:.0f} mm under {PRESS:.0f} N, {part}; "
-        f"raise its kp from {joint.kp:g} to about {_usual(joint):g} Nm/rad"
+        f"raise its kp from {joint.kp:g} to about {_usual(joint):g} {trial.units[worst].stiffness}"
     )
 
 
@@ -190,12 +190,14 @@ def _followed(trial: RobotTrial, number: int, tracked: Tracked) -> tuple[str, st
         return cause, f"{joint.name} (kv {joint.kv:g}, kp {joint.kp:g})"
     if tracked.error <= MOST_TRAILING * tracked.amplitude:
         return None
-    behind = f"{joint.name}, {tracked.error:.2f} rad behind in a swing of {tracked.amplitude:.2f}"
+    units = trial.units[number]
+    behind = f"{joint.name}, {tracked.error:.2f} {units.position} behind in a swing of {tracked.amplitude:.2f}"
     able = joint.effort / inertia
     if joint.kp < _WEAK * _usual(joint):
-        return _weak(joint, inertia), behind
+        return _weak(trial, number), behind
     if able < joint.acceleration:
-        stated = f"{joint.effort:g} Nm on {inertia:.2g} kg m2 are {able:.1f} rad/s2, not {joint.acceleration:g}"
+        stated = f"{joint.effort:g} {units.effort} on {inertia:.2g} {units.inertia} are {able:.1f} {units.position}/s2"
+        stated += f", not {joint.acceleration:g}"
         return f"the torque does not suffice for the stated acceleration: {stated}", behind
     return "something holds it back near home", behind
 
@@ -212,25 +214,26 @@ def _usual(joint: JointDescription) -> float:
     return round(min(4500.0, 160 * joint.effort))
 
 
-def _weak(joint: JointDescription, inertia: float) -> str:
+def _weak(trial: RobotTrial, number: int) -> str:
+    joint, inertia, units = trial.robot.joints[number], float(trial.inertias[number]), trial.units[number]
     rate = math.sqrt(joint.kp / inertia) / (2 * math.pi)
-    gain = f"kp {joint.kp:g} Nm/rad on {inertia:.2g} kg m2 ({rate:.1f} Hz)"
+    gain = f"kp {joint.kp:g} {units.stiffness} on {inertia:.2g} {units.inertia} ({rate:.1f} Hz)"
     return f"the servo is weak, {gain}: about {_usual(joint):g} is usual"
 
 
 def _hard(trial: RobotTrial, number: int) -> str:
-    joint, inertia = trial.robot.joints[number], float(trial.inertias[number])
+    joint, inertia, units = trial.robot.joints[number], float(trial.inertias[number]), trial.units[number]
     damping = joint.kv / (2 * math.sqrt(joint.kp * inertia))
     if joint.kp < _WEAK * _usual(joint):
-        return _weak(joint, inertia)
+        return _weak(trial, number)
     if damping < 0.3 and joint.kp <= 3 * _usual(joint):
         return (
             f"the servo is hardly damped, kv {joint.kv:g} for kp {joint.kp:g} ({damping:.2f} of critical): kv = kp / 10"
         )
     if joint.kp > 3 * _usual(joint):
-        gain = f"kp {joint.kp:g} Nm/rad with {joint.effort:g} Nm at most"
+        gain = f"kp {joint.kp:g} {units.stiffness} with {joint.effort:g} {units.effort} at most"
         return f"the servo is too hard, {gain}: about {_usual(joint):g} is usual"
-    return f"the servo does not come to rest (kp {joint.kp:g}, kv {joint.kv:g}, {inertia:.2g} kg m2)"
+    return f"the servo does not come to rest (kp {joint.kp:g}, kv {joint.kv:g}, {inertia:.2g} {units.inertia})"
 
 
 def _hardest(trial: RobotTrial) -> str:
@@ -241,6 +244,8 @@ def _hardest(trial: RobotTrial) -> str:
 
 
 def _narrow(trial: RobotTrial) -> str:
-    """The joint with the narrowest limits."""
-    joint = min(trial.robot.joints, key=lambda one: one.upper - one.lower)
+    """The turning joint with the narrowest limits."""
+    joints = zip(trial.robot.joints, trial.units, strict=True)
+    turning = [joint for joint, units in joints if units.position == "rad"] or trial.robot.joints
+    joint = min(turning, key=lambda one: one.upper - one.lower)
     return f"the narrowest limits are those of {joint.name}, {joint.lower:.2f} to {joint.upper:.2f} rad"

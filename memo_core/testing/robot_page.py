@@ -35,6 +35,7 @@ figure { display: inline-block; margin: 0 1em 1em 0 } figcaption { color: #666 }
 <figure>{{ drawing | safe }}<figcaption>{{ title }}</figcaption></figure>
 {% endfor %}{% if no_pictures %}<p>No pictures: {{ no_pictures }}</p>{% endif %}
 <h2>Joints</h2>
+<p>Of turning joints; of slides in m, m/s, m/s2, N and kg.</p>
 <table><tr><th>joint<th>limits, rad<th>home<th>rad/s<th>rad/s2<th>Nm<th>kp<th>kv<th>kg m2 moved<th>behind in a swing
 </tr>{% for row in joints %}<tr>
 {% for cell in row %}<td{% if not loop.first %} class="number"{% endif %}>{{ cell }}</td>{% endfor %}

@@ -22,12 +22,12 @@ from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Task
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import Urdf, read_urdf
+from memo_core.robot.urdf import Units, Urdf, read_urdf
 from memo_core.scene.description import Body, Camera, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Array, Pose, look_at, quaternion_from_rotation
 
-_SWING = 0.25  # rad out and back
+_SWING = 0.25  # rad (a slide: m) out and back
 _HOLD, _REST = 1.0, 0.6  # s
 _CUBE = 0.04  # m
 _GRIPPED = 0.7  # share of the stroke that a smaller gripper's cube has
@@ -105,6 +105,11 @@ class RobotTrial:
     @functools.cached_property
     def urdf(self) -> Urdf:
         return read_urdf(self.robot.urdf, self.robot.mesh_folder)
+
+    @property
+    def units(self) -> tuple[Units, ...]:
+        """By joint: a slide's numbers are in other units than a turning joint's."""
+        return tuple(self.urdf.joint(name).units for name in self.robot.joint_names)
 
     @functools.cached_property
     def shape(self) -> RobotShape:

@@ -15,7 +15,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.testing.robot import RULES
 from memo_core.testing.simulator_scenes import check_robot
-from tests.arms import six_joint_arm
+from tests.arms import on_a_rail, six_joint_arm
 
 BARE = six_joint_arm((1, 6)).urdf
 URDFS = {"panda": panda().urdf, "bare six-joint arm": BARE}
@@ -190,3 +190,20 @@ def test_all_moving_links_without_mass_are_listed():
     with pytest.raises(AssertionError, match="link2, link5"):
         RULES["what_moves_has_mass"](lambda: described.robot)
     assert not [line for line in describe_urdf(BARE).read if "mass" in line]
+
+
+def test_of_a_slide_everything_is_told_in_metres_and_newtons():
+    urdf = on_a_rail(BARE).replace('velocity="0.5" effort="400"', 'velocity="0" effort="0"')
+    described = describe_urdf(urdf)
+    told = {guess.what: guess.value for guess in described.guessed}
+    assert told["rail.velocity"] == "0.25 m/s" and told["rail.effort"] == "500 N"
+    assert re.match(r"kp \d+ N/m, (\d+, ){5}\d+ Nm/rad, kv", told["kp, kv"])
+    assert re.match(r"[\d.]+ m/s2, ([\d.]+, ){5}[\d.]+ rad/s2$", told["acceleration, jerk"])
+    with pytest.raises(InvalidArgument, match=r"'rail': slides without limits.*lower and upper in m"):
+        describe_urdf(urdf.replace('<limit lower="-0.4" upper="0.4" velocity="0" effort="0"/>', "", 1))
+
+
+def test_no_zero_of_home_has_a_sign():
+    described = describe_urdf(check_robot().urdf)
+    assert not [value for value in described.robot.home if value == 0 and np.signbit(value)]
+    assert "-0.0," not in described.source() and "-0.0)" not in described.source()

@@ -14,12 +14,14 @@ pytest.importorskip("memo_robots", reason="make setup installs it")
 
 from memo_robots.ur5e import ur5e
 
+from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.cli.main import main
 from memo_core.plugins import Registry
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.plugins import Result, check_robot
 from memo_core.testing.robot_page import write_robot_page
+from tests.arms import on_a_rail, six_joint_arm
 
 RIGHT = ur5e()
 UPSIDE_DOWN = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))
@@ -155,6 +157,15 @@ def test_one_cause_is_one_line_however_many_rules_it_breaks(name):
     found = list(check_robot(REGISTRY, "robot/mine", lambda: WRONG[name][0]))
     assert [one.rule for one in found if one.outcome in ("broken", "limited")] == [WRONG[name][1]]
     assert found[-1].rule == "in motion" and found[-1].outcome == "skipped"
+
+
+def test_what_is_wrong_with_a_slide_is_told_in_its_units():
+    right = describe_urdf(on_a_rail(six_joint_arm().urdf), "railed").robot
+    rail = right.joints[0]
+    soft = attrs.evolve(right, joints=(attrs.evolve(rail, kp=50.0, kv=5.0), *right.joints[1:]))
+    last = results(soft)[-1]
+    assert last.why.startswith("rail: the servo is weak, kp 50 N/m on "), last.why
+    assert re.search(r"on \d+ kg \(", last.why), last.why
 
 
 def test_a_right_robot_keeps_every_rule_in_motion_too():
