@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import threading
 import time
 
@@ -21,9 +20,12 @@ def test_what_a_killed_node_was_at_is_done_by_the_others(tmp_path, monkeypatch):
     from ray.cluster_utils import Cluster
 
     def work(group):
-        scene = group.trials[0].scene
-        (group.folder / f"began-{scene}-{os.environ.get('RAY_NODE', socket.gethostname())}-{os.getpid()}").touch()
-        time.sleep(1.0)
+        scene, node = group.trials[0].scene, ray.get_runtime_context().get_node_id()
+        (group.folder / f"began-{scene}-{node}-{os.getpid()}").touch()
+        doomed = (group.folder / "doomed").read_text()
+        while not list(group.folder.glob(f"began-*-{doomed}-*")):  # so that the others do not do everything before
+            time.sleep(0.05)
+        time.sleep(60 if node == doomed else 0.1)
         (group.folder / f"done-{scene}").touch()
 
     monkeypatch.setattr(engines, "do_here", work)
@@ -32,9 +34,10 @@ def test_what_a_killed_node_was_at_is_done_by_the_others(tmp_path, monkeypatch):
     groups = [Group(tmp_path, tmp_path / "config.yaml", (Trial("memo", "task", scene),)) for scene in range(9)]
     try:
         cluster.wait_for_nodes()
+        (tmp_path / "doomed").write_text(nodes[0].node_id)
 
         def kill_one_at_work():
-            while len(list(tmp_path.glob("began-*"))) < 3:
+            while not list(tmp_path.glob(f"began-*-{nodes[0].node_id}-*")):
                 time.sleep(0.05)
             cluster.remove_node(nodes[0], allow_graceful=False)
 
