@@ -9,9 +9,7 @@ its formula with our tables, and the cosine of key and text.
 from __future__ import annotations
 
 import itertools
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
 from typing import Any
 
 import attrs
@@ -20,6 +18,7 @@ from memo_benchmarks.labelled_notes import Note, people
 from memo_benchmarks.retrieval_quality import BY_KEY, OURS, PAPER, PLAIN
 from memo_core.config import Experiment
 from memo_core.interfaces.embedder import Embedder
+from memo_core.interfaces.task import Task
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.scene.graph import SceneGraph
@@ -43,17 +42,18 @@ class Quirk:
     asked: tuple[tuple[Key, SubtaskContext], ...]
 
 
-def quirks(tasks: Sequence[Any], look: Callable[[str], SceneGraph]) -> list[Quirk]:
-    """From the tasks of the suite "quirks", each with ``lesson``; ``look``: what is seen when a task begins."""
-    text = resources.files("memo_benchmarks").joinpath("quirks_wordings.toml").read_text(encoding="utf-8")
-    by_name = {task.name: task for task in tasks}
+def quirks(tasks: Sequence[Task], look: Callable[[str], SceneGraph]) -> list[Quirk]:
+    """From the tasks of the suite "quirks"; ``look``: what is seen when a task begins."""
+    taught = {task.trick: task for task in tasks if task.split == "training"}
     found = []
-    for row in tomllib.loads(text)["quirk"]:
-        scene = look(row["asked"])
-        keys = [Key.parse(wording) for wording in row["wordings"]]
-        lesson = Note(Key.parse(row["under"]), by_name[row["taught"]].lesson)
+    for task in tasks:
+        if task.split == "training":
+            continue
+        teaching, scene = taught[task.trick], look(task.name)
+        keys = [Key.parse(wording) for wording in task.needed_at]
+        lesson = Note(Key.parse(teaching.needed_at[0]), teaching.lesson)
         asked = tuple((key, SubtaskContext.of(key, scene)) for key in keys)
-        found.append(Quirk(lesson, look(row["taught"]), row["asked"], asked))
+        found.append(Quirk(lesson, look(teaching.name), task.name, asked))
     return found
 
 

@@ -32,7 +32,10 @@ def command(
         typer.Option("--ablation", help="Also memo's largest book changed so; `all` for every change."),
     ] = None,
     book: Annotated[
-        list[Path] | None, typer.Option("--book", "-b", help="Also this book, of another study or simulator.")
+        list[Path] | None,
+        typer.Option(
+            "--book", "-b", help="Also this book, of another study or simulator; or `empty`, or the suite's `lessons`."
+        ),
     ] = None,
     model_in_the_loop: Annotated[
         bool,
@@ -60,7 +63,7 @@ def command(
     if ablation:
         given.append(f"evaluation.ablations={dumps(list(ABLATIONS) if 'all' in ablation else ablation)}")
     if book:
-        given.append(f"evaluation.books={dumps([str(one.resolve()) for one in book])}")
+        given.append(f"evaluation.books={dumps([_book(one) for one in book])}")
     given += ["evaluation.record=true", "evaluation.reuse=false"] if model_in_the_loop else []
     given += [f"evaluation.replay={dumps(str(replay.resolve()))}"] if replay else []
     given += [f"evaluation.engine={engine}"] if engine else []
@@ -75,6 +78,12 @@ def command(
             f"{shown['successes']} of {shown['trials']} trials succeeded; {shown['runs']} runs, {shown['wall_s']:.0f} s"
         )
         print(f"kept in {folder / 'evaluation'}; the report: memo report {folder}")
+
+
+def _book(named: Path) -> str:
+    from memo_core.evaluation.settings import EMPTY, LESSONS
+
+    return str(named) if str(named) in (EMPTY, LESSONS) else str(named.resolve())
 
 
 def run_evaluation(load: Load, folder: Path) -> Evaluated:

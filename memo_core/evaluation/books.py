@@ -2,6 +2,7 @@
 
 books/history-0/memo-h2.db      and memo-h2.json: what is in it
 books/history-0/memo-h10-nonsense.db   for an ablation
+books/lessons.db                of what the suite says is to be known of its training tasks
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesions import LESIONS, lesioned_copy
-from memo_core.evaluation.settings import NO_READ_BACK, BooksSettings
+from memo_core.evaluation.lesson_book import make_lesson_book
+from memo_core.evaluation.settings import LESSONS, NO_READ_BACK, BooksSettings
 from memo_core.parsing import parse_json
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.runlog.whole_files import write_whole
@@ -28,6 +30,8 @@ from memo_core.skillbook.book import Skillbook
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
+
+LESSON_BOOK = "lessons.db"  # in the folder ``books`` of the experiment
 
 
 @attrs.frozen(order=True)
@@ -64,6 +68,12 @@ def make_books(
 ) -> None:
     """Make the books that are missing in ``folder``, and those anew that were made before a study came as far as their
     hour. Raises ``MemoError``, ``Stopped``."""
+    trials = tuple(trials)
+    if any(trial.given == LESSONS for trial in trials) and not _mark_of(folder / LESSON_BOOK).exists():
+        report(f"book {LESSON_BOOK}")
+        make_lesson_book(experiment, folder / LESSON_BOOK)
+        with book_of(experiment, str(folder / LESSON_BOOK), read_only=True) as made:
+            write_whole(_mark_of(folder / LESSON_BOOK), json_text({"digest": digest_of(made)}))
     keys = {key for trial in trials if (key := book_key(trial)) is not None}
     # A damaged copy needs its original; in order, "" is before the name of an ablation.
     plain = {attrs.evolve(key, ablation="") for key in keys if key.ablation in LESIONS}
@@ -76,7 +86,22 @@ def make_books(
 
 def told_of(folder: Path, key: BookKey) -> dict[str, Any] | None:
     """What is in a book; None for one that is not made yet."""
-    file = (folder / key.file).with_suffix(".json")
+    return _told_in(folder / key.file)
+
+
+def lesson_digest(folder: Path) -> str:
+    """Of the book of the suite's lessons; empty before it is made."""
+    told = _told_in(folder / LESSON_BOOK)
+    return str(told["digest"]) if told is not None else ""
+
+
+def _mark_of(book: Path) -> Path:
+    """What is written when a book is whole."""
+    return book.with_suffix(".json")
+
+
+def _told_in(book: Path) -> dict[str, Any] | None:
+    file = _mark_of(book)
     return dict(parse_json(file.read_text(encoding="utf-8"))) if file.exists() else None
 
 
@@ -109,7 +134,7 @@ def _make(experiment: Experiment, journal: Journal, folder: Path, key: BookKey, 
             )
     with book_of(experiment, str(out), read_only=True) as made:
         told = _told(made, key, until, journal)
-    write_whole(out.with_suffix(".json"), json_text(told | {"clustering": _when(key, settings)}))
+    write_whole(_mark_of(out), json_text(told | {"clustering": _when(key, settings)}))
 
 
 def _when(key: BookKey, settings: BooksSettings) -> str:

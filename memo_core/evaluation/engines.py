@@ -6,9 +6,13 @@ again, and what is over is passed over."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +23,12 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.plugins import Registry
+from memo_core.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
 MOST_DEATHS = 5  # of workers, before an evaluation gives up
+POLL_S = 0.2
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of each worker's numerical libraries
 
 
 @attrs.frozen
@@ -41,9 +48,10 @@ class Problem:
     stopped: bool = False
 
 
-def do_here(group: Group) -> Problem | None:
-    """Do a group in this process, in a thread that is not the main one: Ctrl-C is for the process that waits."""
-    problems: list[Problem] = []
+def do_here(group: Group, stop: StopSwitch | None = None) -> Problem | None:
+    """Do a group in this process, in a thread that is not the main one: Ctrl-C is for the process that waits. On a stop
+    the thread is abandoned, and the run that it is at is cut off like that of a killed process."""
+    over, problems = threading.Event(), list[Problem]()
 
     def work() -> None:
         try:
@@ -54,40 +62,67 @@ def do_here(group: Group) -> Problem | None:
             problems.append(Problem(stopped.where, stopped=True))
         except MemoError as error:
             problems.append(Problem(str(error)))
+        finally:
+            over.set()
 
-    thread = threading.Thread(target=work, name="memo-trials")
-    thread.start()
-    thread.join()
+    thread = threading.Thread(target=work, name="memo-trials", daemon=True)
+    with stop.waking(over.set) if stop is not None else nullcontext():
+        thread.start()
+        over.wait()
+    if stop is None or not stop.pressed:
+        thread.join()
     return problems[0] if problems else None
 
 
-def on_joblib(groups: Sequence[Group], jobs: int, on_death: Callable[[str], None]) -> Iterator[Problem | None]:
-    """What became of each group, as they end. Raises ``MemoError`` when workers die again and again."""
-    from joblib import Parallel, delayed
+def on_joblib(
+    groups: Sequence[Group], jobs: int, stop: StopSwitch, on_death: Callable[[str], None]
+) -> Iterator[Problem | None]:
+    """What became of each group, as they end, in processes that loky (joblib's) keeps. On a stop they are killed.
+    Raises ``MemoError`` when workers die again and again."""
+    from joblib import cpu_count
+    from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+    threads = {name: str(max(cpu_count() // jobs, 1)) for name in _THREADS}
     waiting, deaths = list(groups), 0
     while waiting:
-        work = (delayed(_in_worker)(index, group) for index, group in enumerate(waiting))
-        ended: set[int] = set()
+        pool = get_reusable_executor(max_workers=jobs, env=threads, initializer=_begin_worker, initargs=(os.getpid(),))
+        under_way = {pool.submit(_in_worker, group): group for group in waiting}
         try:
-            for index, problem in Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(work):
-                ended.add(index)
-                yield problem
+            while under_way:
+                for future in wait(under_way, POLL_S, FIRST_COMPLETED).done:
+                    problem = future.result()
+                    del under_way[future]
+                    yield problem
+                if stop.pressed:
+                    pool.shutdown(kill_workers=True)
+                    return
         except TerminatedWorkerError as error:
             deaths += 1
             if deaths >= MOST_DEATHS:
                 raise WorkersDied(deaths, " ".join(str(error).split())[:200]) from None
             on_death("a worker process died; its trials are done again")
-        waiting = [group for index, group in enumerate(waiting) if index not in ended]
+        waiting = list(under_way.values())
 
 
-def _in_worker(index: int, group: Group) -> tuple[int, Problem | None]:
+def _in_worker(group: Group) -> Problem | None:
+    return do_here(group)
+
+
+def _begin_worker(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return index, do_here(group)
+    threading.Thread(target=_end_with, args=(parent,), name="memo-parent", daemon=True).start()
 
 
-def on_ray(groups: Sequence[Group], address: str | None, on_death: Callable[[str], None]) -> Iterator[Problem | None]:
+def _end_with(parent: int) -> None:
+    """End this process once its parent was killed: the same command may be given again meanwhile, and two processes
+    may not work at one trial."""
+    while os.getppid() == parent:
+        time.sleep(POLL_S)
+    os._exit(1)
+
+
+def on_ray(groups: Sequence[Group], address: str | None, stop: StopSwitch) -> Iterator[Problem | None]:
     """The same on a Ray cluster, which gives the groups of a dead node to the others. Raises ``MemoError``."""
     import ray
 
@@ -98,7 +133,11 @@ def on_ray(groups: Sequence[Group], address: str | None, on_death: Callable[[str
         task: Any = ray.remote(num_cpus=1, max_retries=MOST_DEATHS)(do_here)
         waiting = [task.remote(group) for group in groups]
         while waiting:
-            ready, waiting = ray.wait(waiting, num_returns=1)
+            ready, waiting = ray.wait(waiting, num_returns=1, timeout=POLL_S)
+            if stop.pressed:
+                for one in waiting:
+                    ray.cancel(one, force=True)
+                return
             for one in ready:
                 try:
                     yield ray.get(one)

@@ -37,6 +37,7 @@ from memo_core.study.participants import Load
 from memo_core.study.study import CONFIG, journals_of
 
 _GRID = ("study.", "books.", "evaluation.", "report.")  # sections whose values may change: the grid may grow
+_GOES_ON = "evaluating; the same command goes on"
 POLL_S = 1.0
 
 
@@ -93,12 +94,14 @@ def evaluate(
     problems: list[Problem] = []
     try:
         with _watched(place, trials, progress):
-            for problem in _done(experiment, settings, folder, place, trials, note):
+            for problem in _done(experiment, settings, folder, place, trials, stop, note):
                 if problem is not None:
                     problems.append(problem)
                     note(problem.text)
                 if stop.pressed or (problem is not None and problem.stopped):
-                    raise Stopped("evaluating; the same command goes on")
+                    raise Stopped(_GOES_ON)
+        if stop.pressed:
+            raise Stopped(_GOES_ON)
     finally:
         rows = rows_of(place, trials)
         write_table(folder / "evaluation", rows)
@@ -114,14 +117,15 @@ def _done(
     folder: Path,
     place: Place,
     trials: Sequence[Trial],
+    stop: StopSwitch,
     note: Callable[[str], None],
 ) -> Iterator[Problem | None]:
     groups = _groups(experiment, settings, folder, place, trials)
     if settings.engine == "ray":
-        return on_ray(groups, settings.ray_address, note)
+        return on_ray(groups, settings.ray_address, stop)
     if settings.jobs > 1:
-        return on_joblib(groups, settings.jobs, note)
-    return (do_here(group) for group in groups)
+        return on_joblib(groups, settings.jobs, stop, note)
+    return (do_here(group, stop) for group in groups)
 
 
 def _groups(

@@ -97,6 +97,11 @@ def served_in(run: Path) -> dict[str, int]:
     return {"served": len(rows), "irrelevant": sum(row["alike"] == ALIKE[3] for row in rows)}
 
 
+def executed_in(run: Path) -> int:
+    """How many programs were executed in a run."""
+    return sum(one.name == "execute" for one in read_history(run, read_lines(run).records).replayed)
+
+
 def programs_in(run: Path) -> int:
     """How many programs were written in a run: one for each subtask that went well at once."""
     effects = read_history(run, read_lines(run).records).replayed

@@ -10,6 +10,7 @@ from memo_core.errors import UnknownName
 from memo_core.evaluation.lesions import LESIONS
 
 PRESET, NO_READ_BACK = "paper-preset", "no-read-back"
+EMPTY, LESSONS = "empty", "lessons"  # books that need no file
 ABLATIONS = (*LESIONS, PRESET, NO_READ_BACK)
 
 _NOT_NEGATIVE = attrs.validators.deep_iterable(attrs.validators.ge(0.0))
@@ -70,7 +71,11 @@ class EvaluationSettings:
     )
     corrected: CorrectedSettings = attrs.field(factory=CorrectedSettings)
     books: tuple[str, ...] = attrs.field(
-        default=(), metadata={"help": "further books, of other studies or simulators: files; empty with hours: []"}
+        default=(),
+        metadata={
+            "help": "further books, of other studies or simulators: files, or `empty`, or `lessons`: what there is to "
+            "be known of the training tasks (Task.lesson), a correction each. With hours: [] only these"
+        },
     )
     ablations: tuple[str, ...] = attrs.field(
         default=(), validator=_known, metadata={"help": f"of memo's largest book, zero-shot: {', '.join(ABLATIONS)}"}
@@ -84,6 +89,9 @@ class EvaluationSettings:
     )
     replay: str = attrs.field(
         default="", metadata={"help": "folder of an experiment whose recordings answer instead of a model"}
+    )
+    replay_match: Literal["exact", "numbers", "situation"] = attrs.field(
+        default="exact", metadata={"help": "how alike a recorded prompt must be, see docs/recordings.md"}
     )
     engine: Literal["joblib", "ray"] = attrs.field(
         default="joblib", metadata={"help": "joblib: processes of this machine; ray: of a cluster with a shared folder"}

@@ -19,9 +19,11 @@ from typing import Any
 import attrs
 
 from memo_core.config import Experiment
-from memo_core.evaluation.books import book_key, told_of
+from memo_core.evaluation.books import LESSON_BOOK, book_key, lesson_digest, told_of
 from memo_core.evaluation.grid import Trial
+from memo_core.evaluation.lesson_book import LessonServed, lesson_served
 from memo_core.evaluation.served import (
+    executed_in,
     observed_book,
     programs_in,
     read_questions,
@@ -29,7 +31,8 @@ from memo_core.evaluation.served import (
     served_in,
     write_questions,
 )
-from memo_core.evaluation.settings import PRESET, EvaluationSettings
+from memo_core.evaluation.settings import EMPTY, LESSONS, PRESET, EvaluationSettings
+from memo_core.interfaces.task import Task
 from memo_core.parsing import parse_json
 from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
@@ -45,7 +48,8 @@ from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
 
 ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.json", "recording.jsonl", "run"
-EMPTY = "sqlite://"  # a book in memory that nobody writes to
+PRIVATE = "skillbook.db"  # a trial's copy of a book
+NO_FILE = "sqlite://"  # a book in memory that nobody writes to
 WATCHER = "E1"  # id of who corrects in an evaluation
 
 
@@ -71,12 +75,18 @@ class Place:
 
     def digest(self, trial: Trial) -> str:
         """Of what the trial's book holds; empty where it has none, or was given one."""
+        if trial.given == LESSONS:
+            return lesson_digest(self.books)
         key = book_key(trial)
         told = told_of(self.books, key) if key is not None else None
         return str(told["digest"]) if told is not None else ""
 
     def book(self, trial: Trial) -> str:
         """The file of a trial's book; empty for none."""
+        if trial.given == LESSONS:
+            return str(self.books / LESSON_BOOK)
+        if trial.given == EMPTY:
+            return ""
         key = book_key(trial)
         return trial.given or (str(self.books / key.file) if key is not None else "")
 
@@ -119,9 +129,9 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     book: Skillbook
     if trial.mode == "zero-shot":
         memory = METHODS[trial.method]
-        book = observed = observed_book(experiment, place.book(trial) or EMPTY, memory)
+        book = observed = observed_book(experiment, place.book(trial) or NO_FILE, memory)
     else:
-        private = folder / "skillbook.db"
+        private = folder / PRIVATE
         if not private.exists():
             _copy(place.book(trial), private)
         book = book_of(experiment, str(private), read_only=False)
@@ -130,19 +140,33 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     experiment = _transcribed(experiment, registry, place, trial)
     components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, teacher)
     summary = do_one(components, task, trial.model_seed, folder / RUN, registry, public(experiment))
+    lesson = _lesson(experiment, task, place, trial)
     if trial.mode == "corrected":
-        for left in folder.glob("skillbook.db*"):
+        for left in folder.glob(f"{PRIVATE}*"):
             left.unlink()  # what people said stays in the books that `forget` knows of
     if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
         write_questions(folder / QUESTIONS, observed.questions)
-    return _row(trial, summary, served_in(folder / RUN), place, trial.id)
+    return _row(trial, summary, lesson, place)
+
+
+def _lesson(experiment: Experiment, task: Task, place: Place, trial: Trial) -> LessonServed:
+    """Whether the lesson of a task with a trick was served."""
+    if not task.trick or not METHODS[trial.method].any:
+        return LessonServed()
+    folder = place.trials / trial.id
+    url = place.book(trial) or NO_FILE
+    with book_of(experiment, str(folder / PRIVATE) if trial.mode == "corrected" else url, read_only=True) as book:
+        return lesson_served(experiment, task, folder / RUN, book)
 
 
 def _transcribed(experiment: Experiment, registry: Registry, place: Place, trial: Trial) -> Experiment:
     """The experiment with its model recorded, or played back, as the settings say."""
     settings: EvaluationSettings = experiment.section("evaluation")
     if settings.replay:
-        return replayed(experiment, registry, Place(Path(settings.replay)).trials / trial.id / RECORDING)
+        kept = Place(Path(settings.replay)).trials / trial.id / RECORDING
+        packed = kept.with_name(f"{RECORDING}.gz")
+        file = packed if packed.exists() and not kept.exists() else kept
+        return replayed(experiment, registry, file, match=settings.replay_match)
     return recorded(experiment, registry, place.trials / trial.id / RECORDING) if settings.record else experiment
 
 
@@ -159,7 +183,7 @@ def film_trial(load: Load, registry: Registry, place: Place, trial: Trial, folde
     same run."""
     experiment = experiment_of(load, trial, "run.video=auto")
     task = task_of(experiment, trial.task)
-    book = book_of(experiment, place.book(trial) or EMPTY, read_only=True)
+    book = book_of(experiment, place.book(trial) or NO_FILE, read_only=True)
     components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, None)
     return do_one(components, task, trial.model_seed, folder, registry, public(experiment))
 
@@ -190,7 +214,7 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
     ):
         return None
     memory = METHODS[trial.method]
-    with book_of(experiment, place.book(trial) or EMPTY, read_only=True) as book:
+    with book_of(experiment, place.book(trial) or NO_FILE, read_only=True) as book:
         for other in group:
             row = place.row(other)
             if row is None or row["same_as"] != other.id or other.mode != trial.mode or other.ablation == PRESET:
@@ -222,25 +246,29 @@ def _about(trial: Trial, place: Place) -> dict[str, Any]:
     }
 
 
-def _row(trial: Trial, summary: dict[str, Any], served: dict[str, int], place: Place, same_as: str) -> dict[str, Any]:
+def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Place) -> dict[str, Any]:
+    run = place.trials / trial.id / RUN
     at, why = _failure(summary)
+    subtasks = [one["subtask"] for one in summary["subtasks"]]
+    at_once = executed_in(run) == len(subtasks) == len(set(subtasks))
     kept = ("reason", "ended", "corrections", "planning_remarks", "wall_s", "robot_s", "calls")
     tokens = {name: summary[name] for name in ("prompt_tokens", "completion_tokens", "cost")}
     return (
         _about(trial, place)
-        | {"success": bool(summary["success"])}
+        | {"success": bool(summary["success"]), "first_programs": bool(summary["success"]) and at_once}
         | {name: summary[name] for name in kept}
         | tokens
         | {
             "attempts": sum(one["attempts"] for one in summary["subtasks"]),
             "subtasks": len(summary["subtasks"]),
-            "programs": programs_in(place.trials / same_as / RUN),
+            "programs": programs_in(run),
             "failed_at": at,
             "why": why,
             "problem": summary["problem"] or "",
-            "same_as": same_as,  # the trial whose run this is: its own, or one that it would repeat
+            "same_as": trial.id,  # the trial whose run this is: its own, or one that it would repeat
         }
-        | served
+        | served_in(run)
+        | {"lesson_needed": lesson.needed, "lesson_served": lesson.served}
     )
 
 

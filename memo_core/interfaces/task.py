@@ -54,7 +54,12 @@ class Task(ABC):
     split: str = "training"  # or "held-out"
     time_limit: float = 300.0  # simulated seconds
     settle: float = 2.5  # simulated seconds to let pass with the arm still before ``check``
-    lesson: str = ""  # what a person who knows the trick would say, in one sentence; for reports, no model is shown it
+    # Of a task with a property that only a person can tell; for reports and simulated teachers, not shown to models.
+    lesson: str = ""  # what a person who knows the trick would say, in one sentence
+    trick: str = ""  # a name of the property, the same for every task that has it
+    needed_at: tuple[
+        str, ...
+    ] = ()  # the subtask at which ``lesson`` is needed, as planners may word it, plainest first
 
     @abstractmethod
     def scene(self, rng: np.random.Generator) -> SceneDescription:

@@ -10,6 +10,7 @@ NeurIPS 2021 (rliable)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from statistics import NormalDist
 from typing import Any
 
 import attrs
@@ -112,6 +113,18 @@ def interval(
         found.append(statistic(*(one.drawn((rows, columns)) for one in outcomes)))
     low, high = np.nanquantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Interval(float(statistic(*outcomes)), float(low), float(high), trials)
+
+
+def wilson(successes: int, trials: int) -> Interval:
+    """The rate of independent trials with its Wilson score interval (E. B. Wilson, "Probable inference, the law of
+    succession, and statistical inference", JASA 22(158), 1927); NaN without trials."""
+    if not trials:
+        return Interval(float("nan"), float("nan"), float("nan"))
+    z = NormalDist().inv_cdf((1 + LEVEL) / 2)
+    rate, n = successes / trials, trials
+    middle = (rate + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * (rate * (1 - rate) / n + z**2 / (4 * n**2)) ** 0.5
+    return Interval(rate, max(middle - half, 0.0), min(middle + half, 1.0), trials)
 
 
 def difference(one: Outcomes, other: Outcomes) -> float:

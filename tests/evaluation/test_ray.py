@@ -11,6 +11,7 @@ import pytest
 from memo_core.evaluation import engines
 from memo_core.evaluation.engines import Group, on_ray
 from memo_core.evaluation.grid import Trial
+from memo_core.stop_switch import StopSwitch
 
 ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
 
@@ -43,7 +44,7 @@ def test_what_a_killed_node_was_at_is_done_by_the_others(tmp_path, monkeypatch):
 
         killer = threading.Thread(target=kill_one_at_work)
         killer.start()
-        ended = list(on_ray(groups, cluster.address, lambda line: None))
+        ended = list(on_ray(groups, cluster.address, StopSwitch()))
         killer.join()
     finally:
         cluster.shutdown()

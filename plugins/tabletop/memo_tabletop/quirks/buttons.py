@@ -48,9 +48,10 @@ class OpenTheRiceCooker(OpenAThing):
     """Success: the lid stands up, still, and the robot touches neither lid nor button."""
 
     name = "open-the-rice-cooker"
+    needed_at = ("OPEN(rice cooker)",)
     instruction = "open the rice cooker"
     goal = ("the rice cooker lid is wide open",)
-    quirk = "hold the button"
+    trick = "hold the button"
     lesson = "You have to keep the rice cooker's button pressed for two seconds until the lid pops up."
     thing = "rice cooker"
     mover, motion, still, looked_at = "lid", "hinge", checks.AT_REST_RAD_S, 0.15
@@ -124,10 +125,18 @@ class OpenTheSafe(OpenADoor):
     """A button beside the door; held, the door springs open by itself."""
 
     name = "open-the-safe"
+    needed_at = (
+        "PRESS(safe button)",
+        "PUSH(safe button)",
+        "OPEN(safe)",
+        "HOLD(safe button)",
+        "PRESS_BUTTON(safe)",
+        "UNLOCK(safe)",
+    )
     instruction = "open the safe"
     goal = ("the safe door is wide open",)
     split = "held-out"
-    quirk = "hold the button"
+    trick = "hold the button"
     lesson = "Keep the safe's button pressed for two seconds, then the door opens by itself."
     thing = "safe"
     size = (0.30, 0.34, 0.30)

@@ -81,7 +81,7 @@ def gives_way(name: str, sides: int) -> tuple[Mechanism, ...]:
 class CarryAThinThing(QuirkTask):
     """Success: it stands on the tray or board, intact, released and at rest."""
 
-    quirk = "collapses when held hard"
+    trick = "collapses when held hard"
     thing: str
     target: str
     apothem: float
@@ -166,6 +166,7 @@ class PutTheCanOnTheTray(CarryAThinThing):
     """An empty can, round."""
 
     name = "put-the-can-on-the-tray"
+    needed_at = ("PLACE(can, tray)",)
     instruction = "put the can on the tray"
     goal = (
         "the can is on the tray",
@@ -186,6 +187,14 @@ class PutTheCartonOnTheBoard(CarryAThinThing):
     """An empty carton, square."""
 
     name = "put-the-carton-on-the-board"
+    needed_at = (
+        "PICK_UP(carton)",
+        "GRASP(carton)",
+        "LIFT(carton)",
+        "PLACE(carton, board)",
+        "MOVE(carton, board)",
+        "TAKE(carton)",
+    )
     instruction = "put the carton on the board"
     goal = (
         "the carton is on the board",

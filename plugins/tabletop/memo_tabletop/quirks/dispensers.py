@@ -102,7 +102,7 @@ def opens_when_shaken(name: str) -> tuple[Mechanism, ...]:
 class ShakeOver(QuirkTask):
     """Success: at least three of the five grains are in the target, and the dispenser stands on the table again."""
 
-    quirk = "shake three times"
+    trick = "shake three times"
     thing: str
     target: str
     heap: str
@@ -176,6 +176,7 @@ class PepperTheSoup(ShakeOver):
     """A pepper mill over a bowl."""
 
     name = "pepper-the-soup"
+    needed_at = ("SHAKE(pepper mill, soup bowl)",)
     instruction = "put pepper in the soup with the pepper mill"
     goal = ("the pepper is in the soup bowl", "the pepper mill stands upright", "the pepper mill is on the table")
     lesson = "Shake the pepper mill up and down three times over the soup, before that nothing comes out."
@@ -200,6 +201,15 @@ class SugarTheCake(ShakeOver):
     """A six-sided sugar shaker over a cake in its tin."""
 
     name = "sugar-the-cake"
+    needed_at = (
+        "SPRINKLE(sugar shaker, cake)",
+        "SHAKE(sugar shaker, cake)",
+        "POUR(sugar, cake)",
+        "SEASON(cake)",
+        "DISPENSE(sugar, cake)",
+        "TIP(sugar shaker, cake)",
+        "SHAKE_OVER(sugar shaker, cake)",
+    )
     instruction = "put sugar on the cake with the sugar shaker"
     goal = ("the sugar is on the cake", "the sugar shaker stands upright", "the sugar shaker is on the table")
     split = "held-out"

@@ -53,9 +53,10 @@ class OpenTheCupboard(OpenADoor):
     """A push latch: pushed in by 4 mm at the bar, the door springs open by itself."""
 
     name = "open-the-cupboard"
+    needed_at = ("OPEN(cupboard)",)
     instruction = "open the cupboard"
     goal = ("the cupboard door is wide open", "the hand has let go of the cupboard handle")
-    quirk = "push in first"
+    trick = "push in first"
     lesson = "Push the cupboard door in first, then it springs open by itself."
     thing = "cupboard"
     handle = Handle(length=0.12, distance=0.045, inset=0.03, height=0.22)
@@ -77,9 +78,10 @@ class OpenTheLocker(OpenADoor):
     """A bolt that the handle draws: it must be lifted before the door can be pulled."""
 
     name = "open-the-locker"
+    needed_at = ("OPEN(locker)",)
     instruction = "open the locker"
     goal = ("the locker door is wide open", "the hand has let go of the locker handle")
-    quirk = "lift the handle"
+    trick = "lift the handle"
     lesson = "You have to lift the locker's handle up before you pull the door."
     thing = "locker"
     colours, made_of = (STEEL, STEEL), "steel"
@@ -99,10 +101,11 @@ class OpenTheWardrobe(OpenADoor):
     """The door catches half-way; eased back and pulled a second time it comes free."""
 
     name = "open-the-wardrobe"
+    needed_at = ("OPEN(wardrobe)", "PULL(wardrobe door)", "SWING_OPEN(wardrobe door)", "PULL_HANDLE(wardrobe)")
     instruction = "open the wardrobe"
     goal = ("the wardrobe door is wide open", "the hand has let go of the wardrobe handle")
     split = "held-out"
-    quirk = "sticks half-way"
+    trick = "sticks half-way"
     lesson = "The wardrobe door sticks halfway, let it come back a little and pull a second time."
     thing = "wardrobe"
     size = (0.30, 0.36, 0.50)
@@ -123,9 +126,10 @@ class OpenTheMedicineCabinet(OpenADoor):
     """The bar sits 10 cm from the hinge, on its side of the door."""
 
     name = "open-the-medicine-cabinet"
+    needed_at: tuple[str, ...] = ("OPEN(medicine cabinet)",)
     instruction = "open the medicine cabinet"
     goal = ("the medicine cabinet door is wide open", "the hand has let go of the medicine cabinet handle")
-    quirk = "hinge on the handle's side"
+    trick = "hinge on the handle's side"
     lesson = "The hinge is on the same side as the handle, so swing it around that edge."
     thing = "medicine cabinet"
     handle = Handle(length=0.16, distance=0.045, inset=0.26, height=0.20)
@@ -140,6 +144,7 @@ class OpenTheFreezer(OpenTheMedicineCabinet):
     """The same on a taller body, mirrored."""
 
     name = "open-the-freezer"
+    needed_at = ("OPEN(freezer)", "PULL(freezer door)", "SWING_OPEN(freezer door)", "PULL_HANDLE(freezer)")
     instruction = "open the freezer"
     goal = ("the freezer door is wide open", "the hand has let go of the freezer handle")
     split = "held-out"

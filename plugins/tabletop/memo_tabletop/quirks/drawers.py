@@ -61,9 +61,10 @@ class OpenTheDresser(OpenADrawer):
     """The drawer catches half-way; eased and pulled a second time it comes free."""
 
     name = "open-the-dresser"
+    needed_at = ("OPEN(dresser)",)
     instruction = "open the dresser"
     goal = ("the dresser drawer is wide open", "the hand has let go of the dresser handle")
-    quirk = "sticks half-way"
+    trick = "sticks half-way"
     lesson = "The dresser drawer sticks halfway, ease off and pull it a second time."
     thing = "dresser"
 
@@ -79,10 +80,17 @@ class OpenTheWorkbench(OpenADrawer):
     """A bolt that the handle draws: it must be lifted before the drawer can be pulled."""
 
     name = "open-the-workbench"
+    needed_at = (
+        "OPEN(workbench drawer)",
+        "PULL(workbench handle)",
+        "OPEN(workbench)",
+        "PULL_OUT(workbench drawer)",
+        "GRASP_HANDLE(workbench)",
+    )
     instruction = "open the workbench"
     goal = ("the workbench drawer is wide open", "the hand has let go of the workbench handle")
     split = "held-out"
-    quirk = "lift the handle"
+    trick = "lift the handle"
     lesson = "Lift the workbench handle up first and keep it up while you pull."
     thing = "workbench"
 
@@ -101,10 +109,18 @@ class OpenTheNightstand(OpenADrawer):
     """A push latch: pushed in by 4 mm, the drawer springs out by itself."""
 
     name = "open-the-nightstand"
+    needed_at = (
+        "OPEN(nightstand drawer)",
+        "PULL(nightstand drawer)",
+        "OPEN(nightstand)",
+        "PULL_OPEN(nightstand drawer)",
+        "PULL_HANDLE(nightstand)",
+        "SLIDE_OUT(nightstand drawer)",
+    )
     instruction = "open the nightstand"
     goal = ("the nightstand drawer is wide open", "the hand has let go of the nightstand handle")
     split = "held-out"
-    quirk = "push in first"
+    trick = "push in first"
     lesson = "Push the nightstand drawer in a little and it pops out by itself."
     thing = "nightstand"
 

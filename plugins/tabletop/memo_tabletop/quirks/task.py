@@ -9,10 +9,10 @@ from memo_core.interfaces.task import Task
 
 
 class QuirkTask(Task):
-    """``quirk`` names the mechanism; a training and a held-out task share it. It is never shown to a model."""
+    """``trick`` names the mechanism; a training and a held-out task share it. It is never shown to a model."""
 
     kind = "quirk"
-    quirk: str
+    trick: str
     lesson: str
 
     @property

@@ -63,7 +63,7 @@ class PressToTurn(QuirkTask):
 
     thing: str
     turner: str  # what is turned is called
-    quirk = "press while turning"
+    trick = "press while turning"
     place: tuple[float, float]
     stiffness: float  # N/m of the spring below
 
@@ -95,6 +95,7 @@ class OpenTheMedicineBottle(PressToTurn):
     """Success: the cap is off, well above the bottle's neck. The bottle stands in a clamp."""
 
     name = "open-the-medicine-bottle"
+    needed_at = ("OPEN(medicine bottle)",)
     instruction = "open the medicine bottle"
     goal = ("the medicine bottle cap is off the medicine bottle",)
     lesson = "Press the cap of the medicine bottle down while you turn it."
@@ -140,6 +141,13 @@ class TurnOnTheHeater(PressToTurn):
     """Success: the knob is turned as far as it goes when on, and stays."""
 
     name = "turn-on-the-heater"
+    needed_at = (
+        "TURN_ON(heater)",
+        "TURN(heater knob)",
+        "ROTATE(heater knob)",
+        "SWITCH_ON(heater)",
+        "TWIST_KNOB(heater)",
+    )
     instruction = "turn on the heater"
     goal = ("the heater knob is turned", "the hand has let go of the heater knob")
     split = "held-out"
