@@ -61,6 +61,13 @@ class ToolDynamics:
         speed[self._speeds], change[self._speeds] = velocities, accelerations
         return self._pin.rnea(self._model, self._data, self._full(joints), speed, change)[self._speeds]
 
+    def accelerations(self, joints: Array, velocities: Array, torques: Array) -> Array:
+        """Joint accelerations (n,) of the free arm under actuator torques (n,) (Nm), the fingers held."""
+        mass = self._pin.crba(self._model, self._data, self._full(joints))[np.ix_(self._speeds, self._speeds)]
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        rest = self.torques(joints, velocities, np.zeros_like(joints))
+        return np.linalg.solve(mass, torques - rest)
+
     def _full(self, joints: Array) -> Array:
         q = self._neutral.copy()
         q[self._places] = joints

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:this computer's kernel is not re
 
 ROBOT = fr3()
 ADDRESSES = (f"127.{1 + os.getpid() % 200}.{n // 200}.{1 + n % 200}" for n in itertools.count())
+MODES = {"velocity": 0.001, "impedance": 0.005}  # rad, worst tracking error on a smooth motion
 BUSY_S = 2.0  # a busy computer may slow the double's clock down; it must not count as frozen
 
 
@@ -48,9 +49,11 @@ class Cell:
         assert isinstance(link, FrankaLink)
         self.links.append(link)
         link.open()
+        self.box.reader = lambda: link._now
         return link
 
     def close_links(self) -> None:
+        self.box.reader = None
         while self.links:
             self.links.pop().close()
 
@@ -72,9 +75,10 @@ def swing(link: FrankaLink, seconds: float = 2.0, size: float = 0.3):
 
 
 # -- the suites --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("rule", RULES)
-def test_the_link_conforms(cell, rule):
-    RULES[rule](cell.link)
+def test_the_link_conforms(cell, rule, mode):
+    RULES[rule](lambda: cell.link(mode=mode))
     assert not cell.box.arm.violations
 
 
@@ -91,8 +95,9 @@ def test_the_hand_conforms(rule):
         gripper_driver.RULES[rule](lambda: FrankaHand(HandSettings(hand.address)))
 
 
-def test_a_smooth_motion_is_tracked_within_a_milliradian(cell):
-    link, worst = cell.link(), 0.0
+@pytest.mark.parametrize(("mode", "allowed"), MODES.items())
+def test_a_smooth_motion_is_tracked_within_milliradians(cell, mode, allowed):
+    link, worst = cell.link(mode=mode), 0.0
     home = link.joint_targets()
     for number, row in enumerate(swing(link), start=1):
         link.send(row)
@@ -100,7 +105,7 @@ def test_a_smooth_motion_is_tracked_within_a_milliradian(cell):
         t = number * link.control_period + state.time.to_sec() - link._due
         there = home + 0.15 * (1 - np.cos(2 * np.pi * min(t, 2.0) / 2.0))
         worst = max(worst, float(np.abs(np.array(state.q) - there).max()))
-    assert worst < 0.001 and not cell.box.arm.violations
+    assert worst < allowed and not cell.box.arm.violations
 
 
 # -- stopping ----------------------------------------------------------------------------------------------------------

@@ -1,8 +1,5 @@
-"""The driver of a real Franka arm, over franky-control: position targets streamed as short-lived joint velocities.
-
-Each target becomes a velocity waypoint that is valid for 60 ms and is followed by standstill: v = (target - previous
-target) / period + gain (previous target - q_d). The client library keeps acceleration and jerk within their limits;
-without a new waypoint the arm brakes by itself. The link is paced by the robot's clock, never by wall-clock time.
+"""The driver of a real Franka arm, over franky-control: position targets streamed in one of two modes (``streaming``),
+velocity or impedance. The link is paced by the robot's clock, never by wall-clock time.
 """
 
 from __future__ import annotations
@@ -25,12 +22,10 @@ from memo_core.scene.pose import Array
 from memo_franka.faults import fault, fault_of_error, fault_of_state
 from memo_franka.hand import FrankaHand, import_franky
 from memo_franka.settings import FrankaSettings, HandSettings
+from memo_franka.streaming import ImpedanceStreaming, Streaming, VelocityStreaming
 
-_GAIN = 10.0  # 1/s
-_LIFE_MS = 60  # of a velocity that nothing follows
 _SHARE = 0.95  # of the limits of acceleration and jerk that is used
-_STILL = 1e-4  # rad and rad/s: nothing is sent to an arm that stands where it should
-_REST_S = 0.5  # on the robot's clock, in which a halted arm comes to rest
+_REST_S = 2.0  # on the robot's clock, in which a halted arm comes to rest
 _POLL_S = 0.0005
 _TARE_STATES = 20
 
@@ -51,7 +46,7 @@ class FrankaLink(Link):
         self._lower = np.array([joint.lower for joint in robot.joints])
         self._upper = np.array([joint.upper for joint in robot.joints])
         self._targets = np.array(robot.home)
-        self._fastest = np.array([joint.velocity for joint in robot.joints])  # rad/s, of what is commanded
+        self._streaming: Streaming | None = None
         self._due = 0.0  # s on the robot's clock, at which the next command is due
         self._tare = np.zeros(6)
 
@@ -100,8 +95,12 @@ class FrankaLink(Link):
         # A wheel that was built for another arm offers that one's limits: never more than either's.
         for name, limit in (("acceleration", robot.joint_acceleration_limit), ("jerk", robot.joint_jerk_limit)):
             limit.set(np.minimum([_SHARE * getattr(joint, name) for joint in joints], limit.max))
-        self._fastest = np.minimum([joint.velocity for joint in joints], robot.joint_velocity_limit.max)
-        robot.joint_velocity_limit.set(self._fastest)
+        fastest = np.minimum([joint.velocity for joint in joints], robot.joint_velocity_limit.max)
+        robot.joint_velocity_limit.set(fastest)
+        if settings.mode == "impedance":
+            self._streaming = ImpedanceStreaming(self._franky, robot, self.description, settings)
+        else:
+            self._streaming = VelocityStreaming(self._franky, robot, fastest)
         try:
             robot.set_collision_behavior(settings.collision_torque, settings.collision_force)
             if settings.load_mass > 0:
@@ -125,7 +124,7 @@ class FrankaLink(Link):
             with contextlib.suppress(RobotFault):
                 self._rest()
         self._gripper.close()
-        self._robot = None
+        self._robot = self._streaming = None
 
     def health(self) -> Health:
         if self._robot is None:
@@ -193,23 +192,13 @@ class FrankaLink(Link):
             joint = int(np.argmax(np.abs(ahead) / allowed))
             problem = f"{self.description.joints[joint].name} would have to move at {abs(ahead[joint]):.1f} rad/s"
             raise InvalidArgument("targets", problem, f"steps of at most {allowed[joint]:.2f} rad/s")
-        velocity = np.clip(ahead + _GAIN * (self._targets - np.array(state.q_d)), -self._fastest, self._fastest)
-        moving = np.abs(velocity).max() > _STILL or np.abs(state.dq_d).max() > _STILL
-        self._targets = row
-        if moving:
-            self._move(velocity)
-        self._wait()
-
-    def _move(self, velocity: Array) -> None:
-        franky, waypoint = self._franky, self._franky.JointVelocityWaypoint
-        life = franky.Duration(_LIFE_MS)
-        motion = franky.JointVelocityWaypointMotion(
-            [waypoint(velocity, hold_target_duration=life), waypoint(np.zeros(len(velocity)))]
-        )
+        before, self._targets = self._targets, row
+        assert self._streaming is not None
         try:
-            self._robot.move(motion, asynchronous=True)
+            self._streaming.send(state, before, row, self.control_period)
         except Exception as error:
             raise self._failed(error) from error
+        self._wait()
 
     def _wait(self) -> None:
         """Wait until the next command is due; after a pause the timing starts anew."""
@@ -220,10 +209,15 @@ class FrankaLink(Link):
             self._read()
 
     def _rest(self) -> None:
-        """Hold the last target until the arm is at rest and its motion has ended."""
-        end = self._now + _REST_S
-        while self._now < end and (np.abs(self._state.dq_d).max() > _STILL or self._robot.is_in_control):
+        """Hold the last target until the arm is at rest, and leave it to the robot's own controller."""
+        end, streaming = self._now + _REST_S, self._streaming
+        while streaming is not None and self._now < end and not streaming.resting(self._state):
             self._wait()
+        try:
+            if streaming is not None:
+                streaming.end()
+        except Exception as error:
+            raise self._failed(error) from error
 
     # -- state ---------------------------------------------------------------------------------------------------------
     @property
@@ -236,8 +230,8 @@ class FrankaLink(Link):
         since = time.monotonic()
         while True:
             try:
-                if self._robot.is_in_control is False and self._robot.has_errors:
-                    self._robot.poll_motion()
+                if not self._robot.is_in_control:
+                    self._robot.poll_motion()  # raises what ended the motion
                 self._state = self._robot.state
             except Exception as error:
                 raise self._failed(error) from error
@@ -271,6 +265,8 @@ class FrankaLink(Link):
 
     def _latched(self, wrong: RobotFault) -> RobotFault:
         self._fault = self._fault or wrong
+        if self._streaming is not None:
+            self._streaming.abandon()
         return self._fault
 
     def joint_positions(self) -> Array:

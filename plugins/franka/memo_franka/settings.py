@@ -7,6 +7,13 @@ from typing import Literal
 import attrs
 from attrs.validators import ge, gt, in_
 
+from memo_core.errors import InvalidArgument
+
+
+def _stiffness(instance: object, attribute: attrs.Attribute[list[float]], value: list[float]) -> None:
+    if len(value) != 7 or not all(5.0 <= one <= 2000.0 for one in value):
+        raise InvalidArgument(f"robot.{attribute.name}", f"{value}", "seven values of 5 to 2000 Nm/rad")
+
 
 @attrs.frozen
 class FrankaSettings:
@@ -16,6 +23,15 @@ class FrankaSettings:
     realtime: Literal["auto", "enforce", "ignore"] = attrs.field(
         default="auto",
         metadata={"help": "auto: real-time priority where the kernel has it, else a warning; enforce: refuse without"},
+    )
+    mode: Literal["velocity", "impedance"] = attrs.field(
+        default="velocity",
+        metadata={"help": "velocity: stiff and exact; impedance: compliant joints, for tasks with contact"},
+    )
+    stiffness: list[float] = attrs.field(
+        factory=lambda: [600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0],
+        validator=_stiffness,
+        metadata={"help": "of each joint in the mode impedance, Nm/rad; the damping is 2 sqrt(stiffness)"},
     )
     collision_force: float = attrs.field(
         default=40.0, validator=gt(0.0), metadata={"help": "N on the hand at which the control box ends a motion"}

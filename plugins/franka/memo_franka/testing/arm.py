@@ -1,7 +1,7 @@
 """The arm behind the test double: its commands, its motion, and the limits that end a motion. Time advances in ticks of
 1 ms. Commanded joint velocities are integrated to the desired state (q_d, dq_d), after the control box's checks of
 position, velocity, acceleration and jerk; a body then follows it. Without a scene the body is ideal except for external
-pushes; in a scene a simulator moves it (``SceneBody``).
+pushes, and accepts torques instead, as a rigid arm without friction; in a scene a simulator moves it (``SceneBody``).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.wrench import WrenchEstimate
+from memo_core.arm.wrench import ToolDynamics, WrenchEstimate
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
@@ -19,6 +19,7 @@ from memo_franka.testing.wire import Error
 
 DT = 0.001  # s
 _SLACK = 1.05  # of the limits, for the rounding of differences of differences
+_TORQUE_RATE = 1000.0  # Nm/s
 _STIFFNESS = 3000.0  # Nm/rad with which the ideal body resists a push
 
 
@@ -29,15 +30,21 @@ class Body(Protocol):
     q: Array
     dq: Array
     force: Array
+    takes_torques: bool
 
     def tick(self, q_d: Array, dq_d: Array) -> None: ...
+
+    def drive(self, torques: Array) -> None:
+        """One tick under joint torques (n,), Nm, beyond those that carry the arm's weight; if ``takes_torques``."""
 
 
 class IdealBody:
     """An arm without a scene. ``push`` is a force on the tool (N), base axes, shape (3,)."""
 
+    takes_torques = True
+
     def __init__(self, robot: RobotDescription) -> None:
-        self._kinematics = Kinematics(robot)
+        self._dynamics = ToolDynamics(Kinematics(robot))
         self.q = np.array(robot.home)
         self.dq = np.zeros(len(robot.home))
         self.force = np.zeros(6)
@@ -47,12 +54,24 @@ class IdealBody:
         self.force[:3] = self.push
         give = np.zeros_like(q_d)
         if self.push.any():
-            give = jacobian(self._kinematics, q_d).T[:, :3] @ self.push / _STIFFNESS
+            give = self._dynamics.jacobian(q_d).T[:, :3] @ self.push / _STIFFNESS
         self.q, self.dq = q_d + give, dq_d.copy()
+
+    def drive(self, torques: Array) -> None:
+        self.force[:3] = self.push
+        q, dq, still = self.q, self.dq, np.zeros_like(self.q)
+        acting = torques + self._dynamics.torques(q, still, still)  # the arm carries its weight by itself
+        if self.push.any():
+            acting = acting + self._dynamics.jacobian(q).T[:, :3] @ self.push
+        self.dq = dq + self._dynamics.accelerations(q, dq, acting) * DT
+        self.q = q + self.dq * DT
 
 
 class SceneBody:
-    """The robot in a built simulator, which is ticked once in each of its control periods."""
+    """The robot in a built simulator, which is ticked once in each of its control periods. It has position servos, and
+    so takes no torques."""
+
+    takes_torques = False
 
     def __init__(self, simulator: Simulator, robot: RobotDescription) -> None:
         self.simulator = simulator
@@ -76,12 +95,8 @@ class SceneBody:
             simulator.time, self.q, self.dq, simulator.joint_accelerations(), simulator.joint_torques()
         )
 
-
-def jacobian(kinematics: Kinematics, joints: Array) -> Array:
-    """Of the tool, linear over angular, base axes, shape (6, n)."""
-    from memo_core.arm.wrench import ToolDynamics
-
-    return ToolDynamics(kinematics).jacobian(joints)
+    def drive(self, torques: Array) -> None:
+        raise NotImplementedError("the simulator's arm takes positions")
 
 
 class Arm:
@@ -94,6 +109,7 @@ class Arm:
         self.q_d = body.q.copy()
         self.dq_d = np.zeros_like(self.q_d)
         self.ddq_d = np.zeros_like(self.q_d)
+        self.torques = np.zeros_like(self.q_d)  # commanded last
         self.violations: list[Error] = []
 
     @property
@@ -102,7 +118,7 @@ class Arm:
 
     def hold(self) -> None:
         """One tick of standing still."""
-        self.dq_d[:] = self.ddq_d[:] = 0.0
+        self.dq_d[:] = self.ddq_d[:] = self.torques[:] = 0.0
         self.body.tick(self.q_d, self.dq_d)
 
     def follow(self, velocity: Array) -> Error | None:
@@ -130,6 +146,28 @@ class Arm:
     def jump(self, positions: Array) -> Error | None:
         """One tick at commanded positions (n,), by the same checks."""
         return self.follow((positions - self.q_d) / DT)
+
+    def drive(self, torques: Array) -> Error | None:
+        """One tick under commanded torques (n,). Returns the violated limit, in which case nothing has moved."""
+        k = self.kinematics
+        effort = np.array([joint.effort for joint in k.description.joints])
+        wrong = None
+        if not np.isfinite(torques).all() or (np.abs(torques) > effort).any():
+            wrong = Error.TORQUE_RANGE
+        elif (np.abs(torques - self.torques) > _TORQUE_RATE * DT * _SLACK).any():
+            wrong = Error.TORQUE_DISCONTINUITY
+        elif (np.abs(self.body.dq) > k.velocity * _SLACK).any():
+            wrong = Error.JOINT_VELOCITY
+        elif ((self.body.q < self.lower) | (self.body.q > self.upper)).any():
+            wrong = Error.JOINT_POSITION_LIMITS
+        if wrong is not None:
+            self.violations.append(wrong)
+            return wrong
+        self.torques = torques.copy()
+        self.body.drive(torques)
+        self.q_d, self.dq_d = self.body.q.copy(), self.body.dq.copy()
+        self.ddq_d[:] = 0.0
+        return None
 
     def brake(self) -> None:
         """One tick of decelerating as hard as the limits allow, without their jerk at the end: brakes are abrupt."""

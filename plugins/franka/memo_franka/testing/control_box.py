@@ -2,7 +2,8 @@
 
 It checks what a control box checks (modes, limits, lost packets, collisions) and ends motions as one does. Its clock is
 *elastic*: a tick takes at least 1 ms, and during a motion it waits for the command that answers its last state, so that
-a busy computer slows the robot's clock instead of losing packets. Its methods inject faults.
+a busy computer slows the robot's clock instead of losing packets; it can also wait for a client in the same process
+(``reader``). Its methods inject faults.
 
     with ControlBox(fr3(), "127.0.0.2") as box:
         …                        # franky.Robot("127.0.0.2") connects
@@ -44,6 +45,7 @@ from memo_franka.testing.wire import (
 )
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
+_READER_ROUNDS = 100  # of this thread, without anything read, after which a reader counts as idle
 _IDENTITY = np.eye(4).ravel()
 
 
@@ -80,6 +82,10 @@ class ControlBox(FrankaServer):
         self.recoveries = 0
         self.ticks = 0
         self.rested_at = 0  # tick at which the arm came to rest last
+        self.reader: Callable[[], float] | None = None
+        """Tells which time of this box's clock (s) the client has read. While it reads along, the clock waits for it: a
+        client whose thread the computer starves then finds no jump of the clock."""
+        self._read, self._waited = 0.0, 0
         self._patience_s = patience_s
         self._dynamics = ToolDynamics(self.arm.kinematics)
         self._urdf = arm_urdf(robot)
@@ -144,11 +150,19 @@ class ControlBox(FrankaServer):
         while self._inbox:
             self._inbox[0]()
             self._inbox.popleft()
-        if not self._frozen:
+        if not self._frozen and not self._awaits_reader():
             with self._ticking:
                 self._tick()
         self._last = max(self._last + DT, time.monotonic())
         time.sleep(max(0.0, self._last - time.monotonic()))
+
+    def _awaits_reader(self) -> bool:
+        if self.reader is None:
+            return False
+        read = self.reader()
+        self._waited = 0 if read != self._read else self._waited + 1
+        self._read = read
+        return self.ticks * DT > read + 1.5 * DT and self._waited < _READER_ROUNDS
 
     def _tick(self) -> None:
         moved = not self.arm.resting
@@ -179,21 +193,24 @@ class ControlBox(FrankaServer):
             if self._lost >= LOST_PACKETS:
                 self._reflex_with(Error.COMMUNICATION_CONSTRAINTS)
                 self.arm.brake()
+            elif self._controller == Controller.EXTERNAL:
+                self._reject(self.arm.drive(self.arm.torques))
             else:
-                self._follow(self.arm.dq_d.copy())
+                self._reject(self.arm.follow(self.arm.dq_d.copy()))
             return
         self._lost = 0
-        if self._generator == Generator.JOINT_VELOCITY:
-            self._follow(command["dq_c"])
+        torques = self._controller == Controller.EXTERNAL
+        if torques:
+            self._reject(self.arm.drive(command["tau_J_d"]))
+        elif self._generator == Generator.JOINT_VELOCITY:
+            self._reject(self.arm.follow(command["dq_c"]))
         else:
             self._reject(self.arm.jump(command["q_c"]))
-        if self._move_id is not None and command["motion_generation_finished"]:
+        finished = command["torque_command_finished" if torques else "motion_generation_finished"]
+        if self._move_id is not None and finished:
             self._respond(Command.MOVE, self._move_id, bytes([MoveStatus.SUCCESS]))
             self._end_motion()
             self.mode = RobotMode.IDLE
-
-    def _follow(self, velocity: np.ndarray) -> None:
-        self._reject(self.arm.follow(velocity))
 
     def _reject(self, wrong: Error | None) -> None:
         if wrong is not None:
@@ -274,7 +291,7 @@ class ControlBox(FrankaServer):
         state, arm, body = self._state, self.arm, self.body
         state["message_id"] = self.ticks
         state["q"], state["dq"], state["theta"], state["dtheta"] = body.q, body.dq, body.q, body.dq
-        state["q_d"], state["dq_d"], state["ddq_d"] = arm.q_d, arm.dq_d, arm.ddq_d
+        state["q_d"], state["dq_d"], state["ddq_d"], state["tau_J_d"] = arm.q_d, arm.dq_d, arm.ddq_d, arm.torques
         rotation, position = self._dynamics.placement(body.q)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = rotation, position
@@ -330,14 +347,16 @@ class ControlBox(FrankaServer):
 
     def _begin_move(self, number: int, payload: bytes) -> None:
         controller, generator, *_ = MOVE.unpack(payload)
-        generators = (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
         wanted = Generator(generator + 1)
+        known = wanted in (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
+        if controller == Controller.EXTERNAL:
+            known = self.body.takes_torques and wanted in (Generator.JOINT_VELOCITY, Generator.NONE)
         while self.mode == RobotMode.IDLE and not self.arm.resting:
             self.arm.brake()  # what little is left of the motion before
         if self.mode != RobotMode.IDLE:
             self._respond(Command.MOVE, number, bytes([MoveStatus.COMMAND_NOT_POSSIBLE]))
             return
-        if wanted not in generators or controller > Controller.CARTESIAN_IMPEDANCE:
+        if not known or controller > Controller.EXTERNAL:
             self._respond(Command.MOVE, number, bytes([MoveStatus.INPUT_ERROR_ABORTED]))
             return
         self._respond(Command.MOVE, number, bytes([MoveStatus.MOTION_STARTED]))

@@ -75,6 +75,7 @@ class Error(IntEnum):
     """The errors of a state that the test double can raise, by their index."""
 
     JOINT_POSITION_LIMITS = 0
+    JOINT_VELOCITY = 3
     JOINT_REFLEX = 6
     CARTESIAN_REFLEX = 7
     GENERATOR_POSITION_LIMITS = 12
@@ -82,6 +83,7 @@ class Error(IntEnum):
     GENERATOR_VELOCITY_DISCONTINUITY = 14
     GENERATOR_ACCELERATION_DISCONTINUITY = 15
     COMMUNICATION_CONSTRAINTS = 25
+    TORQUE_RANGE = 28
     TORQUE_DISCONTINUITY = 32
 
 
