@@ -157,12 +157,17 @@ class Body:
 
 @attrs.frozen
 class Camera:
-    """A camera; pose in the OpenCV convention (+z forward, +y down), vertical field of view in radians."""
+    """A camera; pose in the OpenCV convention (+z forward, +y down), vertical field of view in radians.
+
+    ``link``: the robot link (its name in the URDF) that carries it, such as a wrist camera's hand; ``pose`` is then in
+    that link's frame, otherwise in the world's.
+    """
 
     name: str
     pose: Pose
     field_of_view: float = 0.8
     resolution: tuple[int, int] = (640, 480)  # width, height in pixels
+    link: str = ""
 
 
 @attrs.frozen

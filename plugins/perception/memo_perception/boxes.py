@@ -64,7 +64,7 @@ def geom_bounds(geom: Geom, frame: Pose = Pose()) -> tuple[Array, Array]:
     """Lowest and highest corner (m) of a geom along the axes of the frame that ``frame`` poses its body in."""
     pose = frame * geom.pose
     if geom.shape == "mesh":
-        points = pose.apply(_vertices(geom) * geom.size[0])
+        points = pose.apply(mesh_vertices(geom) * geom.size[0])
         return points.min(axis=0), points.max(axis=0)
     if geom.shape == "box":
         return _upright(pose, np.asarray(geom.size) / 2)
@@ -85,8 +85,8 @@ def _upright(pose: Pose, half: Array) -> tuple[Array, Array]:
     return np.asarray(pose.position) - reach, np.asarray(pose.position) + reach
 
 
-def _vertices(geom: Geom) -> Array:
-    """Vertices of an .obj or .stl file, shape (n, 3)."""
+def mesh_vertices(geom: Geom) -> Array:
+    """Vertices of a geom's .obj or .stl file, unscaled, shape (n, 3). Raises ``InvalidArgument``."""
     path = Path(geom.mesh or "")
     try:
         data = path.read_bytes()

@@ -14,32 +14,14 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.scene import relations
-from memo_core.scene.appearance import appearance
-from memo_core.scene.description import Body, Cavity, Free, SceneDescription
+from memo_core.scene.description import Cavity, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
-from memo_perception.boxes import body_box, loose_pieces
+from memo_perception.boxes import body_box
 from memo_perception.heaps import Heap, heap_node, heaps
+from memo_perception.labelled_things import Thing, labelled_things
 from memo_perception.settings import GroundTruthSettings
-
-
-@attrs.frozen(eq=False)
-class _Seen:
-    """One thing that may be visible, posed in the frame of the body that carries it."""
-
-    id: str
-    label: str
-    kind: str
-    body: Body
-    pose: Pose
-    size: tuple[float, float, float]
-    part_of: str | None
-    cavity: Cavity | None = None
-    droppable: str | None = None  # id of the free object it belongs to
-    lineage: tuple[str, ...] = ()  # names of its body and that body's ancestors
-    door: str | None = None  # of a cavity: name of the body that closes it
-    pieces: tuple[str, ...] = ()  # bodies without a name of their own that belong to it and move: its box is theirs too
-    attributes: tuple[str, ...] = ()  # what it looks like, in words
+from memo_perception.spatial_relations import spatial_relations
 
 
 @attrs.frozen
@@ -58,7 +40,7 @@ class GroundTruth(Perception):
     def __init__(self, settings: GroundTruthSettings | None = None) -> None:
         self.settings = settings or GroundTruthSettings()
         self._context: PerceptionContext | None = None
-        self._things: list[_Seen] = []
+        self._things: list[Thing] = []
         self._closings: list[_Closing] = []
         self._heaps: tuple[Heap, ...] = ()
         self._labels: dict[str, str] = {}
@@ -73,7 +55,7 @@ class GroundTruth(Perception):
             known = ", ".join(camera.name for camera in context.scene.cameras) or "none"
             raise InvalidArgument("perception.images", f"no camera {sorted(unknown)[0]!r} here", f"one of: {known}")
         self._context = context
-        self._things = list(_visible_things(context.scene))
+        self._things = list(labelled_things(context.scene))
         self._closings = list(_closings(context.scene, self._things))
         self._heaps = heaps(context.scene)
         self._labels = {}
@@ -137,7 +119,7 @@ class GroundTruth(Perception):
         except (ValueError, KeyError, TypeError) as error:
             raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
 
-    def _box(self, thing: _Seen, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:
+    def _box(self, thing: Thing, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:
         """The box in its body's frame: as described, or with its movable pieces at their present poses."""
         if not thing.pieces:
             return thing.pose, thing.size
@@ -155,13 +137,13 @@ class GroundTruth(Perception):
         position = self._started().simulator.joint_position(cavity.door)  # type: ignore[union-attr]
         return abs(position - cavity.closed_at) <= cavity.closed_within
 
-    def _hidden(self, thing: _Seen, shut: list[_Seen], poses: dict[str, Pose]) -> bool:
+    def _hidden(self, thing: Thing, shut: list[Thing], poses: dict[str, Pose]) -> bool:
         if thing in shut:
             return True
         centre = (poses[thing.body.name] * thing.pose).position
         return any(_around(cavity, poses[cavity.body.name], centre) for cavity in shut if _may_hide(cavity, thing))
 
-    def _heap_nodes(self, shut: list[_Seen], poses: dict[str, Pose], exact: bool) -> Iterator[Node]:
+    def _heap_nodes(self, shut: list[Thing], poses: dict[str, Pose], exact: bool) -> Iterator[Node]:
         simulator = self._started().simulator
         assert simulator is not None
         insides = [(cavity, poses[cavity.body.name]) for cavity in shut]
@@ -173,7 +155,7 @@ class GroundTruth(Perception):
             if node is not None:
                 yield node if exact else attrs.evolve(node, pose=self._misplaced(node.pose))
 
-    def _noticed(self, visible: list[_Seen]) -> list[_Seen]:
+    def _noticed(self, visible: list[Thing]) -> list[Thing]:
         if not self.settings.dropout:
             return visible
         objects = sorted({thing.droppable for thing in visible if thing.droppable})
@@ -190,7 +172,7 @@ class GroundTruth(Perception):
         rotation = quaternion_from_axis_angle(turn.tolist(), angle) if angle > 1e-12 else (1.0, 0.0, 0.0, 0.0)
         return Pose(tuple(np.asarray(pose.position) + shift), (Pose(orientation=rotation) * pose).orientation)
 
-    def _label(self, thing: _Seen) -> str:
+    def _label(self, thing: Thing) -> str:
         """Its permanent name: its label, with a number if that is taken."""
         if thing.id not in self._labels:
             taken = {label.lower() for label in self._labels.values()}
@@ -210,16 +192,7 @@ class GroundTruth(Perception):
                 away = abs(context.simulator.joint_position(closing.joint) - closing.at)  # type: ignore[union-attr]
                 yield Relation(closing.node, "closed" if away <= closing.within else "open")
         held = relations.held_thing(nodes, context.tool_pose().position) if context.link.holding() else None
-        if held is not None:
-            yield Relation(held.id, "held")
-        held_ids = {held.id} if held else set()
-        inside = relations.containment(nodes)
-        on = relations.support(nodes, context.scene.table_height if context.scene else 0.0, held_ids, inside)
-        yield from inside
-        yield from on
-        related = [(r.subject, r.object) for r in [*inside, *on] if r.object]
-        loose = [node for node in nodes if node.id not in held_ids]
-        yield from relations.arrangement(loose, related)
+        yield from spatial_relations(nodes, held, context.scene.table_height if context.scene else 0.0)
 
     def _observation(self, cameras: tuple[str, ...]) -> Observation:
         context = self._started()
@@ -236,51 +209,7 @@ class GroundTruth(Perception):
 # -- reading a scene description ---------------------------------------------------------------------------------------
 
 
-def _visible_things(scene: SceneDescription) -> Iterator[_Seen]:
-    taken = {body.name for body, _ in scene.walk()}
-    movers = {joint: body.name for body, _ in scene.walk() if (joint := getattr(body.joint, "name", None))}
-    owners: dict[str, tuple[str | None, str | None]] = {}  # body -> (nearest labelled node, free object it belongs to)
-    lineages: dict[str, tuple[str, ...]] = {}
-    for body, parent in scene.walk():
-        owner, loose = owners[parent.name] if parent is not None else (None, None)
-        lineage = lineages[body.name] = (body.name, *(lineages[parent.name] if parent is not None else ()))
-        if body.label and not body.fixture and (owner is None or isinstance(body.joint, Free)):
-            loose = body.name
-        if body.label:
-            yield attrs.evolve(_body_thing(body, owner, loose), lineage=lineage)
-            owner = body.name
-        owners[body.name] = (owner, loose)
-        for part in body.parts:
-            id = _unique(part.id, body, taken)
-            seen = _Seen(id, part.label, "part", body, part.pose, part.size, owner, None, loose, lineage)
-            yield attrs.evolve(seen, attributes=appearance(body, part))
-        for cavity in body.cavities:
-            id = _unique(cavity.id, body, taken)
-            door = movers.get(cavity.door or "")
-            yield _Seen(id, cavity.label, "space", body, cavity.pose, cavity.size, owner, cavity, loose, lineage, door)
-
-
-def _body_thing(body: Body, owner: str | None, loose: str | None) -> _Seen:
-    box = body_box(body)
-    if box is None:
-        raise InvalidArgument(f"scene body {body.name!r}", "a label but no geoms: it cannot be seen", "geoms")
-    independent = owner is None or isinstance(body.joint, Free)
-    kind = "fixture" if independent and body.fixture else "object" if independent else "part"
-    part_of = None if independent else owner
-    pieces, looks = loose_pieces(body), appearance(body)
-    return _Seen(body.name, body.label, kind, body, *box, part_of, None, loose, pieces=pieces, attributes=looks)
-
-
-def _unique(id: str, body: Body, taken: set[str]) -> str:
-    if id in taken:
-        id = f"{body.name}/{id}"
-    if id in taken:
-        raise InvalidArgument(f"scene body {body.name!r}", f"two things have the id {id!r}", "unique ids")
-    taken.add(id)
-    return id
-
-
-def _closings(scene: SceneDescription, things: list[_Seen]) -> Iterator[_Closing]:
+def _closings(scene: SceneDescription, things: list[Thing]) -> Iterator[_Closing]:
     """The labelled bodies whose joints close a cavity."""
     cavities = {c.door: c for body, _ in scene.walk() for c in body.cavities if c.door is not None}
     nodes = {thing.id for thing in things if thing.id == thing.body.name}
@@ -291,13 +220,13 @@ def _closings(scene: SceneDescription, things: list[_Seen]) -> Iterator[_Closing
             yield _Closing(body.name, joint, cavity.closed_at, cavity.closed_within)
 
 
-def _may_hide(cavity: _Seen, thing: _Seen) -> bool:
+def _may_hide(cavity: Thing, thing: Thing) -> bool:
     """A closed inside hides everything in it except its own body, that body's parents, and the door that closes it with
     everything attached to the door."""
     return thing.body.name not in cavity.lineage and (cavity.door is None or cavity.door not in thing.lineage)
 
 
-def _around(cavity: _Seen, body_pose: Pose, centre: tuple[float, float, float]) -> bool:
+def _around(cavity: Thing, body_pose: Pose, centre: tuple[float, float, float]) -> bool:
     local = np.abs((body_pose * cavity.pose).inverse().apply(np.asarray(centre)))
     return bool(np.all(local <= np.asarray(cavity.size) / 2 + 0.01))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import Backend
+from memo_core.interfaces.backend import Backend, Needs
+from memo_perception.cameras.settings import CamerasSettings
 from memo_perception.settings import GroundTruthSettings
 
 
@@ -13,6 +14,12 @@ def _ground_truth(settings: Any) -> Any:
     from memo_perception.ground_truth import GroundTruth
 
     return GroundTruth(settings)
+
+
+def _cameras(settings: Any) -> Any:
+    from memo_perception.cameras.backend import Cameras
+
+    return Cameras(settings)
 
 
 @hookimpl
@@ -25,5 +32,13 @@ def memo_perceptions() -> list[Backend]:
             factory=_ground_truth,
             config=GroundTruthSettings,
             default=True,
-        )
+        ),
+        Backend(
+            kind="perception",
+            name="cameras",
+            summary="RGB-D pictures: source, detector and geometry, each by one word",
+            factory=_cameras,
+            config=CamerasSettings,
+            needs=Needs(modules={"cv2": "opencv-python-headless", "scipy": "scipy"}),
+        ),
     ]

@@ -13,10 +13,9 @@ from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.description import Geom, Material
-from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, add_shape, surface
+from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, add_shape, surface
 
 _log = logging.getLogger("memo.mujoco")
-PREFIX = "robot/"
 FINGER_TENDON = "robot/fingers"
 FINGER_SERVO = "robot/gripper"
 # A finger's drive: its reflected inertia (kg) makes the stiff servo below stable at 2 ms.

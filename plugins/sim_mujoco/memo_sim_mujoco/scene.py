@@ -15,6 +15,7 @@ from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material
 from memo_core.scene.pose import Pose
 from memo_sim_mujoco.settings import MujocoSettings
 
+PREFIX = "robot/"  # of the names of robot links and joints
 MESH_FILES = (".stl", ".obj", ".msh")
 SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 # Dry friction on a small inertia creeps with MuJoCo's defaults; these hold still.
@@ -49,7 +50,10 @@ def add_scene(spec: mujoco.MjSpec, scene: SceneDescription) -> None:
         _add_latch(spec, number, latch)
     for camera in scene.cameras:
         pose = camera.pose * _FROM_OPENCV
-        spec.worldbody.add_camera(
+        carrier = spec.body(f"{PREFIX}{camera.link}") if camera.link else spec.worldbody
+        if carrier is None:
+            raise InvalidArgument(f"scene camera {camera.name!r}", f"no robot link {camera.link!r}", "a link's name")
+        carrier.add_camera(
             name=camera.name,
             pos=pose.position,
             quat=pose.orientation,

@@ -91,7 +91,7 @@ class MujocoSimulator(Simulator):
             self._viewer = None
         world = build_world(scene, robot, self.settings)
         self._world = world
-        self._cameras = {camera.name: (number, camera) for number, camera in enumerate(scene.cameras)}
+        self._cameras = {camera.name: (world.model.camera(camera.name).id, camera) for camera in scene.cameras}
         self._families = _families(scene, world.body_ids)
         self._bind(world)
         self._limits = JointLimits(self.model)

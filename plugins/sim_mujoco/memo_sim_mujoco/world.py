@@ -14,8 +14,8 @@ from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import read_urdf
 from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
-from memo_sim_mujoco.robot import FINGER_SERVO, PREFIX, add_robot
-from memo_sim_mujoco.scene import add_look, add_scene
+from memo_sim_mujoco.robot import FINGER_SERVO, add_robot
+from memo_sim_mujoco.scene import PREFIX, add_look, add_scene
 from memo_sim_mujoco.settings import MujocoSettings
 
 DENSE_UP_TO = 60  # degrees of freedom

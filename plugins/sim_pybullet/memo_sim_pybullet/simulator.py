@@ -77,6 +77,11 @@ class PybulletSimulator(Simulator):
         world = build_world(self.client, scene, robot, self.settings)
         self._world, self._built = world, (scene, robot)
         self._cameras = {camera.name: camera for camera in scene.cameras}
+        for camera in scene.cameras:
+            if camera.link and f"robot/{camera.link}" not in world.places:
+                raise InvalidArgument(
+                    f"scene camera {camera.name!r}", f"no robot link {camera.link!r}", "a link's name"
+                )
         family = families(scene)
         self._families = {name: family.get(name, frozenset((name,))) for name in world.places}
         self._pictures = Pictures(self.client, self.settings.shadows)
@@ -347,6 +352,8 @@ class PybulletSimulator(Simulator):
         size = (width or camera.resolution[0], height or camera.resolution[1])
         if min(size) < 1 or max(size) > 4096:
             raise InvalidArgument("width, height", f"{size[0]} x {size[1]} pixels", "1 to 4096 each")
+        if camera.link:
+            camera = attrs.evolve(camera, pose=self.body_pose(f"robot/{camera.link}") * camera.pose)
         return self._pictures.shoot(camera, *size)
 
     def view(self) -> None:

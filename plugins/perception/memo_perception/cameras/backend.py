@@ -1,0 +1,167 @@
+"""The ``cameras`` backend: frames from a source, names from a detector, everything metric from geometry."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+
+import attrs
+
+from memo_core.errors import InvalidArgument
+from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.scene import relations
+from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_perception.cameras.detectors import DETECTORS
+from memo_perception.cameras.detectors.detector import Detection, Detector, Request
+from memo_perception.cameras.frames import Frame
+from memo_perception.cameras.geometry.arm_mask import ArmMask
+from memo_perception.cameras.geometry.measuring import Measured, measure
+from memo_perception.cameras.geometry.table import View, aligned_view
+from memo_perception.cameras.inventory import Hint, Item
+from memo_perception.cameras.memory import HIDDEN, Memory
+from memo_perception.cameras.regions import Region
+from memo_perception.cameras.settings import CamerasSettings
+from memo_perception.cameras.sources import SOURCES
+from memo_perception.cameras.sources.source import Source
+from memo_perception.cameras.stages import stage_of
+from memo_perception.spatial_relations import spatial_relations
+
+_REMEMBERED = 16  # answers of the detector that are kept, by the digest of the pictures
+
+
+class Cameras(Perception):
+    """See the module. Detections are kept by the pictures' digest, so the same pictures are never named twice, nor
+    differently after a restore."""
+
+    def __init__(
+        self, settings: CamerasSettings | None = None, source: Source | None = None, detector: Detector | None = None
+    ) -> None:
+        """``source`` and ``detector`` replace those that the settings name."""
+        self.settings = settings or CamerasSettings()
+        self.source: Source = source or stage_of("source", SOURCES, self.settings.source).make(self.settings)
+        self.detector: Detector = detector or stage_of("detector", DETECTORS, self.settings.detector).make(
+            self.settings
+        )
+        self.hints: tuple[Hint, ...] = ()
+        self.latest: Look | None = None  # everything behind the last graph, for pictures of it
+        self._context: PerceptionContext | None = None
+        self._arm: ArmMask | None = None
+        self._memory = Memory()
+        self._answers: OrderedDict[str, tuple[Detection, ...]] = OrderedDict()
+
+    # -- life ----------------------------------------------------------------------------------------------------------
+    def open(self) -> None:
+        self.source.open()
+        try:
+            self.detector.open()
+        except BaseException:
+            self.source.close()
+            raise
+
+    def close(self) -> None:
+        self.detector.close()
+        self.source.close()
+
+    def start(self, context: PerceptionContext) -> None:
+        self.source.start(context)
+        self.detector.start(context)
+        self._context = context
+        self._arm = ArmMask(context.robot, context.link)
+        self._memory = Memory()
+        self._answers.clear()
+        self.latest = None
+
+    # -- looking -------------------------------------------------------------------------------------------------------
+    def look(self) -> SceneGraph:
+        """Raises ``BackendUnavailable`` when a camera does not answer, ``InvalidArgument`` for a camera that is not
+        there."""
+        context = self._started()
+        frames = self._frames()
+        table = context.scene.table_height if context.scene is not None else 0.0
+        blocked = {}
+        if self._arm is not None and (links := self._arm.poses()):
+            blocked = {frame.name: self._arm.mask(frame, links) for frame in frames}
+        views = tuple(aligned_view(frame, table, blocked.get(frame.name)) for frame in frames)
+        regions: tuple[Region, ...] = ()
+        detections = self._detected(frames, regions, table)
+        measured = measure(views, blocked, detections, regions, table)
+        tool, holding = context.tool_pose(), context.link.holding()
+        time = max((frame.time for frame in frames), default=0.0)
+        seen = self._memory.named(measured, time)
+        hidden = self._memory.unseen(seen, views, holding, tool)
+        nodes = (*seen, *hidden)
+        held = relations.held_thing(nodes, tool.position) if holding else None
+        self._memory.keep(seen, held, tool)
+        states = _states(seen, measured)
+        said = (*states, *spatial_relations(nodes, held, table))
+        pictures = self.settings.images
+        observation = Observation(
+            tool,
+            context.link.gripper_width(),
+            holding,
+            {frame.name: frame.rgb for frame in frames} if pictures else {},
+            {frame.name: frame.depth for frame in frames} if pictures else {},
+        )
+        label = context.scene.label if context.scene is not None else "table"
+        graph = SceneGraph(nodes, said, observation, table, label, time)
+        self.latest = Look(views, detections, graph)
+        return graph
+
+    def state(self) -> bytes:
+        source = base64.b64encode(self.source.state()).decode()
+        return json.dumps({"memory": self._memory.state(), "source": source}).encode()
+
+    def restore(self, state: bytes) -> None:
+        try:
+            fields = json.loads(state)
+            source = base64.b64decode(fields["source"])
+            memory = fields["memory"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
+        self._memory.restore(memory)
+        self.source.restore(source)
+
+    def _frames(self) -> tuple[Frame, ...]:
+        frames = self.source.capture()
+        wanted = self.settings.cameras
+        names = [frame.name for frame in frames]
+        unknown = [name for name in wanted if name not in names]
+        if unknown:
+            raise InvalidArgument("perception.cameras", f"no camera {unknown[0]!r} here", f"one of: {', '.join(names)}")
+        return tuple(frame for frame in frames if not wanted or frame.name in wanted)
+
+    def _detected(self, frames: Sequence[Frame], regions: tuple[Region, ...], table: float) -> tuple[Detection, ...]:
+        key = repr(([frame.digest() for frame in frames], self.settings.items, self.hints))
+        if key not in self._answers:
+            request = Request(tuple(frames), regions, self._items(), self.hints, table)
+            self._answers[key] = self.detector.detect(request)
+            while len(self._answers) > _REMEMBERED:
+                self._answers.popitem(last=False)
+        self._answers.move_to_end(key)
+        return self._answers[key]
+
+    def _items(self) -> tuple[Item, ...]:
+        return self.settings.items
+
+    def _started(self) -> PerceptionContext:
+        if self._context is None:
+            raise InvalidArgument("perception", "looked before start()", "start(context) first")
+        return self._context
+
+
+@attrs.frozen(eq=False)
+class Look:
+    """The pictures of a look with corrected poses, what was detected in them, and the graph that came of it."""
+
+    views: tuple[View, ...]
+    detections: tuple[Detection, ...]
+    graph: SceneGraph
+
+
+def _states(nodes: Sequence[Node], measured: Sequence[Measured]) -> Iterator[Relation]:
+    """``open`` and ``closed`` of the nodes, which are in the order of ``measured``."""
+    for node, one in zip(nodes, measured, strict=True):
+        if one.state in ("open", "closed") and HIDDEN not in node.attributes:
+            yield Relation(node.id, one.state)

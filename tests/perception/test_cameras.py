@@ -1,0 +1,114 @@
+"""Eyes measure what pictures show: places, sizes, open and closed, and nothing that is not there."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import pytest
+from memo_perception.cameras.backend import Cameras
+from memo_perception.cameras.memory import HIDDEN
+from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
+
+from memo_core.errors import InvalidArgument
+from memo_core.scene.pose import Pose
+from memo_core.testing.perception import check_perception
+from tests.perception.small_scene import looking_at, scene
+
+ORACLE = CamerasSettings(detector="oracle", simulated=SimulatedSettings(width=320))
+NOISY = attrs.evolve(ORACLE, simulated=SimulatedSettings(noise="d435", calibration_error=0.001, width=320))
+
+
+def look_at_scene(settings, described):
+    with looking_at(described) as context:
+        eyes = Cameras(settings)
+        eyes.start(context)
+        return eyes.look()
+
+
+def off(graph, name, place):
+    return float(np.linalg.norm(np.subtract(graph.node(name).pose.position, place)))
+
+
+@pytest.mark.parametrize(("settings", "within"), [(ORACLE, 0.003), (NOISY, 0.008)], ids=["clean", "d435"])
+def test_places_and_sizes(settings, within):
+    graph = look_at_scene(settings, scene())
+    assert off(graph, "red block", (0.42, -0.22, 0.02)) < within
+    assert off(graph, "can", (0.40, 0.30, 0.055)) < within
+    assert off(graph, "cupboard", (0.74, 0.05, 0.13)) < 2 * within
+    assert off(graph, "cupboard handle", (0.56, -0.06, 0.13)) < 2 * within
+    assert sorted(graph.node("red block").size) == pytest.approx([0.04, 0.05, 0.09], abs=2 * within)
+    long_side = graph.node("red block").pose.rotation[:, int(np.argmax(graph.node("red block").size))]
+    assert abs(long_side @ [-np.sin(0.5), np.cos(0.5), 0.0]) > np.cos(np.radians(4))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, 0.8, 1.5])
+@pytest.mark.parametrize("settings", [ORACLE, NOISY], ids=["clean", "d435"])
+def test_open_and_closed_follow_from_the_pictures(settings, angle):
+    graph = look_at_scene(settings, scene(angle))
+    state = "open" if angle else "closed"
+    assert f"the cupboard door is {state}" in graph.sentences()
+    insides = [node for node in graph.nodes if node.kind == "space"]
+    assert not insides if not angle else angle < 0.5 or len(insides) == 1
+    for room in insides:
+        assert np.dot(room.opening, (-1.0, 0.0, 0.0)) > 0.98
+        if angle > 0.5:
+            assert np.linalg.norm(np.subtract(room.pose.position, (0.734, 0.05, 0.13))) < 0.02
+
+
+def test_a_thing_in_front_of_another_does_not_make_it_smaller():
+    described = scene()
+    hiding = attrs.evolve(described.body("can"), pose=Pose((0.36, -0.27, 0.055)))
+    bodies = tuple(hiding if body.name == "can" else body for body in described.bodies)
+    graph = look_at_scene(ORACLE, attrs.evolve(described, bodies=bodies))
+    assert off(graph, "red block", (0.42, -0.22, 0.02)) < 0.006
+
+
+def test_ids_and_labels_stay_and_what_is_hidden_is_kept_and_marked():
+    with looking_at(scene(1.2)) as context:
+        eyes = Cameras(ORACLE)
+        eyes.start(context)
+        before = eyes.look()
+        eyes.settings = attrs.evolve(ORACLE, cameras=("left",))
+        real = eyes.detector.detect
+        eyes.detector.detect = lambda request: tuple(d for d in real(request) if d.label != "can")
+        for mask_hides in (True, False):
+            if mask_hides:  # the can is not detected, yet nothing shows that its place is empty
+                after = eyes.look()
+                assert HIDDEN in after.node("can").attributes
+                assert after.node("can").confidence < before.node("can").confidence
+            else:
+                context.simulator.data.qpos[context.simulator._world.free_qpos["can"][0]] = -0.8
+                context.simulator._refresh()
+                after = eyes.look()
+                assert "can" not in [node.label for node in after.nodes]
+        ids = {node.label: node.id for node in before.nodes}
+        assert all(ids[node.label] == node.id for node in after.nodes)
+
+
+def test_the_same_pictures_are_named_once():
+    with looking_at(scene()) as context:
+        eyes = Cameras(ORACLE)
+        eyes.start(context)
+        asked = []
+        real = eyes.detector.detect
+        eyes.detector.detect = lambda request: asked.append(1) or real(request)
+        eyes.look()
+        eyes.glance()
+        eyes.look()
+        assert len(asked) == 1
+
+
+@pytest.mark.parametrize("settings", [ORACLE, NOISY], ids=["clean", "d435"])
+def test_cameras_conform(settings):
+    with looking_at(scene(1.0)) as context:
+        check_perception(lambda: Cameras(settings), context=lambda: attrs.evolve(context, rng=np.random.default_rng(0)))
+
+
+def test_wrong_settings_are_named():
+    with looking_at(scene()) as context:
+        eyes = Cameras(attrs.evolve(ORACLE, cameras=("behind",)))
+        eyes.start(context)
+        with pytest.raises(InvalidArgument, match=r"no camera 'behind'.*right, left"):
+            eyes.look()
+    with pytest.raises(ValueError, match="source"):
+        CamerasSettings(source="telescope")
