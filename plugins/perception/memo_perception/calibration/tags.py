@@ -1,0 +1,60 @@
+"""ArUco and AprilTag markers: finding them in a picture and their poses.
+
+A tag's frame has its origin in the tag's middle, x to the right and y up as printed, z out of it. Corners are refined as
+AprilTag does it: with subpixel corners a 50 mm tag at 0.9 m seems 12 mm too far away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import attrs
+import cv2
+import numpy as np
+
+from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_perception.calibration.board import DICTIONARIES, Lens
+
+_FLIP = 2.0  # times that the second of a square's two poses must fit worse, for the first to be trusted
+
+
+@attrs.frozen(eq=False)
+class Tag:
+    """A tag in a picture. ``corners`` (4, 2) in pixels, clockwise from the top left as printed."""
+
+    number: int
+    corners: Array
+    pose: Pose  # in the camera's frame
+    certain: bool  # False: seen so small or so squarely that its orientation may be the mirrored one
+
+
+def find_tags(picture: np.ndarray, dictionary: str, size: float, lens: Lens) -> Iterator[Tag]:
+    """The tags of one dictionary with sides of ``size`` m in a picture, RGB or grey, uint8. A number that is seen twice
+    is left out: it says nothing about which is which."""
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) if picture.ndim == 3 else picture
+    found, numbers = found_corners(grey, dictionary)
+    half = size / 2
+    square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
+    for corners, number in zip(found, numbers, strict=True):
+        if numbers.count(number) > 1:
+            continue
+        count, turns, shifts, errors = cv2.solvePnPGeneric(
+            square, corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        )
+        if count == 0:
+            continue
+        off = [float(np.ravel(error)[0]) for error in errors]
+        best = int(np.argmin(off))
+        pose = Pose(tuple(shifts[best].ravel()), quaternion_from_rotation(cv2.Rodrigues(turns[best])[0]))
+        yield Tag(number, corners, pose, count < 2 or max(off) > _FLIP * max(min(off), 1e-6))
+
+
+def found_corners(grey: np.ndarray, dictionary: str) -> tuple[list[Array], list[int]]:
+    """Corners (4, 2) and numbers of all tags of one dictionary in a grey picture."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
+    known = cv2.aruco.getPredefinedDictionary(DICTIONARIES[dictionary])
+    corners, numbers, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(grey)
+    if numbers is None:
+        return [], []
+    return [one.reshape(4, 2).astype(float) for one in corners], [int(one) for one in np.ravel(numbers)]
