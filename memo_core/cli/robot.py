@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import attrs
@@ -12,7 +11,8 @@ import numpy as np
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import print_json, print_table
+from memo_core.cli.robot_link import confirmed, connected
 from memo_core.errors import BackendUnavailable, InvalidArgument
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 def home(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
     """Move slowly to the home configuration, in a straight line in joint space. No perception is used: keep the path
     free."""
-    with _link(_hardware(config, overrides)) as link:
-        _confirmed("The arm moves to its home posture, straight through its joints and past no obstacle.", yes)
+    with connected(_hardware(config, overrides)) as link:
+        confirmed("The arm moves to its home posture, straight through its joints and past no obstacle.", yes)
         _move(link, lambda: np.array(link.description.home))
 
 
@@ -65,8 +65,8 @@ def jog(
         raise InvalidArgument("JOINT", f"{joint}", f"1 to {count}")
     if not abs(degrees) <= 90:
         raise InvalidArgument("DEGREES", f"{degrees:g}", "-90 to 90")
-    with _link(experiment) as link:
-        _confirmed(f"Joint {joint} turns by {degrees:g} degrees.", yes)
+    with connected(experiment) as link:
+        confirmed(f"Joint {joint} turns by {degrees:g} degrees.", yes)
         _move(link, lambda: link.joint_targets() + math.radians(degrees) * np.eye(count)[joint - 1])
 
 
@@ -81,7 +81,7 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
     lease.take()
     try:
         link = driver.link(experiment.create("robot"), experiment.create("gripper_driver"))
-        _confirmed("Have you seen why it stopped, and is the arm free?", yes)
+        confirmed("Have you seen why it stopped, and is the arm free?", yes)
         try:
             link.recover()
         finally:
@@ -100,41 +100,9 @@ def _hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
     return experiment
 
 
-@contextmanager
-def _link(experiment: Experiment) -> Iterator[Link]:
-    """The robot within the limits of ``hardware.safety``; a first signal stops it."""
-    from memo_core.arm.guarded_link import GuardedLink
-    from memo_core.cli.signal_handling import handling
-    from memo_core.environment.lease import Lease
-
-    driver = experiment.create("robot_driver")
-    robot = experiment.create("robot")
-    lease = Lease(driver.address)
-    lease.take()
-    inner = driver.link(robot, experiment.create("gripper_driver"))
-    link = GuardedLink(inner, robot, experiment.section("hardware").safety)
-    try:
-        link.open()
-        with handling(lambda *_: link.stop()):
-            yield link
-    finally:
-        link.close()
-        lease.give_back()
-
-
 def _move(link: Link, goal: Callable[[], np.ndarray]) -> None:
     from memo_core.arm.slow_motion import move_joints
 
     move_joints(link, goal())
     shown = ", ".join(f"{angle:.3f}" for angle in np.round(link.joint_positions(), 3) + 0.0)
     print(f"at rest; joints {shown} rad")
-
-
-def _confirmed(what: str, yes: bool) -> None:
-    """Raises ``InvalidArgument`` unless somebody says yes."""
-    note(f"{what} A hand on the emergency stop, nobody within reach.")
-    if yes:
-        return
-    typed = typer.prompt("Go on? [y/n]", default="n", show_default=False, err=True)
-    if typed.strip().lower() not in ("y", "yes"):
-        raise InvalidArgument("the answer", "not yes: nothing was done", "y")

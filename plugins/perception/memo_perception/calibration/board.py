@@ -12,13 +12,18 @@ import numpy as np
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
-DICTIONARIES = {
-    name[5:].lower(): getattr(cv2.aruco, name)
-    for name in (
-        "DICT_4X4_50 DICT_4X4_100 DICT_5X5_50 DICT_5X5_100 DICT_6X6_50 DICT_6X6_250 "
-        "DICT_APRILTAG_16h5 DICT_APRILTAG_25h9 DICT_APRILTAG_36h11"
-    ).split()
-}
+_NAMES = [
+    "4X4_50",
+    "4X4_100",
+    "5X5_50",
+    "5X5_100",
+    "6X6_50",
+    "6X6_250",
+    "APRILTAG_16h5",
+    "APRILTAG_25h9",
+    "APRILTAG_36h11",
+]
+DICTIONARIES = {name.lower(): int(getattr(cv2.aruco, f"DICT_{name}")) for name in _NAMES}
 LEAST_CORNERS = 8  # of a board in a picture, for its pose to be trusted
 
 
@@ -33,7 +38,7 @@ class Lens:
         """Pixels (..., 2) of points (..., 3) in the camera's frame."""
         flat = np.asarray(points, dtype=float).reshape(-1, 3)
         pixels, _ = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
-        return pixels.reshape(*points.shape[:-1], 2)
+        return np.asarray(pixels, dtype=float).reshape(*points.shape[:-1], 2)
 
 
 @attrs.frozen(eq=False)
@@ -104,7 +109,7 @@ class Board:
             turn, shift = cv2.solvePnPRefineLM(
                 points, sighting.pixels, lens.matrix, lens.distortion, turns[i].copy(), shifts[i].copy()
             )
-            found = Pose(tuple(shift.ravel()), quaternion_from_rotation(cv2.Rodrigues(turn)[0]))
+            found = pose_of(turn, shift)
             rank = float(np.ravel(errors[i])[0]) if near is None else found.distance(near)[1]
             if best is None or rank < best[0]:
                 best = (rank, found)
@@ -116,6 +121,12 @@ class Board:
         """Root mean square distance (px) of the corners from where this pose puts them."""
         expected = lens.project(pose.apply(self.points[sighting.corners]))
         return float(np.sqrt(((expected - sighting.pixels) ** 2).sum(axis=1).mean()))
+
+
+def pose_of(turn: np.ndarray, shift: np.ndarray) -> Pose:
+    """From OpenCV's rotation vector and translation."""
+    rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=float)
+    return Pose(tuple(np.ravel(shift)), quaternion_from_rotation(rotation))
 
 
 def _on_a_line(points: Array) -> bool:

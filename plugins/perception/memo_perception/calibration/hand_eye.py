@@ -1,16 +1,17 @@
 """Hand-eye calibration: where a camera is, from pictures of a board at known poses of the arm.
 
-A camera fixed in the world sees a board in the hand, or a camera on the hand sees a board that lies still. With the tool's
-pose T_i in the base frame, X the camera's pose (in the base frame, or in the tool's) and Y the board's (in the tool's
-frame, or in the base frame), a point p of the board is at X^-1 A_i Y p in the camera's frame, where A_i is T_i or its
-inverse. X and Y are found together by minimising the distance of all corners in all pictures from where they are seen
-(least squares with a soft L1 loss), starting from the closed form of Park and Martin (1994), which alone is several
-times less accurate.
+A camera fixed in the world sees a board in the hand, or a camera on the hand sees a board that lies still. With the
+tool's pose T_i in the base frame, X the camera's pose (in the base frame, or in the tool's) and Y the board's (in the
+tool's frame, or in the base frame), a point p of the board is at X^-1 A_i Y p in the camera's frame, where A_i is T_i
+or its inverse. X and Y are found together by minimising the distance of all corners in all pictures from where they are
+seen (least squares with a soft L1 loss), starting from the closed form of Park and Martin (1994), which alone is
+several times less accurate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Literal
 
 import attrs
@@ -18,6 +19,7 @@ import cv2
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 from memo_core.errors import MemoError
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
@@ -25,6 +27,7 @@ from memo_perception.calibration.board import Board, Lens, Sighting
 
 Mount = Literal["world", "hand"]
 Moving = Literal["camera", "board"]
+Movement = tuple[Moving, Array]
 
 LEAST_SHOTS = 10
 LARGEST_ERROR = 0.005  # m, held out
@@ -44,7 +47,7 @@ _METHODS = (cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_HORAUD, cv2.CALIB_HAND_E
 @attrs.define(auto_exc=True, eq=False)
 class BadCalibration(MemoError):
     """Pictures from which no trustworthy calibration follows: the reason, and what to do about it. ``cause`` is one of
-    ``few-poses``, ``alike-poses``, ``not-flat``, ``wrong-size``, ``camera-moved``, ``board-moved`` and ``inaccurate``."""
+    ``few-poses``, ``alike-poses``, ``not-flat``, ``wrong-size``, ``camera-moved``, ``board-moved``, ``inaccurate``."""
 
     cause: str
     problem: str
@@ -80,6 +83,11 @@ class HandEye:
 
 def calibrate(shots: Sequence[Shot], board: Board, lens: Lens, mount: Mount) -> HandEye:
     """Find where the camera is. ``shots`` in the order in which they were taken. Raises ``BadCalibration``."""
+    with threadpool_limits(1):  # for small matrices several threads mostly wait for each other
+        return _calibrate(shots, board, lens, mount)
+
+
+def _calibrate(shots: Sequence[Shot], board: Board, lens: Lens, mount: Mount) -> HandEye:
     if len(shots) < LEAST_SHOTS:
         given = f"{len(shots)} pictures show the board, at least {LEAST_SHOTS} are needed"
         raise BadCalibration("few-poses", given, "more poses of the arm; 25 are good")
@@ -142,7 +150,7 @@ class _Fit:
         )
         if not (np.isfinite(turn).all() and np.isfinite(shift).all()):
             return np.full(12, np.nan)
-        camera = Pose(tuple(shift.ravel()), quaternion_from_rotation(turn))
+        camera = Pose(tuple(np.ravel(shift)), quaternion_from_rotation(np.asarray(turn, dtype=float)))
         boards = [arm * camera * pose for arm, pose in zip(back, seen, strict=True)]
         middle = np.median([board.position for board in boards], axis=0)
         board = min(boards, key=lambda one: float(np.linalg.norm(np.asarray(one.position) - middle)))
@@ -153,17 +161,18 @@ class _Fit:
             return np.inf
         return float(np.median(np.abs(self.residuals(parameters))))
 
-    def residuals(self, x: Array, scale: float = 1.0, camera: Array | None = None, board: Array | None = None) -> Array:
-        """Pixels by which each corner is off, flat. ``camera`` and ``board`` (shots, 6): how either has moved from
-        where it is in X and Y, in its own frame."""
+    def residuals(self, x: Array, scale: float = 1.0, moved: Movement | None = None) -> Array:
+        """Pixels by which each corner is off, flat. ``moved``: how the camera or the board has moved in each shot
+        (shots, 6) from where it is in X or Y, in its own frame."""
+        what, by = moved or ("", np.zeros(0))
         points = self._points * scale
-        if board is not None:
-            points = _moved(points, board, self._shot)
+        if what == "board":
+            points = _moved(points, by, self._shot)
         points = points @ _turn(x[6:9]).T + x[9:12]
         points = np.einsum("nij,nj->ni", self._turns[self._shot], points) + self._shifts[self._shot]
         points = points @ _turn(x[:3]).T + x[3:6]
-        if camera is not None:
-            points = _moved(points, camera, self._shot)
+        if what == "camera":
+            points = _moved(points, by, self._shot)
         points[:, 2] = np.maximum(points[:, 2], 1e-3)  # behind the camera there is no picture: a large error instead
         return (self.lens.project(points) - self._pixels).ravel()
 
@@ -173,14 +182,14 @@ class _Fit:
     def solve_scale(self, start: Array) -> OptimizeResult:
         return _least_squares(lambda x: self.residuals(x, 1.0 + x[12]), np.append(start[:12], 0.0))
 
-    def moved_by(self, x: Array, what: Moving, first: int) -> dict[str, Array]:
-        """The movement in the parameters ``x`` from shot number ``first`` on, as ``residuals`` takes it."""
-        return {what: (np.arange(len(self.shots)) >= first)[:, None] * x[None, 12:18]}
+    def movement(self, what: Moving, by: Array, first: int = 0) -> Movement:
+        """``what`` moved by ``by`` (6,) before shot number ``first``, as ``residuals`` takes it."""
+        return what, (np.arange(len(self.shots)) >= first)[:, None] * by[None]
 
     def solve_moved(self, start: Array, what: Moving, first: int) -> OptimizeResult:
         """``what`` is somewhere else from shot number ``first`` on."""
         return _least_squares(
-            lambda x: self.residuals(x, **self.moved_by(x, what, first)), np.append(start[:12], np.zeros(6))
+            lambda x: self.residuals(x, moved=self.movement(what, x[12:], first)), np.append(start[:12], np.zeros(6))
         )
 
     def likeliest_movement(self, x: Array) -> tuple[Moving, int]:
@@ -190,7 +199,7 @@ class _Fit:
         found: list[tuple[float, Moving, int]] = []
         kinds: tuple[Moving, ...] = ("camera", "board")
         for what in kinds:
-            moving = _jacobian(lambda by, w=what: self.residuals(x, **self.moved_by(np.append(x, by), w, 0)), np.zeros(6))
+            moving = _jacobian(partial(self._off_when_moved, x, what), np.zeros(6))
             for first in range(_FEWEST_AFTER, len(self.shots) - _FEWEST_AFTER + 1):
                 after = np.repeat(self._shot >= first, 2)[:, None]
                 columns = np.hstack([fixed, moving * after])
@@ -199,14 +208,16 @@ class _Fit:
         _, what, first = min(found)
         return what, first
 
+    def _off_when_moved(self, x: Array, what: Moving, by: Array) -> Array:
+        return self.residuals(x, moved=self.movement(what, by))
+
     def of(self, numbers: Sequence[int]) -> _Fit:
         """The same problem with some of the shots."""
         return _Fit([self.shots[number] for number in numbers], self.board, self.lens, self.mount)
 
     def camera_off(self, x: Array) -> float:
         """Angle (rad) by which these shots alone would turn the camera."""
-        everywhere = np.ones((len(self.shots), 1))
-        turned = _least_squares(lambda by: self.residuals(x, camera=everywhere * by[None]), np.zeros(6))
+        turned = _least_squares(partial(self._off_when_moved, x, "camera"), np.zeros(6))
         return float(np.linalg.norm(turned.x[:3]))
 
     def by_shot(self, x: Array) -> Array:
@@ -246,8 +257,9 @@ def _check_still(fit: _Fit, solution: OptimizeResult) -> None:
     whole = float((fit.residuals(solution.x) ** 2).sum())
     what, first = fit.likeliest_movement(solution.x)
     moved = fit.solve_moved(solution.x, what, first)
-    left = float((fit.residuals(moved.x[:12], **fit.moved_by(moved.x, what, first)) ** 2).sum())
-    far, turned = float(np.linalg.norm(moved.x[15:])), float(np.linalg.norm(moved.x[12:15]))
+    by = moved.x[12:]
+    left = float((fit.residuals(moved.x, moved=fit.movement(what, by, first)) ** 2).sum())
+    far, turned = float(np.linalg.norm(by[3:])), float(np.linalg.norm(by[:3]))
     if left < (1 - _EXPLAINED) * whole and (far > _MOVED[0] or turned > _MOVED[1]):
         told = f"the {what} moved before {fit.shots[first].name}, by about {_amount(far, turned)}"
         raise BadCalibration(f"{what}-moved", told, f"fix the {what} and take the pictures again")

@@ -11,12 +11,12 @@ from scipy.stats import qmc
 from memo_core.arm.collision import Checker, Held, RobotShape, obstacles_of
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.rrt_connect import densified
-from memo_core.scene.graph import SceneGraph
+from memo_core.scene.graph import Observation, SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 TURN = (0.45, 0.45, 0.6)  # rad to either side about the axes of what the hand turns about
 SHIFT = 0.08  # m to either side along each axis
-_CANDIDATES = 400
+_CANDIDATES = 8  # as a power of 2
 _FARTHEST = 1.3  # rad of any joint from where it stood at the start
 _SEEDS = 12
 
@@ -40,7 +40,7 @@ class PoseProposals:
         self._kinematics = kinematics
         self._start = np.asarray(start, dtype=float)
         self._pivot = Pose(pivot)
-        table = obstacles_of(SceneGraph((), (), table_height=table_height))
+        table = obstacles_of(SceneGraph((), (), Observation(Pose(), width, False), table_height))
         shape = RobotShape(kinematics.description, kinematics)
         self._checker: Checker = shape.checker(table, width, board)
         self._checker.leave(self._start)
@@ -50,7 +50,7 @@ class PoseProposals:
         yield self._start
         here = self._start
         tool = self._kinematics.pose(self._start)
-        for numbers in qmc.Sobol(6, seed=0).random(_CANDIDATES):
+        for numbers in qmc.Sobol(6, seed=0).random_base2(_CANDIDATES):
             centred = 2 * numbers - 1
             goal = self._turned(tool, centred[:3] * TURN, centred[3:] * SHIFT)
             found = self._solved(goal)

@@ -1,7 +1,7 @@
 """ArUco and AprilTag markers: finding them in a picture and their poses.
 
-A tag's frame has its origin in the tag's middle, x to the right and y up as printed, z out of it. Corners are refined as
-AprilTag does it: with subpixel corners a 50 mm tag at 0.9 m seems 12 mm too far away.
+A tag's frame has its origin in the tag's middle, x to the right and y up as printed, z out of it. Corners are refined
+as AprilTag does it: with subpixel corners a 50 mm tag at 0.9 m seems 12 mm too far away.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
-from memo_perception.calibration.board import DICTIONARIES, Lens
+from memo_core.scene.pose import Array, Pose
+from memo_perception.calibration.board import DICTIONARIES, Lens, pose_of
 
 _FLIP = 2.0  # times that the second of a square's two poses must fit worse, for the first to be trusted
 
@@ -45,7 +45,7 @@ def find_tags(picture: np.ndarray, dictionary: str, size: float, lens: Lens) -> 
             continue
         off = [float(np.ravel(error)[0]) for error in errors]
         best = int(np.argmin(off))
-        pose = Pose(tuple(shifts[best].ravel()), quaternion_from_rotation(cv2.Rodrigues(turns[best])[0]))
+        pose = pose_of(turns[best], shifts[best])
         yield Tag(number, corners, pose, count < 2 or max(off) > _FLIP * max(min(off), 1e-6))
 
 

@@ -1,0 +1,48 @@
+"""The connection to a real robot that commands outside of a run use, and the question they ask before it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import typer
+
+from memo_core.cli.output import note
+from memo_core.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from memo_core.config import Experiment
+    from memo_core.interfaces.link import Link
+
+
+@contextmanager
+def connected(experiment: Experiment) -> Iterator[Link]:
+    """The robot within the limits of ``hardware.safety``; a first signal stops it."""
+    from memo_core.arm.guarded_link import GuardedLink
+    from memo_core.cli.signal_handling import handling
+    from memo_core.environment.lease import Lease
+
+    driver = experiment.create("robot_driver")
+    robot = experiment.create("robot")
+    lease = Lease(driver.address)
+    lease.take()
+    inner = driver.link(robot, experiment.create("gripper_driver"))
+    link = GuardedLink(inner, robot, experiment.section("hardware").safety)
+    try:
+        link.open()
+        with handling(lambda *_: link.stop()):
+            yield link
+    finally:
+        link.close()
+        lease.give_back()
+
+
+def confirmed(what: str, yes: bool) -> None:
+    """Raises ``InvalidArgument`` unless somebody says yes."""
+    note(f"{what} A hand on the emergency stop, nobody within reach.")
+    if yes:
+        return
+    typed = typer.prompt("Go on? [y/n]", default="n", show_default=False, err=True)
+    if typed.strip().lower() not in ("y", "yes"):
+        raise InvalidArgument("the answer", "not yes: nothing was done", "y")
