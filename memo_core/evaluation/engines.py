@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import nullcontext
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.plugins import Registry
 from memo_core.stop_switch import StopSwitch
+from memo_core.study.participants import Load
 from memo_core.study.study import loader, shared_settings
 
 MOST_DEATHS = 5  # of workers, before an evaluation gives up
@@ -55,8 +57,7 @@ def do_here(group: Group, stop: StopSwitch | None = None) -> Problem | None:
 
     def work() -> None:
         try:
-            registry = Registry()
-            load = loader(registry, group.config, ALL_SECTIONS, shared_settings(group.folder / "evaluation"))
+            registry, load = _loaded(group.folder, group.config, group.config.stat().st_mtime_ns)
             do_group(load, registry, Place(group.folder), group.trials)
         except Stopped as stopped:
             problems.append(Problem(stopped.where, stopped=True))
@@ -72,6 +73,13 @@ def do_here(group: Group, stop: StopSwitch | None = None) -> Problem | None:
     if stop is None or not stop.pressed:
         thread.join()
     return problems[0] if problems else None
+
+
+@lru_cache(maxsize=1)
+def _loaded(folder: Path, config: Path, changed: int) -> tuple[Registry, Load]:
+    """What all groups of an evaluation share. ``changed``: when the configuration was written."""
+    registry = Registry()
+    return registry, loader(registry, config, ALL_SECTIONS, shared_settings(folder / "evaluation"))
 
 
 def on_joblib(

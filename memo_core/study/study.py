@@ -9,6 +9,7 @@ history-0/journal.jsonl skillbook.db runs/0001-TASK/…
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,14 @@ from memo_core.study.settings import StudySettings
 
 CONFIG = "config.yaml"
 LEDGER = "experiment.ledger"  # in the experiment's folder
+_KEPT = 64  # experiments
 
 
 def loader(registry: Registry, file: Path | None, sections: dict[str, type], overrides: Sequence[str] = ()) -> Load:
-    """How runs of a study or an evaluation get their experiment: the file's, with some values changed."""
+    """How runs of a study or an evaluation get their experiment: the file's, with some values changed. The file is read
+    anew only for values that were not asked for lately: many trials share theirs."""
 
+    @lru_cache(maxsize=_KEPT)
     def load(*further: str, task: str | None = None, seed: int | None = None) -> Experiment:
         return load_experiment(registry, file, [*overrides, *further], sections, task, seed)
 

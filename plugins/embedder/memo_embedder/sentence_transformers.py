@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,37 @@ from memo_embedder.settings import SentenceTransformersSettings
 log = logging.getLogger(__name__)
 
 _EXPORT_TIMEOUT_S = 600.0
+
+
+# Kept beyond close(), as are the vectors of recent texts: an evaluation opens hundreds of books that say much the same.
+_KEPT_TEXTS = 4096  # 6 MB
+
+
+@lru_cache(maxsize=1)
+def _onnx_vector(path: Path, changed: int, model: Path, max_tokens: int, threads: int) -> Callable[[str], np.ndarray]:
+    """The exported model at ``path`` as a function. ``changed``: when the file was written, so that another is read."""
+    try:
+        import onnxruntime
+        from tokenizers import Tokenizer
+    except ImportError as error:
+        raise _unavailable(f"{error.name} is not installed", f"pip install {error.name}") from error
+    onnxruntime.disable_telemetry_events()  # what a lab runs is nobody else's business
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    tokenizer = Tokenizer.from_file(str(model / "tokenizer.json"))
+    tokenizer.no_padding()
+    tokenizer.enable_truncation(max_tokens)
+
+    @lru_cache(maxsize=_KEPT_TEXTS)
+    def vector(text: str) -> np.ndarray:
+        ids = np.array([tokenizer.encode(text).ids], dtype=np.int64)
+        found: np.ndarray = session.run(None, {"input_ids": ids, "attention_mask": np.ones_like(ids)})[0][0]
+        return found
+
+    return vector
 
 
 class SentenceTransformersEmbedder(Embedder):
@@ -87,26 +119,9 @@ class SentenceTransformersEmbedder(Embedder):
             return self._with_torch(folder)
 
     def _session(self, folder: ModelFolder, path: Path) -> Callable[[str], np.ndarray]:
-        try:
-            import onnxruntime
-            from tokenizers import Tokenizer
-        except ImportError as error:
-            raise _unavailable(f"{error.name} is not installed", f"pip install {error.name}") from error
-        onnxruntime.disable_telemetry_events()  # what a lab runs is nobody else's business
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = self._settings.threads
-        options.inter_op_num_threads = 1
-        options.log_severity_level = 3
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        tokenizer = Tokenizer.from_file(str(folder.path / "tokenizer.json"))
-        tokenizer.no_padding()
-        tokenizer.enable_truncation(folder.max_tokens)
+        state = path.stat()
+        vector = _onnx_vector(path, state.st_mtime_ns, folder.path, folder.max_tokens, self._settings.threads)
         self.runtime = "onnxruntime"
-
-        def vector(text: str) -> np.ndarray:
-            ids = np.array([tokenizer.encode(text).ids], dtype=np.int64)
-            return session.run(None, {"input_ids": ids, "attention_mask": np.ones_like(ids)})[0][0]
-
         return vector
 
     def _with_torch(self, folder: ModelFolder) -> Callable[[str], np.ndarray]:
