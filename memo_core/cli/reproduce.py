@@ -58,8 +58,9 @@ def command(
     try:
         with _timed(took, "study"):
             load = open_study(registry, file, ALL_SECTIONS, given, study)
+            at_once = jobs or load().section("evaluation").jobs
             with working_in(folder):
-                run_study(load, registry, study, jobs or load().section("evaluation").jobs, report=note)
+                run_study(load, registry, study, at_once, report=note, stopping=stopping)
         evaluating = loader(registry, file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
         with _timed(took, "evaluation"):
             summary = run_evaluation(evaluating, folder).summary()

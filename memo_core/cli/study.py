@@ -9,7 +9,7 @@ import typer
 
 from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, print_table
-from memo_core.cli.signal_handling import INTERRUPTED
+from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, Stopped
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
 
     try:
         with working_in(folder.parent):
-            run_study(load, registry, folder, jobs, sessions, AtTerminal(), note)
+            run_study(load, registry, folder, jobs, sessions, AtTerminal(), note, stopping)
     except Stopped as stopped:
         note(f"memo: {stopped}; to continue: memo study resume {folder.parent}")
         raise typer.Exit(INTERRUPTED) from None

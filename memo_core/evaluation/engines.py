@@ -6,12 +6,8 @@ again, and what is over is passed over."""
 
 from __future__ import annotations
 
-import os
-import signal
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
@@ -24,13 +20,10 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.plugins import Registry
+from memo_core.runs.worker_processes import MOST_DEATHS, POLL_S, WorkersDied, in_processes
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.participants import Load
 from memo_core.study.study import loader, shared_settings
-
-MOST_DEATHS = 5  # of workers, before an evaluation gives up
-POLL_S = 0.2
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of each worker's numerical libraries
 
 
 @attrs.frozen
@@ -85,49 +78,8 @@ def _loaded(folder: Path, config: Path, changed: int) -> tuple[Registry, Load]:
 def on_joblib(
     groups: Sequence[Group], jobs: int, stop: StopSwitch, on_death: Callable[[str], None]
 ) -> Iterator[Problem | None]:
-    """What became of each group, as they end, in processes that loky (joblib's) keeps. On a stop they are killed.
-    Raises ``MemoError`` when workers die again and again."""
-    from joblib import cpu_count
-    from joblib.externals.loky import get_reusable_executor
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    threads = {name: str(max(cpu_count() // jobs, 1)) for name in _THREADS}
-    waiting, deaths = list(groups), 0
-    while waiting:
-        pool = get_reusable_executor(max_workers=jobs, env=threads, initializer=_begin_worker, initargs=(os.getpid(),))
-        under_way = {pool.submit(_in_worker, group): group for group in waiting}
-        try:
-            while under_way:
-                for future in wait(under_way, POLL_S, FIRST_COMPLETED).done:
-                    problem = future.result()
-                    del under_way[future]
-                    yield problem
-                if stop.pressed:
-                    pool.shutdown(kill_workers=True)
-                    return
-        except TerminatedWorkerError as error:
-            deaths += 1
-            if deaths >= MOST_DEATHS:
-                raise WorkersDied(deaths, " ".join(str(error).split())[:200]) from None
-            on_death("a worker process died; its trials are done again")
-        waiting = list(under_way.values())
-
-
-def _in_worker(group: Group) -> Problem | None:
-    return do_here(group)
-
-
-def _begin_worker(parent: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), name="memo-parent", daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    """End this process once its parent was killed: the same command may be given again meanwhile, and two processes
-    may not work at one trial."""
-    while os.getppid() == parent:
-        time.sleep(POLL_S)
-    os._exit(1)
+    """What became of each group, as they end, in processes of this machine. Raises ``WorkersDied``."""
+    return in_processes(do_here, groups, jobs, stop, on_death)
 
 
 def on_ray(groups: Sequence[Group], address: str | None, stop: StopSwitch) -> Iterator[Problem | None]:
@@ -154,14 +106,3 @@ def on_ray(groups: Sequence[Group], address: str | None, stop: StopSwitch) -> It
     finally:
         if began:
             ray.shutdown()
-
-
-@attrs.define(auto_exc=True, eq=False)
-class WorkersDied(MemoError):
-    """Workers of an evaluation died again and again; what is over is kept."""
-
-    times: int
-    problem: str
-
-    def __str__(self) -> str:
-        return f"workers died {self.times} times ({self.problem}); with less at once (--jobs) the same command goes on"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import signal
+import functools
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import attrs
@@ -12,12 +13,16 @@ import attrs
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.plugins import Registry
 from memo_core.runs.sections import SECTIONS
+from memo_core.runs.worker_processes import in_processes
+from memo_core.stop_switch import StopSwitch
 from memo_core.study.consent import Reception
 from memo_core.study.history import Teaching, teach
 from memo_core.study.participants import Load
 from memo_core.study.people import People
 from memo_core.study.settings import StudySettings
 from memo_core.study.study import CONFIG, check, histories_of, loader, shared_settings
+
+Stopping = Callable[[], AbstractContextManager[StopSwitch]]
 
 
 @attrs.frozen
@@ -35,16 +40,19 @@ def run_study(
     sessions: int | None = None,
     reception: Reception | None = None,
     report: Callable[[str], None] = lambda line: None,
+    stopping: Stopping = lambda: nullcontext(StopSwitch()),
 ) -> None:
     """Go on until every history is over, or until ``sessions`` more have ended in each. ``jobs``: histories at once,
-    each in a process of its own. Raises ``Stopped`` when a person ends it, ``MemoError``."""
+    each in a process of its own; ``stopping`` gives the switch that ends them (a run in this process listens to Ctrl-C
+    by itself). Raises ``Stopped`` when a person ends it, ``MemoError``."""
     experiment = load()
     consent = check(load, experiment)
     histories = histories_of(experiment, folder)
     if jobs > 1 and reception is not None and not _all_simulated(load):
         raise InvalidArgument("--jobs", "several at once, and real people take part", "1")
     if jobs > 1 and len(histories) > 1:
-        _in_processes(folder, len(histories), jobs, sessions, report)
+        with stopping() as stop:
+            _at_once(folder, len(histories), jobs, sessions, report, stop)
         return
     teaching = Teaching(load, registry, consent, People(folder), reception, report, sessions=sessions)
     for history in histories:
@@ -58,20 +66,20 @@ def _all_simulated(load: Load) -> bool:
     return all(teacher_of(load, one, None, 0, False).simulated for one in participants_of(settings))
 
 
-def _in_processes(folder: Path, histories: int, jobs: int, sessions: int | None, report: Callable[[str], None]) -> None:
-    from joblib import Parallel, delayed
-
-    work = (delayed(_one_history)(folder, number, sessions) for number in range(histories))
-    for number, lines in Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)(work):
+def _at_once(
+    folder: Path, histories: int, jobs: int, sessions: int | None, report: Callable[[str], None], stop: StopSwitch
+) -> None:
+    do = functools.partial(_one_history, folder, sessions)
+    for number, lines in in_processes(do, range(histories), jobs, stop, report):
         if isinstance(lines, Failed):
             raise InvalidArgument(str(folder / f"history-{number}"), lines.problem)
         for line in lines:
             report(line)
+    stop.check("teaching")
 
 
-def _one_history(folder: Path, number: int, sessions: int | None) -> tuple[int, list[str] | Failed]:
-    """In a process of its own: go on with one history. Ctrl-C is the parent's, which ends this process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _one_history(folder: Path, sessions: int | None, number: int) -> tuple[int, list[str] | Failed]:
+    """In a process of its own: go on with one history."""
     lines: list[str] = []
     failed: list[Failed] = []
 
