@@ -14,6 +14,7 @@ import attrs
 import numpy as np
 
 from memo_core.arm.collision import RobotShape
+from memo_core.arm.finger_zero import NEARLY_SHUT, counted_from_shut, finger_slides, fixed_to
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
@@ -33,7 +34,6 @@ _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _SLIDE_SPEED, _SLIDE_EFFORT = 0.25, 500.0  # m/s, N
 _STIFFEST = 4500.0  # Nm/rad
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
-_NEARLY_SHUT = 5e-4  # m that a slide may be off 0 when shut
 _RADII, _HEIGHTS = (0.5, 0.42, 0.6, 0.35, 0.7), (0.45, 0.35, 0.55, 0.25, 0.65)  # shares of the reach, of home's tool
 
 
@@ -88,6 +88,7 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
         read.append(f"moving links without mass, each needs an <inertial>: {', '.join(light)}")
     joints = tuple(_joint(joint, guesses) for joint in chain)
     label = name or urdf.name
+    text, urdf, fingers = _with_fingers_shut_at_zero(text, mesh_folder, urdf, joints, fingers, guesses)
     gripper = _first_gripper(urdf, fingers)
     tool_link = _carrier(urdf, fingers[0])
     bare = RobotDescription(
@@ -229,6 +230,30 @@ def _finger_pairs(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> tuple[tuple[str, 
     return tuple((one, other) for number, one in enumerate(links) for other in links[number + 1 :])
 
 
+def _with_fingers_shut_at_zero(
+    text: str,
+    mesh_folder: str | None,
+    urdf: Urdf,
+    joints: tuple[JointDescription, ...],
+    fingers: list[UrdfJoint],
+    guesses: list[Guess],
+) -> tuple[str, Urdf, list[UrdfJoint]]:
+    """The URDF, with finger slides that are not shut at 0, or that close with growing positions, turned about."""
+    no_fingers = GripperDescription(finger_joints=())
+    arm = RobotDescription(urdf.name, text, joints, no_fingers, _carrier(urdf, fingers[0]), mesh_folder=mesh_folder)
+    arm = attrs.evolve(arm, home=tuple((joint.lower + joint.upper) / 2 for joint in joints))
+    slides = finger_slides(urdf, fingers, RobotShape(arm, Kinematics(arm)).corners())
+    if all(one.counted_from_shut for one in slides if one.joint.mimic is None):
+        return text, urdf, fingers
+    text = counted_from_shut(text, slides)
+    urdf = read_urdf(text, mesh_folder)
+    for one in slides:
+        value = f"shut at 0, open at {abs(one.open - one.shut):g} m"
+        why = f"by its pads' shapes the URDF's {one.shut:g} m is shut, its {one.open:g} m open: turned about"
+        guesses.append(Guess(f"{one.joint.name}.origin and axis", value, why))
+    return text, urdf, [urdf.joint(joint.name) for joint in fingers]
+
+
 def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> GripperDescription:
     """Its joints and pads; measures follow from the shapes."""
     names = tuple(joint.name for joint in fingers)
@@ -312,7 +337,7 @@ def _check_zero_is_shut(urdf: Urdf, gripper: GripperDescription, linkage: Finger
     """Raise ``InvalidArgument`` for slides that do not begin at 0: their positions add up to the opening."""
     for name in gripper.finger_joints if linkage.slides else ():
         joint = urdf.joint(name)
-        if joint.mimic is None and abs(joint.lower) > _NEARLY_SHUT:
+        if joint.mimic is None and abs(joint.lower) > NEARLY_SHUT:
             problem = f"its limits are {joint.lower:g} to {joint.upper:g} m"
             right = f"a finger that is shut at 0 and opens with growing positions, 0 to {joint.upper - joint.lower:g} m"
             raise InvalidArgument(f"URDF joint {name!r}", problem, right)
@@ -336,20 +361,13 @@ def _across(urdf: Urdf, poses: Sequence[Pose], pads: Sequence[str], shapes: dict
     middles = []
     for pose, pad in ((poses[0], pads[0]), (poses[-1], pads[-1])):
         rest = link_poses(urdf, {})
-        solid = [(rest[pad].inverse() * rest[link]).apply(shapes[link]) for link in _fixed_to(urdf, pad) & set(shapes)]
+        solid = [
+            (rest[pad].inverse() * rest[link]).apply(shapes[link]) for link in fixed_to(urdf, pad) if link in shapes
+        ]
         if not solid:
             return 0.0
         middles.append(float(pose.apply(np.concatenate(solid)).mean(axis=0) @ y))
     return middles[0] - middles[1]
-
-
-def _fixed_to(urdf: Urdf, link: str) -> set[str]:
-    """The link and those below it over fixed joints."""
-    links = {link}
-    for joint in urdf.joints:
-        if joint.kind == "fixed" and joint.parent in links:
-            links.add(joint.child)
-    return links
 
 
 def _pads_in(urdf: Urdf, hand: str, pads: Sequence[str], positions: dict[str, float]) -> list[Pose]:

@@ -12,7 +12,9 @@ from memo_franka.description import panda
 from memo_core.arm.description_from_urdf import Described, describe_urdf
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
+from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
+from memo_core.robot.urdf import link_poses, read_urdf
 from memo_core.testing.robot import RULES
 from memo_core.testing.simulator_scenes import check_robot
 from tests.arms import on_a_rail, six_joint_arm
@@ -130,29 +132,81 @@ def test_a_hand_on_slides_is_described_where_zero_is_shut():
     assert describe_urdf(_slides("0 1 0", 'lower="0" upper="0.04"', 0.0)).robot.gripper.stroke == pytest.approx(0.08)
 
 
-@pytest.mark.parametrize(
-    ("axis", "limits", "y", "what"),
-    [
-        ("0 1 0", 'lower="-0.04" upper="0"', 0.04, "its limits are -0.04 to 0 m"),
-        ("0 -1 0", 'lower="0" upper="0.04"', 0.04, "its pads are nearer to each other at 0.04 than at 0 m"),
-    ],
-    ids=["open at zero", "growing positions close"],
-)
-def test_slides_that_are_open_at_zero_are_refused_by_the_joint_and_what_is_right(axis, limits, y, what):
-    with pytest.raises(InvalidArgument, match="hand_finger_joint1.*" + what + ".*shut at 0") as raised:
-        describe_urdf(_slides(axis, limits, y))
-    assert "\n" not in str(raised.value)
+OPEN_AT_ZERO = {
+    "open at zero": _slides("0 1 0", 'lower="-0.04" upper="0"', 0.04),
+    "growing positions close": _slides("0 -1 0", 'lower="0" upper="0.04"', 0.04),
+}
 
 
-def test_slides_whose_pads_are_fixed_to_them_are_refused_too():
+def _pads_on_fixed_links() -> str:
     urdf = _slides("0 -1 0", 'lower="0" upper="0.04"', 0.04)
     for number in (1, 2):
         joint = f'<joint name="tip{number}" type="fixed"><parent link="slide{number}"/>'
         joint += f'<child link="hand_finger{number}"/></joint><link name="slide{number}"/>'
         urdf = urdf.replace(f'<child link="hand_finger{number}"/>', f'<child link="slide{number}"/>')
         urdf = urdf.replace("</robot>", joint + "</robot>")
-    with pytest.raises(InvalidArgument, match=r"hand_finger_joint1.*nearer to each other"):
+    return urdf
+
+
+def _mirrored() -> str:
+    """The second finger's axis and limits the other way round."""
+    head, joint, tail = _slides("0 1 0", 'lower="0" upper="0.04"', 0.0).partition('<joint name="hand_finger_joint2"')
+    tail = tail.replace('"0 1 0"', '"0 -1 0"', 1).replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"', 1)
+    return head + joint + tail
+
+
+OPEN_AT_ZERO["mirrored without a mimic"] = _mirrored()
+OPEN_AT_ZERO["open at zero, the second follows"] = OPEN_AT_ZERO["open at zero"].replace(
+    '<joint name="hand_finger_joint2" type="prismatic">',
+    '<joint name="hand_finger_joint2" type="prismatic"><mimic joint="hand_finger_joint1"/>',
+)
+
+
+# Both fingers shut, both open, by the URDF.
+ENDS = {
+    "open at zero": ((-0.04, -0.04), (0.0, 0.0)),
+    "growing positions close": ((0.04, 0.04), (0.0, 0.0)),
+    "mirrored without a mimic": ((0.0, 0.0), (0.04, -0.04)),
+    "open at zero, the second follows": ((-0.04, -0.04), (0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", OPEN_AT_ZERO)
+def test_slides_that_are_not_shut_at_zero_are_turned_about_and_it_is_told(name):
+    usual = describe_urdf(_slides("0 1 0", 'lower="0" upper="0.04"', 0.0)).robot
+    described = describe_urdf(OPEN_AT_ZERO[name])
+    robot = described.robot
+    assert robot.gripper.stroke == pytest.approx(0.08)
+    assert np.allclose(robot.tool_offset.matrix, usual.tool_offset.matrix, atol=1e-6)
+    assert any("hand_finger_joint2" in guess.what and "is shut" in guess.why for guess in described.guessed)
+    for rule in RULES.values():
+        rule(lambda: robot)
+    ends = (FingerLinkage(read_urdf(robot.urdf), robot.gripper).positions(opening) for opening in (0.0, 0.08))
+    assert [end.tolist() for end in ends] == [pytest.approx([0.0, 0.0]), pytest.approx([0.04, 0.04])]
+    before, after = read_urdf(OPEN_AT_ZERO[name]), read_urdf(robot.urdf)
+    for old, new in zip(ENDS[name], ((0.0, 0.0), (0.04, 0.04)), strict=True):  # nothing is anywhere else than before
+        fingers = robot.gripper.finger_joints
+        were, are = (link_poses(u, dict(zip(fingers, at, strict=True))) for u, at in ((before, old), (after, new)))
+        for pad in robot.gripper.pads:
+            assert were[pad].distance(are[pad]) == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_slides_whose_pads_are_fixed_to_them_are_turned_about_too():
+    described = describe_urdf(_pads_on_fixed_links())
+    assert described.robot.gripper.stroke == pytest.approx(0.08)
+    assert any("hand_finger_joint1" in guess.what for guess in described.guessed)
+
+
+def test_slides_without_shapes_that_are_not_shut_at_zero_are_refused_by_the_joint_and_what_is_right():
+    urdf = OPEN_AT_ZERO["open at zero"]
+    for number in (1, 2):
+        link = re.search(rf'<link name="hand_finger{number}">.*?</link>', urdf, re.DOTALL)
+        assert link is not None
+        bare = re.sub(r"<collision.*?</collision>", "", link.group(), flags=re.DOTALL)
+        urdf = urdf.replace(link.group(), bare)
+    with pytest.raises(InvalidArgument, match=r"hand_finger_joint1.*its limits are -0\.04 to 0 m.*shut at 0") as raised:
         describe_urdf(urdf)
+    assert "\n" not in str(raised.value)
 
 
 def test_the_rule_about_the_stroke_refuses_slides_that_are_open_at_zero():
@@ -160,14 +214,6 @@ def test_the_rule_about_the_stroke_refuses_slides_that_are_open_at_zero():
     open_at_zero = robot.urdf.replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"')
     with pytest.raises(AssertionError, match=r"hand_finger_joint1's limits are -0\.04 to 0 m"):
         RULES["the_gripper_opens_by_its_stroke"](lambda: attrs.evolve(robot, urdf=open_at_zero))
-
-
-def test_of_mirrored_slides_without_a_mimic_the_second_is_refused():
-    urdf = _slides("0 1 0", 'lower="0" upper="0.04"', 0.0)
-    head, joint, tail = urdf.partition('<joint name="hand_finger_joint2"')
-    tail = tail.replace('"0 1 0"', '"0 -1 0"', 1).replace('lower="0" upper="0.04"', 'lower="-0.04" upper="0"', 1)
-    with pytest.raises(InvalidArgument, match=r"hand_finger_joint2.*its limits are -0\.04 to 0 m"):
-        describe_urdf(head + joint + tail)
 
 
 def test_a_velocity_or_effort_of_zero_is_none_for_the_description_and_for_the_rules():
