@@ -78,6 +78,16 @@ def box(name: str, position, size, kind: str = "fixture", **more) -> Node:
     return Node(name, name, Pose(tuple(position)), tuple(size), kind=kind, **more)
 
 
+def facing_arm(yaw: float) -> str:
+    """The six-joint arm's URDF text with a first joint that turns by 1 rad either way of ``yaw`` (rad, 0 is +x), and a
+    shoulder and elbow that bend forwards."""
+    first = '<origin xyz="0.0 0.0 0.15" rpy="0 0 0"/><axis xyz="0 0 1"/><limit lower="-3" upper="3"'
+    turned = f'<origin xyz="0.0 0.0 0.15" rpy="0 0 {yaw}"/><axis xyz="0 0 1"/><limit lower="-1" upper="1"'
+    bending = '<axis xyz="0 1 0"/><limit lower="-3" upper="3"'
+    urdf = six_joint_arm().urdf.replace(first, turned)
+    return urdf.replace(bending, bending.replace('"-3" upper="3"', '"-0.5" upper="2.5"'), 2)
+
+
 def on_a_rail(urdf: str) -> str:
     """The six-joint arm's URDF text, its base on a carriage that slides by 0.4 m either way along y."""
     mass = '<inertial><mass value="3"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -14,6 +14,7 @@ import attrs
 import numpy as np
 
 from memo_core.arm.collision import RobotShape
+from memo_core.arm.facing import SIDES, facing
 from memo_core.arm.finger_zero import NEARLY_SHUT, counted_from_shut, finger_slides, fixed_to
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
@@ -48,11 +49,13 @@ class Guess:
 
 @attrs.frozen
 class Described:
-    """``robot`` with, line by line, what was read from the URDF, and what was guessed."""
+    """``robot`` with, line by line, what was read from the URDF, and what was guessed. ``turned``: rad about z by which
+    the base is to be turned, since the arm works to another side than the tasks' +x."""
 
     robot: RobotDescription
     read: tuple[str, ...]
     guessed: tuple[Guess, ...]
+    turned: float = 0.0
 
     def source(self) -> str:
         """Python source of ``RobotDescription(…)``, guesses marked by a comment. Its names: the description classes,
@@ -103,9 +106,9 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
     )
     robot = _with_tool(bare, urdf, guesses)
     robot = _with_reach(robot, guesses)
-    robot = _with_home(robot, guesses)
+    robot, turned = _with_home(robot, guesses)
     robot = _with_gains(robot, guesses)
-    return Described(_with_contact_force(robot, guesses), tuple(read), tuple(guesses))
+    return Described(_with_contact_force(robot, guesses), tuple(read), tuple(guesses), turned)
 
 
 # -- which joints are the arm's ----------------------------------------------------------------------------------------
@@ -405,28 +408,39 @@ def _with_reach(robot: RobotDescription, guesses: list[Guess]) -> RobotDescripti
     return attrs.evolve(robot, reach=reach)
 
 
-def _with_home(robot: RobotDescription, guesses: list[Guess]) -> RobotDescription:
-    """A posture with the hand pointing down in front of the base, far from joint limits, clear of itself."""
+def _with_home(robot: RobotDescription, guesses: list[Guess]) -> tuple[RobotDescription, float]:
+    """A posture with the hand pointing down in front of the base, far from joint limits, clear of itself; where there
+    is none, one to another side, and by what the base is to be turned then (rad about z)."""
     kinematics = Kinematics(robot)
     checker = RobotShape(robot, kinematics).checker([], robot.gripper.stroke)
-    down = [
-        Pose((0.0, 0.0, 0.0), (0.0, math.cos(a / 2), math.sin(a / 2), 0.0)) for a in (0.0, math.pi / 2, -math.pi / 2)
-    ]
-    for height in _HEIGHTS:
-        for radius in _RADII:
-            for turned in down:
-                pose = Pose((radius * robot.reach, 0.0, height * robot.reach), turned.orientation)
-                found = kinematics.inverse(pose, kinematics.home[:, None], samples=200)
-                free = [one for one in found.T if not checker.collides(one, "free")]
-                if free:
+    faces = facing(kinematics, robot.reach)
+    for side in dict.fromkeys((faces.side, *SIDES)):
+        turned = SIDES[side]
+        for height in _HEIGHTS:
+            for radius in _RADII:
+                for yaw in (0.0, math.pi / 2, -math.pi / 2):
+                    away = radius * robot.reach * np.array([math.cos(turned), -math.sin(turned)])
+                    pose = Pose((*away.tolist(), height * robot.reach), _down(yaw))
+                    found = kinematics.inverse(pose, kinematics.home[:, None], samples=200)
+                    free = [one for one in found.T if not checker.collides(one, "free")]
+                    if not free:
+                        continue
                     rounded = np.round(_comfortable(robot, kinematics, free), 4) + 0.0  # no -0.0
                     home = tuple(rounded.tolist())
-                    out, _, up = pose.position
-                    why = f"the hand points down {out:.2f} m in front of the base, {up:.2f} m up"
+                    front = f"{radius * robot.reach:.2f} m in front of the base"
+                    why = f"the hand points down {front}, {height * robot.reach:.2f} m up"
+                    if turned:
+                        why += f", turned: by the URDF it is to the base's {side}"
+                        ahead = str(faces) if side == faces.side else "ahead (+x) is no posture with the hand down"
+                        guesses.append(Guess("base_rpy", f"[0, 0, {turned:.4f}]", ahead))
                     guesses.append(Guess("home", f"{home}", why))
-                    return attrs.evolve(robot, home=home)
+                    return attrs.evolve(robot, home=home), turned
     guesses.append(Guess("home", f"{robot.home}", "the middle of the limits: no posture with the hand down was found"))
-    return robot
+    return robot, 0.0
+
+
+def _down(yaw: float) -> tuple[float, float, float, float]:
+    return (0.0, math.cos(yaw / 2), math.sin(yaw / 2), 0.0)
 
 
 def _comfortable(robot: RobotDescription, kinematics: Kinematics, postures: Sequence[Array]) -> Array:

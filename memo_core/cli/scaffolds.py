@@ -268,9 +268,12 @@ def _robot_files(name: str, urdf: Path | None) -> tuple[dict[str, str], tuple[st
     except ModuleNotFoundError as error:
         raise InvalidArgument("robot", f"reading a URDF needs {error.name}", "memo-core with its extra `arm`") from None
     described = describe_urdf(text, name=name, mesh_folder=meshes)
+    if "<mesh" not in text:
+        described = attrs.evolve(described, robot=attrs.evolve(described.robot, mesh_folder=None))
+        meshes = None
     source = described.source()
     names = ("GripperDescription", "JointDescription", "RobotDescription")
-    more = {"read": described.read, "source": source, "mesh_folder": repr(meshes)}
+    more = {"read": described.read, "source": source, "mesh_folder": repr(meshes), "turned": described.turned}
     more["described_by"] = ", ".join(name for name in names if f"{name}(" in source)
     files = rendered("robot", name, **more)
     files[f"memo_{name.replace('-', '_')}/{name}.urdf"] = described.robot.urdf

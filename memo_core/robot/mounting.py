@@ -31,6 +31,15 @@ def _finite(count: int) -> Any:
     return check
 
 
+def turned_by(roll: float, pitch: float, yaw: float) -> Any:
+    """The field ``base_rpy`` (rad) with this default, for the settings of a robot that usually stands otherwise."""
+    return attrs.field(
+        factory=lambda: [roll, pitch, yaw],
+        validator=_finite(3),
+        metadata={"help": "how it is turned: roll, pitch, yaw, rad; [0, 1.5708, 0] on a wall, [3.1416, 0, 0] hanging"},
+    )
+
+
 @attrs.frozen
 class Mounting:
     """Settings of a robot's base; for the config class of a robot plugin to inherit from."""
@@ -38,11 +47,7 @@ class Mounting:
     base_position: list[float] = attrs.field(
         factory=lambda: [0.0, 0.0, 0.0], validator=_finite(3), metadata={"help": "where the base stands: x, y, z, m"}
     )
-    base_rpy: list[float] = attrs.field(
-        factory=lambda: [0.0, 0.0, 0.0],
-        validator=_finite(3),
-        metadata={"help": "how it is turned: roll, pitch, yaw, rad; [0, 1.5708, 0] on a wall, [3.1416, 0, 0] hanging"},
-    )
+    base_rpy: list[float] = turned_by(0.0, 0.0, 0.0)
     mount_length: float = attrs.field(
         default=0.0,
         validator=[ge(0.0), le(3.0)],

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from memo_core.arm.facing import facing
 from memo_core.robot.description import JointDescription
 from memo_core.robot.hand_mount import sideways
 from memo_core.testing.robot_trial import RobotTrial, Tracked
@@ -24,7 +25,7 @@ FOLLOWS: dict[str, tuple[str, ...]] = {
     "it_holds_home": ("home_is_clear",),
     "it_follows_a_motion": ("home_is_clear", "it_holds_home"),
     "the_hand_does_not_give_way": ("home_is_clear", "it_holds_home", "it_follows_a_motion"),
-    "it_reaches_in_six_dimensions": ("the_hand_leads_out_of_the_arm",),
+    "it_reaches_in_six_dimensions": ("the_hand_leads_out_of_the_arm", "it_faces_the_table"),
     "it_grasps_a_cube": (
         "the_hand_leads_out_of_the_arm",
         "home_is_clear",
@@ -32,9 +33,10 @@ FOLLOWS: dict[str, tuple[str, ...]] = {
         "it_holds_home",
         "it_follows_a_motion",
         "the_hand_does_not_give_way",
+        "it_faces_the_table",
         "it_reaches_in_six_dimensions",
     ),
-    "it_reaches_what_the_tasks_grasp": ("it_reaches_in_six_dimensions",),
+    "it_reaches_what_the_tasks_grasp": ("it_faces_the_table", "it_reaches_in_six_dimensions"),
 }
 
 MOST_LAG = 0.12  # s; a servo that lags more has not arrived when a motion is over
@@ -133,6 +135,14 @@ def the_hand_does_not_give_way(trial: RobotTrial) -> None:
         f"{joint.name}'s servo is weak: the hand gives way by {1000 * total:.0f} mm under {PRESS:.0f} N, {part}; "
         f"raise its kp from {joint.kp:g} to about {_usual(joint):g} {trial.units[worst].stiffness}"
     )
+
+
+@rule
+def it_faces_the_table(trial: RobotTrial) -> None:
+    """It works ahead of its base (+x), where the tasks put things, and not mainly to another side."""
+    faces = facing(trial.kinematics, trial.robot.reach)
+    if faces.turn:
+        raise Limited(f"{faces}; turn its base with base_rpy: [0, 0, {faces.turn:.4f}] (memo_core.robot.mounting)")
 
 
 @rule

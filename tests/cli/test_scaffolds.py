@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import re
 import subprocess
@@ -17,6 +18,8 @@ import click
 import pytest
 import typer
 
+from memo_core.arm.facing import facing
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.cli import app, scaffolds
 from memo_core.cli.options import load
 from memo_core.cli.scaffolds import SCAFFOLDS, rendered, write_scaffold
@@ -25,6 +28,7 @@ from memo_core.interfaces.backend import KINDS
 from memo_core.plugins import Registry
 from memo_core.robot.mounting import base_pose
 from memo_core.testing.plugins import check_backend
+from tests.arms import facing_arm, six_joint_arm
 
 PAGES = Path(__file__).parents[2] / "docs" / "plugins"
 # page -> the scaffold that it shows
@@ -121,6 +125,32 @@ def test_the_commands_to_try_next_are_commands_with_these_options(kind, site, mo
             context = command.make_context(name, rest, parent=context)
 
 
+def test_the_folder_of_meshes_is_written_where_the_urdf_names_some(tmp_path):
+    text = six_joint_arm().urdf.replace("</robot>", "")
+    look = '<link name="look"><visual><geometry><mesh filename="look.stl"/></geometry></visual></link>'
+    look += '<joint name="worn" type="fixed"><parent link="link1"/><child link="look"/></joint></robot>'
+    (tmp_path / "arm.urdf").write_text(text + look)
+    (tmp_path / "look.stl").write_bytes(b"\0" * 80 + (0).to_bytes(4, "little"))
+    write_scaffold("robot", "lab-arm", tmp_path / "made", tmp_path / "arm.urdf")
+    source = (tmp_path / "made" / "memo_lab_arm" / "__init__.py").read_text()
+    assert f"MESH_FOLDER = {str(tmp_path.resolve())!r}" in source
+
+
+def test_an_arm_that_faces_away_from_the_table_is_written_turned(tmp_path):
+    (tmp_path / "arm.urdf").write_text(facing_arm(math.pi))
+    written = write_scaffold("robot", "back-arm", tmp_path / "made", tmp_path / "arm.urdf")
+    assert any("guessed base_rpy: [0, 0, 3.1416] (the arm faces -x" in line for line in written.notes)
+    source = (tmp_path / "made" / "memo_back_arm" / "__init__.py").read_text()
+    assert "base_rpy: list[float] = turned_by(0.0, 0.0, 3.1416)" in source
+    sys.path.insert(0, str(tmp_path / "made"))
+    try:
+        [backend] = importlib.import_module("memo_back_arm").memo_robots()
+        robot = backend.factory(backend.config())
+    finally:
+        sys.path.remove(str(tmp_path / "made"))
+    assert facing(Kinematics(robot), robot.reach).side == "+x"
+
+
 def test_a_robot_is_read_from_a_urdf_and_what_was_guessed_is_said(tmp_path):
     urdf = Path(scaffolds.__file__).parent / "skeletons" / "robot" / "example.urdf"
     made = memo("new", "robot", "lab-arm", "--folder", str(tmp_path / "arm"), "--urdf", str(urdf), "--json")
@@ -129,7 +159,7 @@ def test_a_robot_is_read_from_a_urdf_and_what_was_guessed_is_said(tmp_path):
     assert any("flange_roll" in line for line in told["notes"])
     assert any(line.startswith("guessed home: ") for line in told["notes"])
     source = (tmp_path / "arm" / "memo_lab_arm" / "__init__.py").read_text(encoding="utf-8")
-    assert f"MESH_FOLDER = {str(urdf.parent)!r}" in source and "# guessed: " in source
+    assert "MESH_FOLDER = None" in source and str(urdf.parent) not in source and "# guessed: " in source
 
 
 def test_a_new_robot_can_be_mounted(site, monkeypatch):
