@@ -106,9 +106,9 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
     )
     robot = _with_tool(bare, urdf, guesses)
     robot = _with_reach(robot, guesses)
-    robot, turned = _with_home(robot, guesses)
+    robot, base_turn = _with_home(robot, guesses)
     robot = _with_gains(robot, guesses)
-    return Described(_with_contact_force(robot, guesses), tuple(read), tuple(guesses), turned)
+    return Described(_with_contact_force(robot, guesses), tuple(read), tuple(guesses), base_turn)
 
 
 # -- which joints are the arm's ----------------------------------------------------------------------------------------
