@@ -24,7 +24,8 @@ from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Array, Pose
 from memo_core.skills.control import Control, Waypoints
 
-# How far from its goal the tool may end: (m, rad). Contact may hold it off; more than this is not having arrived.
+# How far from its goal the tool may end: (m, rad). Contact may hold it off; more than this is not having arrived. What
+# the servos press with meanwhile is not limited: docs/force.md has the figures.
 _FREE_TOLERANCE = (0.01, 0.06)
 _CONTACT_TOLERANCE = (0.03, 0.2)
 _SETTLED = 0.0008  # rad of every joint from its target

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -21,8 +22,9 @@ def print_json(value: Any) -> None:
     print(json.dumps(_finite(value), ensure_ascii=False, indent=2, default=str))
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """A table for people, without borders, so that it can be processed with cut and grep."""
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], width: int = 400) -> None:
+    """A table for people, without borders, so that it can be processed with cut and grep. ``width``: columns of a line
+    in a pipe."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -32,8 +34,13 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(Text("" if cell is None else str(cell)) for cell in row))
-    # A pipe has no width: nothing is folded there.
-    console(width=None if sys.stdout.isatty() else 400, highlight=False).print(table)
+    # A pipe has no width: nothing is folded there unless the caller says so.
+    console(width=None if sys.stdout.isatty() else width, highlight=False).print(table)
+
+
+def print_wrapped(line: str, width: int) -> None:
+    """A line for people; longer ones go on indented in the next."""
+    print(*textwrap.wrap(line, width, subsequent_indent="  ", break_on_hyphens=False), sep="\n")
 
 
 def progress_bar() -> Progress:

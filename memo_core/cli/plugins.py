@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from memo_core.cli.options import Json
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import note, print_json, print_table, print_wrapped
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.interfaces.backend import Backend
     from memo_core.testing.robot_trial import RobotTrial
+
+LIST_WIDTH = 120  # columns in a pipe, beyond which a line goes on in the next
 
 app = typer.Typer(help="Plugins and their backends.")
 
@@ -54,18 +56,22 @@ def list_plugins(json: Json = False) -> None:
         )
         return
     print_table(
-        ("kind", "backend", "", "distribution", "needs", "summary"),
+        ("kind", "backend", "", "distribution", "summary"),
         [
-            (b.kind, b.name, "default" if b.default else "", registry.plugin_of(b).distribution, _missing(b), b.summary)
+            (b.kind, b.name, "default" if b.default else "", registry.plugin_of(b).distribution, b.summary)
             for b in backends
         ],
+        width=LIST_WIDTH,
     )
+    for backend in backends:
+        if missing := _missing(backend):
+            print_wrapped(f"{backend.kind} {backend.name} needs {missing}", LIST_WIDTH)
     for plugin in registry.plugins:
         if plugin.listens:
             print(f"{plugin.distribution} ({plugin.name}) listens to events")
     for one in registry.uninstalled():
         offered = ", ".join(f"{kind} {name}" for kind, name in one.offers)
-        print(f"{offered}: not installed ({one.command})")
+        print_wrapped(f"{offered}: not installed ({one.command})", LIST_WIDTH)
     for problem in registry.problems:
         note(f"memo: warning: {problem}")
 

@@ -78,6 +78,7 @@ def command(
         experiment = replayed(experiment, registry, replay)
     narrator = Narrator(code=verbose)
     _warn_of_reach(experiment)
+    _say_of_the_teacher(experiment)
     if resume is not None:
         report = resume_experiment(experiment, registry, resume, narrator, view, narrator.on_text)
     else:
@@ -111,6 +112,25 @@ def _warn_of_reach(experiment: Experiment) -> None:
     warning = measured.warning(backend.name, experiment.task) if measured is not None and experiment.task else ""
     if warning:
         note(f"memo: {warning} (memo tasks list)")
+
+
+def _say_of_the_teacher(experiment: Experiment) -> None:
+    """Say in a line each what of the task the simulated teacher cannot see, and that it errs on purpose."""
+    from memo_core.environment.task_environment import generator
+    from memo_core.runs.factories import task_of
+    from memo_core.teachers.goal_check import unseen_goal
+    from memo_core.teachers.simulated_teacher import SimulatedTeacherSettings
+
+    settings = experiment.choice("teacher").settings
+    if not isinstance(settings, SimulatedTeacherSettings) or experiment.task is None:
+        return
+    task = task_of(experiment, experiment.task)
+    unseen = unseen_goal(task.goal, task.scene(generator(experiment.seed, "scene")))
+    if unseen:
+        note(f"memo: the simulated teacher does not judge the whole of {task.name!r}: {'; '.join(unseen)}")
+    if settings.misjudges:
+        share = f"{100 * settings.misjudges:g} % of its verdicts"
+        note(f"memo: the simulated teacher turns {share} round on purpose (--set teacher.misjudges=0: none)")
 
 
 def _note_recording(experiment: Experiment, file: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import keyword
 import re
 from importlib import resources
@@ -212,7 +213,9 @@ def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | None = None)
     except OSError as error:
         raise InvalidArgument("--folder", f"{folder}: {error.strerror}", "a folder that can be written") from None
     if kind == "task":
-        notes = ("it is a block to put on a mat so far: scene, goal, check and solution are yours to change",)
+        item, place = _things(name)
+        shown = f"a 4 cm block, called {item!r}, to put on a flat mat, called {place!r}"
+        notes = (f"it is {shown}, so far: scene, goal, check and solution are yours to change",)
     return Written(tuple(written), notes)
 
 
@@ -232,6 +235,11 @@ def rendered(kind: str, name: str, **more: Any) -> dict[str, str]:
         "class_name": "".join(word.capitalize() for word in words),
         "dependencies": ("memo-core>=0.1,<0.2", *scaffold.dependencies),
     }
+    if kind == "task":
+        item, place = _things(name)
+        values |= {"item": item, "item_body": item.replace(" ", "_")}
+        values |= {"place": place, "place_body": place.replace(" ", "_")}
+        values |= {"item_name": _variable(item, "item"), "place_name": _variable(place, "place")}
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     skeletons = resources.files("memo_core.cli.skeletons")
 
@@ -248,6 +256,47 @@ def rendered(kind: str, name: str, **more: Any) -> dict[str, str]:
         source: render(f"{kind}/module.py.j2"),
         f"test_{module}.py": render(f"{kind}/test.py.j2", "test.py.j2") + render(f"{kind}/more.py.j2"),
     }
+
+
+_ONTO = "on|onto|in|into|to|under|at|from"
+_PLACED = re.compile(rf"([a-z0-9-]+-)?the-(?P<item>[a-z0-9-]+?)-(?:{_ONTO})-the-(?P<place>[a-z0-9-]+)")
+_ONE_THING = re.compile(r"([a-z0-9-]+-)?the-(?P<item>[a-z0-9-]+)")
+_USED = frozenset(
+    [
+        "world",
+        "monitors",
+        "rng",
+        "np",
+        "x",
+        "y",
+        "middle",
+        "height",
+        "low",
+        "high",
+        "away",
+        "touching",
+        "contact",
+        "name",
+        "self",
+        "bodies",
+        "task",
+    ]
+)
+
+
+def _things(name: str) -> tuple[str, str]:
+    """What a task of this name moves, and where to: put-the-cup-on-the-saucer gives cup and saucer."""
+    match = _PLACED.fullmatch(name) or _ONE_THING.fullmatch(name)
+    named = {} if match is None else match.groupdict()
+    item, place = (named.get(key, usual).replace("-", " ") for key, usual in (("item", "block"), ("place", "mat")))
+    return (item, place) if item != place else (item, f"other {place}")
+
+
+def _variable(label: str, otherwise: str) -> str:
+    """A thing's name as a variable of Python."""
+    word = re.sub(r"\W", "_", label)
+    usable = word.isidentifier() and not keyword.iskeyword(word) and not hasattr(builtins, word) and word not in _USED
+    return word if usable else otherwise
 
 
 def _robot_files(name: str, urdf: Path | None) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -102,7 +102,9 @@ def verify(
     is how many seconds are simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
+    from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import tasks_of
+    from memo_core.teachers.goal_check import unseen_goal
 
     wanted, overrides = read_seeds(seeds), _with_suite(overrides, suite)
     registry, experiment = load(config, overrides)
@@ -111,7 +113,11 @@ def verify(
     trials = [verification.Trial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted]
     log = verification.TrialLog(out, verification.digest_of(experiment))
     results = verification.run_trials(trials, jobs, log)
-    report = [verification.report_of(name, [r for r in results if r["task"] == name]) for name in chosen]
+    unseen = {task.name: unseen_goal(task.goal, task.scene(generator(wanted[0], "scene"))) for task in tasks}
+    report = [
+        verification.report_of(name, [r for r in results if r["task"] == name]) | {"goal_unseen": unseen[name]}
+        for name in chosen
+    ]
     if json:
         print_json({"suite": experiment.choice("suite").backend.name, "tasks": report})
     else:
@@ -131,6 +137,12 @@ def verify(
         for task in report:
             for failure in task["failures"]:
                 note(f"{task['name']}, seed {failure['seed']}: {failure['what']}: {failure['why']}")
+        for task in report:
+            for line in task["goal_unseen"]:
+                note(f"{task['name']}: the simulated teacher does not judge its goal: {line}")
+        understood = "" if any(unseen.values()) else "goals: the simulated teacher understands each sentence; "
+        used = experiment.choice("suite").backend.name
+        note(f"{understood}whether it sees them met: memo bench teacher --suite {used}")
     if not all(verification.holds(task) for task in report):
         raise typer.Exit(1)
 

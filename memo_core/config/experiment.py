@@ -121,6 +121,14 @@ class Experiment:
         return {shown.path: shown.value for shown in self.values}
 
 
+# Sections that only some commands read -> which.
+OF_STUDIES = {
+    "study": "memo study run FILE, or memo reproduce FILE for all of it",
+    "evaluation": "memo evaluate FILE, or memo reproduce FILE for all of it",
+    "books": "memo evaluate FILE",
+}
+
+
 def load_experiment(
     registry: Registry,
     file: Path | None = None,
@@ -156,6 +164,10 @@ class _Assembly:
         known = (*SECTION_KINDS, *self._sections, *SCALARS)
         for name in self._merged.values:
             if name not in known:
+                if name in OF_STUDIES:
+                    said = f"a section of a study, and this command does one run: {OF_STUDIES[name]}"
+                    self._checker.wrong((name,), said)
+                    continue
                 listed = ", ".join(sorted(known))
                 self._checker.wrong((name,), f"unknown section{close_match(name, known)} (sections: {listed})")
         scalars = {name: self._scalar(name, wanted) for name, wanted in SCALARS.items()}

@@ -18,7 +18,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.events import CodeEnded, CodeWritten, SubtaskEnded, SubtaskStarted
+from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
 from memo_core.llm.readers import Unreadable, read_code, read_plan
@@ -193,7 +193,7 @@ class Loop:
                 return at.result(at.unapproved)
             at.corrected += 1
             if at.attempt.number >= self._settings.attempts:
-                return at.result("corrected", f"{at.key} was corrected {at.corrected} times and did not succeed")
+                return at.result("corrected", f"{at.key} was corrected {at.corrected} times and never approved")
             if at.busy_s >= self._settings.subtask_limit_s:
                 limit = f"{self._settings.subtask_limit_s:g} s"
                 return at.result("corrected", f"the programs for {at.key} took longer than {limit} together")
@@ -351,6 +351,8 @@ class Loop:
                 at.attempt.began, moved = self._effects.time, False
             code = self._code(at, tried, repair)
             if repair and code == tried[-1].code:
+                same = "the model wrote the same code again; it is not run again, since it would end the same way"
+                self._session.emit(Problem(str(at.key), same))
                 break  # the model has no other idea: what would go wrong is known
             at.attempt.code, at.attempt.whole = code, not moved
             if (refused := self._refused(at)) is not None:

@@ -168,8 +168,12 @@ class Narrator:
         self.say(f"  {event.where}: {event.message}", "yellow")
 
     def _on_RunEnded(self, event: RunEnded) -> None:
-        verdict = {True: "[bold green]success", False: "[bold red]no success", None: "[bold]not judged"}[event.success]
-        self.console.print(f"\n{verdict}[/] ({event.wall_s:.1f} s; {escape(event.reason)})")
+        verdict = {
+            True: "[bold green]success[/] by the task's own check",
+            False: "[bold red]no success[/] by the task's own check",
+            None: "[bold]not judged[/]: there is no check",
+        }[event.success]
+        self.console.print(f"\n{verdict} ({event.wall_s:.1f} s). Why the run ended: {escape(event.reason)}")
 
 
 def _short(value: object) -> str:

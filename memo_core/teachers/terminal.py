@@ -8,6 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Sequence
+from typing import TypeVar
 
 import attrs
 
@@ -17,6 +18,7 @@ from memo_core.scene.graph import Node
 from memo_core.teachers.answers import NO, YES, Meaning, meaning_of
 from memo_core.teachers.typed_line import TypedLine
 
+Answer = TypeVar("Answer")
 EXPLAINED = """Answer in your own words; a pasted text of several paragraphs is one answer.
   y                     it worked (so does "great job, thanks!")
   s                     say nothing: it stays open whether it worked
@@ -98,7 +100,7 @@ class TerminalTeacher(Teacher):
         while True:
             typed = self._line.ask(*asked)
             if typed is None:
-                return Verdict("silent")
+                return _ended(Verdict("silent"), "nothing was said: it stays open whether it worked")
             words = typed.strip()
             meaning = meaning_of(words)
             if meaning == "unsure":
@@ -122,7 +124,7 @@ class TerminalTeacher(Teacher):
             typed = self._line.ask(*asked, "[y = it is fine, c = that was a correction]")
             asked = ()
             if typed is None:
-                return "silent"
+                return _ended("silent", "it stays open whether it worked")
             answer = typed.strip().lower()
             if answer in YES | {"fine"}:
                 return "approve"
@@ -147,7 +149,7 @@ class TerminalTeacher(Teacher):
             typed = self._line.ask(*asked, f"[{hint}, or say it in other words]")
             asked = []
             if typed is None:
-                return ReadBack("accepted")
+                return _ended(ReadBack("accepted"), "the notes are kept as they are")
             words = typed.strip()
             if meaning_of(words) in ("approve", "silent"):
                 return ReadBack("accepted")
@@ -168,7 +170,9 @@ class TerminalTeacher(Teacher):
         asked = f'I could not learn anything from "{noted.words}". {question}'
         while True:
             typed = self._line.ask(asked, "[y = yes, s = never mind, or say it in other words]")
-            if typed is None or meaning_of(typed) == "silent":
+            if typed is None:
+                return _ended(ReadBack("accepted"), "nothing is noted")
+            if meaning_of(typed) == "silent":
                 return ReadBack("accepted")
             if (
                 meaning_of(typed) == "approve"
@@ -191,7 +195,7 @@ class TerminalTeacher(Teacher):
             typed = self._line.ask(*shown, question)
             shown = []
             if typed is None:
-                return Verdict("silent")
+                return _ended(Verdict("silent"), "the program is not released")
             words = typed.strip()
             if words.lower() in YES | {"release", "release it"}:
                 return Verdict("approve")
@@ -221,7 +225,7 @@ class TerminalTeacher(Teacher):
             typed = self._line.ask(*asked, f"[{hint}]")
             asked = ()
             if typed is None:
-                return False
+                return _ended(False, "taken as no")
             answer = typed.strip().lower()
             if answer in YES | {"done"}:
                 return True
@@ -239,6 +243,12 @@ def _struck(words: str, count: int) -> tuple[int, ...] | None:
     if not all(token.isdecimal() and 1 <= int(token) <= count for token in tokens[1:]):
         return None
     return tuple(sorted({int(token) - 1 for token in tokens[1:]}))
+
+
+def _ended(answer: Answer, taken: str) -> Answer:
+    """The answer where there is no more input, saying so."""
+    _say(f"\nmemo: input ended, so nobody answers: {taken}")
+    return answer
 
 
 def _say(*lines: str) -> None:

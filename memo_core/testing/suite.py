@@ -13,6 +13,7 @@ import numpy as np
 
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import SceneDescription
+from memo_core.teachers.goal_check import is_named, labels_of
 from memo_core.teachers.visible_goal import read_goal
 from memo_core.testing.perception import StillWorld
 from memo_core.testing.rules import Rules
@@ -57,27 +58,12 @@ def goals_say_what_should_be_visible(make: Make) -> None:
     ``memo_core.teachers.visible_goal``, about things with a label in its scene."""
     for task in make():
         assert task.goal, f"{task.name}: no goal"
-        labels = _labels(_scene(task, 0))
+        labels = labels_of(_scene(task, 0))
         for sentence in task.goal:
             condition = read_goal(sentence)
             assert condition is not None, f"{task.name}: {sentence!r} has none of the known forms"
             for name in (*condition.subjects, *([condition.place] if condition.place else [])):
-                assert _is_named(name, labels), f"{task.name}: {name!r} is none of {', '.join(sorted(labels))}"
-
-
-def _labels(scene: SceneDescription) -> set[str]:
-    found = {"table"}
-    for body, _ in scene.walk():
-        found |= {body.label, body.heap, *(part.label for part in body.parts), *(c.label for c in body.cavities)}
-    return {label.lower() for label in found if label}
-
-
-def _is_named(name: str, labels: set[str]) -> bool:
-    """A label, or a thing told by its place: "the left can", "the lonely object", "the others"."""
-    if name in labels or name in ("others", "other objects", "lonely object"):
-        return True
-    side, _, kind = name.partition(" ")
-    return side in ("left", "right") and sum(label.split()[-1] == kind for label in labels) > 1
+                assert is_named(name, labels), f"{task.name}: {name!r} is none of {', '.join(sorted(labels))}"
 
 
 @rule

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -53,6 +54,17 @@ def test_a_command_of_a_distribution_is_listed_and_runs(tmp_path, memo):
     shown = memo("--help").stdout
     assert shown.startswith("Usage: memo") and "Say greet." in shown
     assert memo("greet", "hello").stdout == "hello there\n"
+
+
+def test_plugins_are_listed_in_lines_of_a_sensible_width_and_json_is_complete(memo):
+    shown = memo("plugins", "list")
+    assert max(map(len, shown.stdout.splitlines())) <= 120
+    listed = json.loads(memo("plugins", "list", "--json").stdout)
+    for backend in listed["backends"]:
+        assert f"{backend['kind']} " in shown.stdout and backend["name"] in shown.stdout
+    needing = [one for one in listed["backends"] if one["missing"]]
+    for one in needing:
+        assert f"{one['kind']} {one['name']} needs " in shown.stdout
 
 
 def test_help_imports_no_command(tmp_path, memo):

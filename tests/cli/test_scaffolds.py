@@ -15,6 +15,7 @@ import venv
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 import typer
 
@@ -27,6 +28,8 @@ from memo_core.errors import InvalidArgument
 from memo_core.interfaces.backend import KINDS
 from memo_core.plugins import Registry
 from memo_core.robot.mounting import base_pose
+from memo_core.teachers.goal_check import unseen_goal
+from memo_core.testing.perception import StillWorld
 from memo_core.testing.plugins import check_backend
 from tests.arms import facing_arm, six_joint_arm
 
@@ -123,6 +126,31 @@ def test_the_commands_to_try_next_are_commands_with_these_options(kind, site, mo
                 break  # of a plugin with one command, its group
             name, command, rest = command.resolve_command(context, rest)
             context = command.make_context(name, rest, parent=context)
+
+
+@pytest.mark.parametrize(
+    ("name", "item", "place"),
+    [
+        ("put-the-block-on-the-mat", "block", "mat"),
+        ("stack-the-red-cup-on-the-saucer", "red cup", "saucer"),
+        ("push-the-button", "button", "mat"),
+        ("move-the-x-to-the-y", "x", "y"),
+        ("put-the-list-in-the-class", "list", "class"),
+        ("tidy-up", "block", "mat"),
+    ],
+)
+def test_a_tasks_things_are_called_after_its_name(name, item, place):
+    [source] = [text for file, text in rendered("task", name).items() if file.startswith("memo_")]
+    scope: dict = {"__name__": "made"}
+    exec(compile(source, name, "exec"), scope)
+    [backend] = scope["memo_task_suites"]()
+    [task] = backend.factory(None)
+    scene = task.scene(np.random.default_rng(0))
+    assert {body.label for body, _ in scene.walk()} == {item, place}
+    assert task.goal == (f"the {item} is on the {place}", f"the hand has let go of the {item}")
+    assert unseen_goal(task.goal, scene) == []
+    world = StillWorld(scene)
+    assert task.check(world, {}).reason.startswith(f"the {item} is ")
 
 
 def test_the_folder_of_meshes_is_written_where_the_urdf_names_some(tmp_path):

@@ -235,3 +235,11 @@ def test_a_misspelt_task_is_found_when_a_file_is_checked(tmp_path, capsys):
     assert run("config", "check", str(file)) == 2
     assert f"{file}:2: task: unknown task 'open-the-fridg'; did you mean 'open-the-fridge'" in capsys.readouterr().err
     assert run("config", "check", str(file), "--set", "task=open-the-fridge") == 0
+
+
+def test_the_file_of_a_study_is_told_with_the_command_for_it(tmp_path):
+    found = issues("study: {rounds: 3}\nevaluation: {}\n", folder=tmp_path)
+    assert [(path, problem.partition(": ")[2]) for _, path, problem in found] == [
+        ("study", "memo study run FILE, or memo reproduce FILE for all of it"),
+        ("evaluation", "memo evaluate FILE, or memo reproduce FILE for all of it"),
+    ]

@@ -151,6 +151,8 @@ def test_errors_to_the_end_are_said_aloud_to_whoever_watches(sandbox, book):
     bench.run()
     assert "MotionError" in bench.episodes[0].spoken_error
     assert len(bench.of(CodeEnded)) == 1, "the same code again would fail the same way"
+    [told] = [one.message for one in bench.of(Problem)]
+    assert "wrote the same code again; it is not run again" in told
 
 
 def test_a_read_only_book_is_read_and_never_written(sandbox, book):

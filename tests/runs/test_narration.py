@@ -6,7 +6,7 @@ import io
 
 from rich.console import Console
 
-from memo_core.events import CodeWritten
+from memo_core.events import CodeWritten, RunEnded
 from memo_core.runs.narration import Narrator
 from memo_core.skillbook.entries import headline
 
@@ -47,3 +47,10 @@ def test_a_template_is_listed_by_what_it_does():
     assert headline("template", "def (") == "def ("
     assert headline("template", "") == ""
     assert headline("correction", "Pull\n it  in an arc.") == "Pull it in an arc."
+
+
+def test_a_success_that_the_teacher_never_approved_contradicts_nothing():
+    shown = io.StringIO()
+    reason = "PLACE(cup, table) was corrected 4 times and never approved"
+    Narrator(Console(file=shown, width=200, no_color=True, highlight=False))(RunEnded("r", True, reason, 3.0, 9.0))
+    assert shown.getvalue().strip() == f"success by the task's own check (3.0 s). Why the run ended: {reason}"

@@ -57,6 +57,22 @@ def test_a_user_without_a_login_name_is_anonymous(monkeypatch, error):
     assert teacher.judge(episodes()[0]).kind == "silent", "the end of input means that nobody watches"
 
 
+def test_the_end_of_input_is_told_with_what_it_was_taken_for(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    teacher = TerminalTeacher(TerminalSettings(who="ana"))
+    teacher.open()
+    episode = episodes()[0]
+    cases = {
+        "nothing was said: it stays open whether it worked": lambda: teacher.judge(episode),
+        "taken as no": lambda: teacher.put_back(episode),
+        "the program is not released": lambda: teacher.permit(Program("lift it", "LIFT(cube)", 1, "look()")),
+    }
+    for taken, ask in cases.items():
+        ask()
+        lines = [line for line in capsys.readouterr().err.splitlines() if "input ended" in line]
+        assert lines == [f"memo: input ended, so nobody answers: {taken}"]
+
+
 def typing(monkeypatch, *lines: str, **settings) -> TerminalTeacher:
     """A teacher whose person types these lines, into a pipe."""
     monkeypatch.setattr(sys, "stdin", io.StringIO("".join(f"{line}\n" for line in lines)))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from memo_core.interfaces.teacher import Episode, Proposal, Sighting, TaskEpisode
+from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.teachers.episode_assessment import impression
+from memo_core.teachers.goal_check import unseen_goal
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 from memo_core.teachers.visible import Seen
 from memo_core.teachers.visible_goal import FORMS, holds, read_goal
@@ -246,3 +248,13 @@ def test_what_nobody_sees_may_be_behind_the_door_that_is_closed():
     spoken = "line 3: UnknownName: unknown object 'apple' (available: box, box door)"
     found = impression(Episode("get the apple", "PICK_UP(apple)", 1, scene, scene, (), spoken))
     assert found.cause == "out-of-sight" and found.blanks["place"] == "box door" and found.about_plan
+
+
+def test_what_of_a_goal_cannot_be_seen_is_told_by_sentence():
+    block = Body("block", (Geom("box", (0.04, 0.04, 0.04)),), Pose((0.5, 0.0, 0.02)), Free(), label="block")
+    scene = SceneDescription((block,))
+    assert unseen_goal(("the block is on the table",), scene) == []
+    told = unseen_goal(("the block is on the mat", "the block looks happy"), scene)
+    assert told[0] == "'the block is on the mat' names 'mat', which is none of block, table"
+    assert told[1].startswith("'the block looks happy' has none of the ") and len(told) == 2
+    assert unseen_goal((), scene) == ["it has no goal sentences"]

@@ -1,0 +1,51 @@
+"""``memo run`` and ``memo tasks verify`` say what of a task the simulated teacher cannot see."""
+
+from __future__ import annotations
+
+import pytest
+
+from memo_core.cli.options import load
+from memo_core.cli.run import _say_of_the_teacher
+
+
+@pytest.fixture
+def blind_goal(monkeypatch):
+    """open-the-fridge with a goal of an unknown form."""
+    from memo_core.runs.factories import task_of
+
+    experiment = load(None, ["teacher.backend=simulated"], "open-the-fridge")[1]
+    monkeypatch.setattr(type(task_of(experiment, "open-the-fridge")), "goal", ("the fridge feels cold",))
+    return experiment
+
+
+def test_a_run_says_what_the_simulated_teacher_cannot_see_and_that_it_errs(blind_goal, capsys):
+    _say_of_the_teacher(blind_goal)
+    unseen, errs = capsys.readouterr().err.splitlines()
+    assert "does not judge the whole of 'open-the-fridge': 'the fridge feels cold' has none of the" in unseen
+    assert "turns 5 % of its verdicts round on purpose (--set teacher.misjudges=0: none)" in errs
+
+
+@pytest.mark.parametrize("settings", [["teacher.backend=silent"], ["teacher.backend=simulated", "teacher.misjudges=0"]])
+def test_nothing_is_said_of_another_teacher_or_a_goal_that_can_be_seen(settings, capsys):
+    _say_of_the_teacher(load(None, settings, "open-the-fridge")[1])
+    assert not capsys.readouterr().err
+
+
+def test_verifying_says_whether_the_goal_can_be_seen(monkeypatch, capsys, blind_goal):
+    from memo_core.cli.main import main
+
+    result = {
+        "task": "open-the-fridge",
+        "seed": 0,
+        "reference": True,
+        "reference_why": "",
+        "null": False,
+        "null_why": "",
+    }
+    result |= {"wall_s": 1.0, "sim_s": 1.0, "cpu_s": 1.0}
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: result)
+    with pytest.raises(SystemExit, match="0"):
+        main(["tasks", "verify", "open-the-fridge", "--seeds", "0"])
+    said = capsys.readouterr().err
+    assert "open-the-fridge: the simulated teacher does not judge its goal: 'the fridge feels cold'" in said
+    assert "memo bench teacher --suite tabletop" in said
