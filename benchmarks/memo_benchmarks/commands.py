@@ -10,6 +10,7 @@ import typer
 
 from memo_benchmarks import durability_commands
 from memo_benchmarks.fuzz.command import fuzz
+from memo_benchmarks.perception.command import perception
 from memo_benchmarks.reporting import print_report, with_progress
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
@@ -28,6 +29,7 @@ app.command()(durability_commands.soak)
 
 QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
 app.command()(fuzz)
+app.command()(perception)
 Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
 
 

@@ -352,3 +352,22 @@ def test_a_glance_sees_the_truth_and_changes_nothing():
     truth = looking()[0].look()
     assert perception.glance().nodes == truth.nodes
     assert perception.state() == before
+
+
+def test_visible_extents_are_what_sticks_out_of_a_chest():
+    drawer = Body(
+        "drawer",
+        (box(0.25, 0.2, 0.1), box(0.01, 0.2, 0.1, (-0.13, 0, 0))),
+        Pose((0, 0, 0.08)),
+        Slide("drawer_slide", (-1, 0, 0), (0, 0.15)),
+        label="drawer",
+    )
+    walls = (box(0.25, 0.24, 0.02, (0, 0, 0.01)), box(0.25, 0.24, 0.02, (0, 0, 0.15)))
+    chest = Body("chest", walls, Pose((0.7, 0.1, 0)), label="chest", fixture=True, bodies=(drawer,))
+    for visible, closed, opened in ((False, 0.26, 0.26), (True, 0.01, 0.11)):
+        perception, context = looking(SceneDescription((chest,)), visible_extents=visible)
+        assert perception.look().node("drawer").size[0] == pytest.approx(closed)
+        context.simulator.joints["drawer_slide"] = 0.1
+        seen = perception.look().node("drawer")
+        assert seen.size == pytest.approx((opened, 0.2, 0.1))
+        assert seen.pose.position[0] - opened / 2 == pytest.approx(0.7 - 0.135 - 0.1)

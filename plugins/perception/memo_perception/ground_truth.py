@@ -19,6 +19,7 @@ from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_perception.boxes import body_box
 from memo_perception.heaps import Heap, heap_node, heaps
+from memo_perception.housings import Housing, housings, visible_box
 from memo_perception.labelled_things import Thing, labelled_things
 from memo_perception.settings import GroundTruthSettings
 from memo_perception.spatial_relations import spatial_relations
@@ -43,6 +44,7 @@ class GroundTruth(Perception):
         self._things: list[Thing] = []
         self._closings: list[_Closing] = []
         self._heaps: tuple[Heap, ...] = ()
+        self._housings: dict[str, Housing] = {}
         self._labels: dict[str, str] = {}
 
     def start(self, context: PerceptionContext) -> None:
@@ -58,6 +60,7 @@ class GroundTruth(Perception):
         self._things = list(labelled_things(context.scene))
         self._closings = list(_closings(context.scene, self._things))
         self._heaps = heaps(context.scene)
+        self._housings = housings(context.scene) if self.settings.visible_extents else {}
         self._labels = {}
 
     def look(self) -> SceneGraph:
@@ -120,11 +123,16 @@ class GroundTruth(Perception):
             raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
 
     def _box(self, thing: Thing, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:
-        """The box in its body's frame: as described, or with its movable pieces at their present poses."""
-        if not thing.pieces:
-            return thing.pose, thing.size
+        """The box in its body's frame: as described, or with its movable pieces at their present poses; with
+        ``visible_extents``, of what slides in something else only what sticks out."""
         simulator = self._started().simulator
         assert simulator is not None
+        housing = self._housings.get(thing.body.name)
+        if housing is not None:
+            around = simulator.body_pose(housing.body)
+            return visible_box((thing.pose, thing.size), poses[thing.body.name], housing, around)
+        if not thing.pieces:
+            return thing.pose, thing.size
         back = poses[thing.body.name].inverse()
         moved = {name: back * simulator.body_pose(name) for name in thing.pieces}
         return body_box(thing.body, moved) or (thing.pose, thing.size)

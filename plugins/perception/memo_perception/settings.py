@@ -21,6 +21,12 @@ class GroundTruthSettings:
         validator=and_(ge(0.0), le(1.0)),
         metadata={"help": "probability that one look misses an object (furniture is never missed)"},
     )
+    visible_extents: bool = attrs.field(
+        default=False,
+        metadata={
+            "help": "boxes hold only what sticks out: of a drawer that is pushed in, its front (as cameras see it)"
+        },
+    )
     images: tuple[str, ...] = attrs.field(
         default=(), metadata={"help": "cameras whose RGB and depth go into the observation"}
     )

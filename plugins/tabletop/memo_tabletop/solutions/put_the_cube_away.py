@@ -65,7 +65,9 @@ def put_in():
 
 def push_shut():
     grip, out = get_position("drawer handle"), outwards()
-    travel = sum((p - q) * d for p, q, d in zip(get_position("drawer inside"), get_position("chest"), out))
+    # from the drawer's face to the chest's, without the thickness of the panel between them
+    apart = sum((p - q) * d for p, q, d in zip(get_position("drawer"), get_position("chest"), out))
+    travel = apart + (get_size("drawer")[0] - get_size("chest")[0]) / 2 - 0.018
     # the fingers close along the bar and stay level, so that it slips neither in between nor behind them
     hand = side_orientation([-v for v in out], "horizontal")
     before, end = along(grip, out, 0.08), along(grip, out, -travel)

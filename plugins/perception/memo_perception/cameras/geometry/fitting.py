@@ -22,7 +22,9 @@ _OUTLINE_SIGMA = 0.001  # m
 _SUPPORT_SIGMA = 0.002  # m
 _PRIOR_SIGMA = 0.02  # m: how far a fit may go from the points' extents where no outline speaks
 _STEP = 1e-5  # of the numerical Jacobian, m or rad
-_NOT_THE_SHAPE = 0.0035  # m: outlines that miss by more are of something else
+_SUNK = 0.015  # m: a shape that reaches this far below what the thing stands on is wrong
+_NOT_THE_SHAPE = 0.0028  # m: outlines that miss by more are of something else
+_CROSSWISE = 0.2  # sine of the angle by which a camera may look less across a direction than the best one
 _INSIDE_LIMIT = 0.004  # m: points deeper inside a shape than this (of a hollow thing) count as this deep
 
 
@@ -31,6 +33,7 @@ class Seen:
     """All that is seen of one thing."""
 
     points: Array  # (N, 3) base frame, m
+    cameras: np.ndarray  # (N,) which of the silhouettes' pictures shows each point
     silhouettes: tuple[Silhouette, ...]
     noise: float  # m, standard deviation of depth
     support: float | None = None  # m: height of what it stands on, if known
@@ -71,7 +74,9 @@ def fit_thing(seen: Seen) -> Fit:
     best = min(fits, key=lambda fit: fit.residual * _COMPLEXITY[fit.shape])
     if seen.outlines < 8:
         return best if best.residual < 2 * _NOT_THE_SHAPE else box
-    return best if best.residual < _NOT_THE_SHAPE else attrs.evolve(box, residual=best.residual)
+    sunk = seen.support is not None and best.pose.position[2] - best.size[2] / 2 < seen.support - _SUNK
+    fits_well = best.residual < _NOT_THE_SHAPE and not sunk
+    return best if fits_well else attrs.evolve(box, residual=best.residual)
 
 
 _COMPLEXITY = {"box": 1.1, "cylinder": 1.0, "sphere": 1.0}  # a box has more parameters than the others
@@ -80,10 +85,9 @@ _COMPLEXITY = {"box": 1.1, "cylinder": 1.0, "sphere": 1.0}  # a box has more par
 def fit_box(seen: Seen, base: Array, axes: tuple[int, ...], size: Sequence[float] | None = None) -> Fit:
     """A box whose orientation is known but for small rotations about some axes of ``base``. ``size``: known extents
     (m), kept."""
-    local = seen.points @ base
-    low, high = trimmed_extents(local, seen.noise)
-    extents = high - low if size is None else np.asarray(size, dtype=float)
-    start = np.array([*(base @ ((low + high) / 2)), *extents, *[0.0] * len(axes)])
+    low, high = extents(seen, base)
+    full = high - low if size is None else np.asarray(size, dtype=float)
+    start = np.array([*(base @ ((low + high) / 2)), *full, *[0.0] * len(axes)])
     fixed = () if size is None else (3, 4, 5)
     return _fitted(Box(base, axes), start, seen, fixed)
 
@@ -95,11 +99,35 @@ def rectangle(seen: Seen) -> Fit:
     flat = points[:, :2]
     yaw = _yaw(flat, seen.noise)
     base = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-    low, high = trimmed_extents(points @ base, seen.noise)
+    low, high = extents(seen, base)
     low[2], high[2] = _heights(seen)
     size = np.maximum(high - low, 0.002)
     pose = Pose(tuple(base @ ((low + high) / 2)), quaternion_from_rotation(base))
     return Fit(pose, tuple(size.tolist()), "rectangle", 0.0, seen.outlines)
+
+
+def extents(seen: Seen, base: Array) -> tuple[Array, Array]:
+    """Lowest and highest coordinates (3,) of a thing along the columns of ``base`` (3, 3).
+
+    Noise moves points along the rays of the camera that measured them, so each coordinate is taken from the pictures
+    whose rays are most nearly across it, and trimmed by what noise remains."""
+    local = seen.points @ base
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    groups = []
+    for i, one in enumerate(seen.silhouettes):
+        own = local[seen.cameras == i]
+        if len(own) >= 20:
+            ray = np.median(seen.points[seen.cameras == i], axis=0) - np.asarray(one.view.frame.pose.position)
+            groups.append((own, np.abs(base.T @ ray) / np.linalg.norm(ray)))
+    if not groups:
+        return trimmed_extents(local, seen.noise)
+    for axis in range(3):
+        least = min(float(leaks[axis]) for _, leaks in groups)
+        for own, leaks in groups:
+            if leaks[axis] <= least + _CROSSWISE:
+                one_low, one_high = trimmed_extents(own[:, axis : axis + 1], seen.noise * float(leaks[axis]))
+                low[axis], high[axis] = min(low[axis], one_low[0]), max(high[axis], one_high[0])
+    return low, high
 
 
 def trimmed_extents(points: Array, noise: float) -> tuple[Array, Array]:
@@ -128,10 +156,10 @@ def _area(flat: Array, yaw: float, noise: float) -> float:
 
 def _heights(seen: Seen) -> tuple[float, float]:
     """Underside and top of a thing (m): the underside on its support, if it stands on something known."""
-    low, high = trimmed_extents(seen.points[:, 2:], seen.noise)
+    low, high = extents(seen, np.eye(3))
     if seen.support is not None:
-        low[0] = seen.support
-    return float(low[0]), float(max(high[0], low[0] + 0.002))
+        low[2] = seen.support
+    return float(low[2]), float(max(high[2], low[2] + 0.002))
 
 
 def _start(box: Fit, heights: tuple[float, float], seen: Seen) -> Array:

@@ -6,10 +6,11 @@ import attrs
 import numpy as np
 
 from memo_core.scene.pose import Array, Pose
-from memo_perception.cameras.geometry.fitting import Fit, Seen, trimmed_extents
+from memo_perception.cameras.geometry.fitting import Fit, Seen, extents
 
 LEAST_POINTS = 25  # of the lining
-_LINING = 0.012  # m from a container's outside beyond which a point on it is its lining
+_LINING = 0.012  # m from the outside of a container beyond which a place is in its room, not its wall
+_BEFORE = 0.02  # m
 _VOTE = 0.5  # share of the lining that must be seen through one side
 _WALL = (0.002, 0.04)  # m, thinnest and thickest wall that is assumed where one is not seen
 _FACES = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
@@ -24,11 +25,13 @@ class Inside:
     opening: tuple[float, float, float]
 
 
-def lining_points(seen: Seen, container: Fit) -> Array:
-    """Those points (N, 3) of a container that lie deeper in its box than its outside does."""
-    local = container.pose.inverse().apply(seen.points)
-    depth = (np.asarray(container.size) / 2 - np.abs(local)).min(axis=1)
-    return seen.points[depth > _LINING + 2 * seen.noise]
+def is_lining(seen: Seen, container: Fit) -> np.ndarray:
+    """Which points (N,) of a container line its room: a little before them, seen by the camera, is deep in its box."""
+    eyes = np.array([one.view.frame.pose.position for one in seen.silhouettes])[seen.cameras]
+    rays = eyes - seen.points
+    before = seen.points + _BEFORE * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    depth = (np.asarray(container.size) / 2 - np.abs(container.pose.inverse().apply(before))).min(axis=1)
+    return depth > _LINING + seen.noise
 
 
 def fit_inside(lining: Seen, container: Fit) -> Inside | None:
@@ -38,16 +41,19 @@ def fit_inside(lining: Seen, container: Fit) -> Inside | None:
         return None
     half = np.asarray(container.size) / 2
     local = container.pose.inverse().apply(lining.points)
-    local = local[np.all(np.abs(local) < half + 0.02 + lining.noise, axis=1)]
-    if len(local) < LEAST_POINTS:
+    near = np.all(np.abs(local) < half + 0.02 + lining.noise, axis=1)
+    if np.count_nonzero(near) < LEAST_POINTS:
         return None
+    local, cameras = local[near], lining.cameras[near]
     eyes = container.pose.inverse().apply([one.view.frame.pose.position for one in lining.silhouettes])
-    votes = np.sum([_exits(local, eye, half) for eye in eyes], axis=0)
+    votes = np.sum([_exits(local[cameras == i], eye, half) for i, eye in enumerate(eyes)], axis=0)
     face = int(np.argmax(votes))
     if votes[face] < _VOTE * votes.sum():
         return None
     axis, sign = _FACES[face]
-    low, high = _walls(local, half, axis, sign, lining.noise)
+    low, high = extents(lining, container.pose.rotation)
+    centre = container.pose.rotation.T @ np.asarray(container.pose.position)
+    low, high = _walls(low - centre, high - centre, half, axis, sign)
     if container.shape == "cylinder" and axis == 2:
         low, high = _square_in_circle(local, low, high, lining.noise)
     pose = container.pose * Pose(tuple((low + high) / 2))
@@ -65,17 +71,18 @@ def _exits(points: Array, eye: Array, half: Array) -> Array:
     return np.bincount(np.argmin(reach, axis=1), minlength=6).astype(float)
 
 
-def _walls(local: Array, half: Array, axis: int, sign: float, noise: float) -> tuple[Array, Array]:
-    """Lowest and highest corner (3,) of the room in the container's frame. A wall that is not seen is as thick as the
-    one opposite."""
-    low, high = trimmed_extents(local, noise)
+def _walls(low: Array, high: Array, half: Array, axis: int, sign: float) -> tuple[Array, Array]:
+    """Lowest and highest corner (3,) of the room in the container's frame, from those of the lining. A wall that is not
+    seen is as thick as the one opposite."""
     low, high = np.maximum(low, -half), np.minimum(high, half)
     gaps = np.stack([low + half, half - high], axis=1)  # (axis, side)
+    gaps[axis, int(sign > 0)] = np.inf
     for i in range(3):
-        if i == axis:
-            continue
         thin = float(np.clip(gaps[i].min(), *_WALL))
         unseen = gaps[i] > 2 * thin + 0.01
+        if i == axis:  # opposite the opening: as thick as the walls around it
+            thin = float(np.clip(np.delete(gaps, axis, axis=0).min(), *_WALL))
+            unseen = gaps[i] > 4 * thin + 0.01
         if unseen[0]:
             low[i] = -half[i] + thin
         if unseen[1]:

@@ -10,8 +10,8 @@ import numpy as np
 from memo_core.scene.appearance import colour_name
 from memo_core.scene.pose import Array, Pose
 from memo_perception.cameras.detectors.detector import Detection, State
-from memo_perception.cameras.geometry.fitting import Fit, Seen, fit_thing, trimmed_extents
-from memo_perception.cameras.geometry.insides import LEAST_POINTS, fit_inside, lining_points
+from memo_perception.cameras.geometry.fitting import Fit, Seen, extents, fit_thing
+from memo_perception.cameras.geometry.insides import LEAST_POINTS, fit_inside, is_lining
 from memo_perception.cameras.geometry.panels import (
     fit_panel,
     fit_part,
@@ -96,7 +96,7 @@ def measure(
 def _found(
     views: Sequence[View], blocked: dict[str, np.ndarray], detection: Detection, regions: dict[int, Region]
 ) -> _Found | None:
-    points, colours, outlines, noises, pixels = [], [], [], [], 0
+    points, colours, outlines, noises, cameras, pixels = [], [], [], [], [], 0
     whole = detection.kind in ("object", "fixture")
     for view in views:
         mask = _mask(view, detection, regions)
@@ -114,6 +114,7 @@ def _found(
             continue
         own = view.points[mask]
         measured = np.isfinite(own[:, 0])
+        cameras.append(np.full(np.count_nonzero(measured), len(points)))
         points.append(own[measured])
         colours.append(view.frame.rgb[mask][measured])
         outlines.append(outline)
@@ -121,7 +122,7 @@ def _found(
         pixels += int(np.count_nonzero(mask))
     if not points or sum(map(len, points)) < 5:
         return None
-    seen = Seen(np.concatenate(points), tuple(outlines), float(np.mean(noises)))
+    seen = Seen(np.concatenate(points), np.concatenate(cameras), tuple(outlines), float(np.mean(noises)))
     return _Found(detection, _without_strays(seen), pixels, np.concatenate(colours))
 
 
@@ -137,12 +138,17 @@ def _without_strays(seen: Seen) -> Seen:
     low, high = np.percentile(seen.points, [2, 98], axis=0)
     reach = 0.35 * (high - low) + 0.01 + 2 * seen.noise
     near = np.all((seen.points > low - reach) & (seen.points < high + reach), axis=1)
-    return attrs.evolve(seen, points=seen.points[near]) if np.count_nonzero(near) >= 5 else seen
+    return seen_at(seen, near) if np.count_nonzero(near) >= 5 else seen
+
+
+def seen_at(seen: Seen, chosen: np.ndarray) -> Seen:
+    """With only the points (N,) that are chosen."""
+    return attrs.evolve(seen, points=seen.points[chosen], cameras=seen.cameras[chosen])
 
 
 def _support(seen: Seen, table_height: float, fits: Iterable[Fit]) -> float | None:
     """Height of what a thing stands on, the table or the top of something measured before; None if that is unclear."""
-    low, high = trimmed_extents(seen.points, seen.noise)
+    low, high = extents(seen, np.eye(3))
     middle = (low + high) / 2
     tops = [table_height]
     for fit in fits:
@@ -199,8 +205,8 @@ def _measured(one: _Found, fit: Fit, state: State | None) -> Measured:
 def _heap(one: _Found, table_height: float) -> Measured:
     """An upright box around where most of it is seen, down to the table or what it lies on."""
     points = one.seen.points
-    near = points[np.linalg.norm(points[:, :2] - np.median(points[:, :2], axis=0), axis=1) < 0.08]
-    low, high = trimmed_extents(near, one.seen.noise)
+    near = np.linalg.norm(points[:, :2] - np.median(points[:, :2], axis=0), axis=1) < 0.08
+    low, high = extents(seen_at(one.seen, near), np.eye(3))
     if low[2] - table_height < 0.01:
         low[2] = table_height
     size = tuple(np.maximum(high - low, 0.004).tolist())
@@ -221,8 +227,8 @@ def _insides(
         detection = named.get(name)
         lining = found.get(detection.name) if detection is not None else None
         if lining is None:
-            points = lining_points(found[name].seen, fits[name])
-            lining = attrs.evolve(found[name], seen=attrs.evolve(found[name].seen, points=points))
+            deep = is_lining(found[name].seen, fits[name])
+            lining = attrs.evolve(found[name], seen=seen_at(found[name].seen, deep))
         if len(lining.seen.points) < LEAST_POINTS:
             continue
         room = fit_inside(lining.seen, fits[name])
