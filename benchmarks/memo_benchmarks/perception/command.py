@@ -88,7 +88,7 @@ def perception(
 
         with_progress(f"perception ({suite})", measuring)
     report: dict[str, Any] = {"bench": "perception", "cameras": cameras + wrist, "seeds": seeds}
-    names = dict.fromkeys(row.variant for row in (*looked, *solved))
+    names = dict.fromkeys([row.variant for row in looked] + [row.variant for row in solved])
     if solutions:
         report["solutions"] = {name: _solved([row for row in solved if row.variant == name]) for name in names}
     else:

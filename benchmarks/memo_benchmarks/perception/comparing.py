@@ -47,7 +47,8 @@ def compare(seen: SceneGraph, truth: SceneGraph, scene: SceneDescription) -> Com
     """Match by name where that is near enough, then by place."""
     kept = [node for node in seen.nodes if HIDDEN not in node.attributes]
     pairs, left = _by_name(kept, truth.nodes)
-    misnamed, unnamed = [], []
+    misnamed: list[str] = []
+    unnamed: list[str] = []
     for node in [one for one in truth.nodes if one.id not in pairs and one.kind in ("object", "fixture")]:
         near = [one for one in left if one.kind in ("object", "fixture") and _apart(one, node) <= NEAR_M]
         if near:

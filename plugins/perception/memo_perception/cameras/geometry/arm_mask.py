@@ -47,8 +47,7 @@ class ArmMask:
     def mask(self, frame: Frame, poses: dict[str, Pose]) -> np.ndarray:
         """Pixels (H, W) that show the robot or its nearest surroundings."""
         width, height = frame.size
-        drawn = np.zeros((height, width), dtype=np.uint8)
-        nearest = np.full((height, width), np.inf, dtype=np.float32)
+        shapes = []
         for name, hulls in self._hulls.items():
             for points in hulls:
                 pixels, depths = frame.project(poses[name].apply(points))
@@ -56,15 +55,14 @@ class ArmMask:
                 if not before.any():
                     continue
                 outline = cv2.convexHull(np.clip(pixels[before], -4000, 4000).astype(np.float32)).astype(np.int32)
-                here = np.zeros_like(drawn)
-                cv2.fillConvexPoly(here, outline, 1)
-                drawn |= here
-                nearest[here > 0] = np.minimum(nearest[here > 0], float(depths[before].min()))
+                shapes.append((float(depths[before].min()), outline))
+        nearest = np.full((height, width), np.inf, dtype=np.float32)
+        for depth, outline in sorted(shapes, key=lambda shape: -shape[0]):  # the nearest is drawn last
+            cv2.fillConvexPoly(nearest, outline, depth)
         wider = round(WIDER_PX * width / 640)
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * wider + 1, 2 * wider + 1))
-        grown = cv2.dilate(drawn, kernel) > 0
         before_arm = cv2.erode(nearest, kernel) - _BEFORE
-        return grown & ~((frame.depth > 0) & (frame.depth < before_arm))
+        return np.isfinite(before_arm) & ~((frame.depth > 0) & (frame.depth < before_arm))
 
 
 def shape_points(shape: UrdfShape) -> Array:

@@ -143,6 +143,7 @@ def _yaw(flat: Array, noise: float) -> float:
     spread, axes = np.linalg.eigh(np.cov(cells.T)) if len(cells) > 3 else (np.ones(2), np.eye(2))
     if spread[1] > 4 * max(spread[0], 1e-9):
         return float(np.arctan2(axes[1, 1], axes[0, 1]))
+    cells = cells[:: max(1, len(cells) // 1500)]
     yaws = np.radians(np.arange(0, 90, 2.0))
     areas = [_area(cells, yaw, noise) for yaw in yaws]
     return float(yaws[int(np.argmin(areas))])

@@ -96,7 +96,8 @@ def measure(
 def _found(
     views: Sequence[View], blocked: dict[str, np.ndarray], detection: Detection, regions: dict[int, Region]
 ) -> _Found | None:
-    points, colours, outlines, noises, cameras, pixels = [], [], [], [], [], 0
+    points: list[Array] = []
+    colours, outlines, noises, cameras, pixels = [], [], [], [], 0
     whole = detection.kind in ("object", "fixture")
     for view in views:
         mask = _mask(view, detection, regions)
