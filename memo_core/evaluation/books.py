@@ -8,6 +8,7 @@ books/lessons.db                of what the suite says is to be known of its tra
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesions import LESIONS, lesioned_copy
 from memo_core.evaluation.lesson_book import make_lesson_book
-from memo_core.evaluation.settings import LESSONS, NO_READ_BACK, BooksSettings
+from memo_core.evaluation.settings import EMPTY, LESSONS, NO_READ_BACK, BooksSettings
 from memo_core.parsing import parse_json
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.runlog.whole_files import write_whole
@@ -82,6 +83,16 @@ def make_books(
         if told is None or told["feedback"] != journals[key.history].feedback_until(key.hours):
             report(f"book {key.file}")
             _make(experiment, journals[key.history], folder, key, stop)
+
+
+def note_evaluation(experiment: Experiment, journals: list[Journal], trials: Iterable[Trial], folder: Path) -> None:
+    """Tell every book whose words come into the trials in ``folder``, which are read-only runs, so that ``memo
+    skillbook forget`` covers them: the histories' books, and given ones that may be written to."""
+    files = [str(journal.folder / BOOK) for journal in journals]
+    given = dict.fromkeys(trial.given for trial in trials if trial.given not in ("", EMPTY, LESSONS))
+    for url in (*files, *(one for one in given if os.access(one, os.W_OK))):
+        with book_of(experiment, url, read_only=False) as book:
+            book.note_place("run", folder)
 
 
 def told_of(folder: Path, key: BookKey) -> dict[str, Any] | None:

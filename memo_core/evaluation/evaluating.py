@@ -21,7 +21,7 @@ import yaml
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.evaluation.books import contents, make_books
+from memo_core.evaluation.books import contents, make_books, note_evaluation
 from memo_core.evaluation.engines import Group, Problem, do_here, on_joblib, on_ray
 from memo_core.evaluation.grid import Trial, trials_of
 from memo_core.evaluation.settings import EvaluationSettings
@@ -91,6 +91,7 @@ def evaluate(
     _check(load, experiment, trials)
     _keep_config(experiment, folder / "evaluation")
     make_books(experiment, journals, place.books, trials, stop, note)
+    note_evaluation(experiment, journals, trials, folder / "evaluation")
     problems: list[Problem] = []
     try:
         with _watched(place, trials, progress):

@@ -21,6 +21,7 @@ from memo_core.errors import Stopped
 from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, SubtaskStarted
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
+from memo_core.llm.kept_calls import ASK
 from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
@@ -32,7 +33,7 @@ from memo_core.policy.prompting import done_line
 from memo_core.policy.results import RunResult, Status, SubtaskResult
 from memo_core.policy.session import Session
 from memo_core.policy.teaching import Corrected, Judged, Teaching
-from memo_core.runlog.run_log import InDoubt
+from memo_core.runlog.run_log import Effect, InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import documentation
@@ -90,6 +91,8 @@ class _Subtask:
         return f"the world cannot be put back to the start of {self.key}: this robot's link cannot, and nobody else did"
 
 
+TIME_IS_UP = "whoever watches has no more time"
+_TIME: Effect[bool] = Effect("ask whether time is up")
 _SUBTASK_LIMIT = "- All programs for this subtask together may take {:g} s by the clock on the wall."
 
 
@@ -199,6 +202,8 @@ class Loop:
                 return at.result("corrected", f"the programs for {at.key} took longer than {limit} together")
             if self._corrected_enough(at):
                 return at.result("corrected", self._enough)
+            if self._time_is_up(at):
+                return at.result("corrected", TIME_IS_UP)
             if not self._put_back(at):
                 return at.result("corrected", at.stuck)
             if self._extensions.replan:
@@ -523,7 +528,16 @@ class Loop:
             return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
         if self._effects.time - began > self._session.time_limit_s:
             return f"the task's time limit of {self._session.time_limit_s:g} s is reached"
-        return ""
+        return TIME_IS_UP if last and self._time_is_up() else ""
+
+    def _time_is_up(self, at: _Subtask | None = None) -> bool:
+        """Whether nobody has time to go on; asked between attempts, decided once also where the run is resumed."""
+        asked = self._session.time_is_up
+        if asked is None:
+            return False
+        attempts = sum(one.attempts for one in self._results) + (at.attempt.number if at is not None else 0)
+        calls = self._session.log.count(ASK)
+        return self._session.log.effect(_TIME, str(attempts), lambda _: asked(self._robot_s, attempts, calls))
 
     def _corrected_enough(self, at: _Subtask | None = None) -> bool:
         """Whether the task has reached its limit of corrections."""

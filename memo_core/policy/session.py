@@ -66,6 +66,8 @@ class Session:
     time_limit_s: float = math.inf  # of the task, on the clock of a world that is put back after corrections
     prompts: Prompts = attrs.field(factory=Prompts)
     budget: Budget = attrs.field(factory=Budget)
+    # Whether whoever watches has no more time, by (seconds of the robot, attempts, calls of models); None: never.
+    time_is_up: Callable[[float, int, int], bool] | None = None
     on_text: Callable[[str, str], None] | None = None  # hears (phase, piece) while an answer is written
 
     def release(self) -> None:

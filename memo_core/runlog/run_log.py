@@ -143,6 +143,10 @@ class RunLog:
         """Whether the log has any effect."""
         return bool(self._done or self._replay)
 
+    def count(self, name: str) -> int:
+        """How many effects of this name have ended so far: the same in a resumed run."""
+        return sum(entry.name == name and entry.ended for entry in self._done)
+
     # -- effects -------------------------------------------------------------------------------------------------------
     @property
     def replaying(self) -> bool:

@@ -65,6 +65,11 @@ def calls_that_count(folder: Path) -> int:
     return sum(entry.name == ASK and entry.ended for entry in history.replayed)
 
 
+def wall_seconds(folder: Path) -> float:
+    """How long a run took so far on the clock on the wall, without the time between its parts; 0 before it began."""
+    return read_history(folder, read_lines(folder).records).wall_s if _began(folder) else 0.0
+
+
 def _cut_off(folder: Path) -> CutOff | None:
     """What a run that was cut off did; None for one that is to begin. What a process left that was killed before the
     first effect is removed."""

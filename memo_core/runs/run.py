@@ -130,6 +130,7 @@ class RunComponents:
     prompts: Prompts = attrs.field(factory=Prompts)
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
+    time_is_up: Callable[[float, int, int], bool] | None = None  # as in ``Session``
 
 
 def run_experiment(
@@ -454,6 +455,7 @@ def _work(
                 seed=parts.seed,
                 ending=lambda: supervisor.ending,
                 teaching=components.teaching,
+                time_is_up=components.time_is_up,
                 judge_task=None if teacher is None else lambda seen: supervisor.judge_task(filmed.shown(seen)),
                 judge_plan=supervisor.judge_plan if _judges_plans(teacher) else None,
                 read_back=supervisor.read_back if teacher is not None and teacher.reads_back else None,

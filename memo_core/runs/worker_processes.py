@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TypeVar
 
 import attrs
@@ -52,9 +52,14 @@ def in_processes(
     waiting, deaths = list(items), 0
     while waiting:
         pool = get_reusable_executor(max_workers=jobs, env=threads, initializer=_begin_worker, initargs=(os.getpid(),))
-        under_way = {pool.submit(do, item): item for item in waiting}
+        under_way: dict[Future[Result], Item] = {}
         try:
-            while under_way:
+            while waiting or under_way:
+                while (
+                    waiting and len(under_way) < jobs
+                ):  # loky's queue stays empty: killing what is in it is no clean end
+                    item = waiting.pop(0)
+                    under_way[pool.submit(do, item)] = item
                 for future in wait(under_way, POLL_S, FIRST_COMPLETED).done:
                     result = future.result()
                     del under_way[future]
@@ -69,7 +74,7 @@ def in_processes(
         finally:
             if under_way:  # stopped, or whoever asked wants no more
                 pool.shutdown(kill_workers=True)
-        waiting = list(under_way.values())
+        waiting = [*under_way.values(), *waiting]
 
 
 def _begin_worker(parent: int) -> None:

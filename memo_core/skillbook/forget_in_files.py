@@ -21,7 +21,7 @@ from memo_core.skillbook.known_copies import Place
 
 BEYOND = (
     "copies of the book, its exports, run folders and recordings that were moved, sent or made by hand",
-    "run folders of evaluations, which open the book read-only: name them with --in",
+    "run folders of runs and evaluations that could only read the book: name them with --in",
     "books into which an export was imported (their next import of this book's export withdraws the words there)",
     "what the providers of language models keep of the prompts",
 )

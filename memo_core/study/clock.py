@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 from memo_core.study.settings import StudySettings
@@ -12,7 +14,20 @@ def active_seconds(settings: StudySettings, summary: dict[str, Any], calls: int)
     together, and what people and models are assumed to take; the same however often the run was interrupted."""
     if settings.clock == "real":
         return float(summary["wall_s"])
-    timing = settings.timing
     attempts = sum(one["attempts"] for one in summary["subtasks"])
-    total = timing.setup_s + summary["robot_s"] + timing.model_s * calls + timing.remark_s * attempts
-    return round(float(total), 3)
+    return round(assumed_seconds(settings, float(summary["robot_s"]), attempts, calls), 3)
+
+
+def assumed_seconds(settings: StudySettings, robot_s: float, attempts: int, calls: int) -> float:
+    """By the simulated clock."""
+    timing = settings.timing
+    return timing.setup_s + robot_s + timing.model_s * calls + timing.remark_s * attempts
+
+
+def time_is_up(settings: StudySettings, left_s: float, already_s: float) -> Callable[[float, int, int], bool]:
+    """Whether a session that had ``left_s`` when a run began is over, by the run's (seconds of the robot, attempts,
+    calls). ``already_s``: how long the run took on the clock on the wall before it was resumed."""
+    if settings.clock == "simulated":
+        return lambda robot_s, attempts, calls: assumed_seconds(settings, robot_s, attempts, calls) >= left_s
+    began = time.monotonic() - already_s
+    return lambda robot_s, attempts, calls: time.monotonic() - began >= left_s

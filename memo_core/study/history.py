@@ -17,10 +17,11 @@ from memo_core.events import Event
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
+from memo_core.policy.loop import TIME_IS_UP
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
-from memo_core.runs.one_of_many import calls_that_count, do_one
+from memo_core.runs.one_of_many import calls_that_count, do_one, wall_seconds
 from memo_core.runs.run import components_of
-from memo_core.study.clock import active_seconds
+from memo_core.study.clock import active_seconds, time_is_up
 from memo_core.study.consent import Consent, Reception, demographics_of
 from memo_core.study.journal import Journal, TaughtRun, read_journal
 from memo_core.study.participants import Load, teacher_of
@@ -91,16 +92,16 @@ def teach(history: History, teaching: Teaching) -> Journal:
         elif session.active_s >= settings.session_minutes * 60:
             _end_session(teaching, history, journal)
         else:
-            number = len(journal.runs)
+            number = len(journal.runs)  # of scenes, so that a task which is begun again has another
             seed = experiment.seed + history.number * SEEDS_A_HISTORY + number
             began = {"begin": number + 1, "session": session.number, "participant": session.participant}
-            journal.note(began | {"task": tasks[number % len(tasks)], "seed": seed})
+            journal.note(began | {"task": tasks[journal.tasks_over % len(tasks)], "seed": seed})
     return journal
 
 
 def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
     """Why the history is over; empty where it is not."""
-    if len(journal.runs) >= settings.rounds * tasks:
+    if journal.tasks_over >= settings.rounds * tasks:
         return f"{settings.rounds} rounds of {tasks} tasks are done"
     if settings.hours is not None and journal.active_s >= settings.hours * 3600:
         return f"{settings.hours:g} hours of teaching are over"
@@ -150,6 +151,10 @@ def _run(history: History, teaching: Teaching, settings: StudySettings, journal:
     teacher = _teacher(teaching, who, task, run.seed, settings)
     components = components_of(experiment, lambda: environment_of(experiment, task, run.seed), book, teacher)
     folder = history.folder / run.folder
+    session = journal.open_session
+    assert session is not None
+    left_s = settings.session_minutes * 60 - session.active_s
+    components = attrs.evolve(components, time_is_up=time_is_up(settings, left_s, wall_seconds(folder)))
     summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
     with book_of(experiment, book_url, read_only=True) as read:
         newest = max((one.id for one in read.log().feedback), default=0)
@@ -163,7 +168,9 @@ def _run(history: History, teaching: Teaching, settings: StudySettings, journal:
 
 def _ended(run: TaughtRun, summary: dict[str, Any], active_s: float, feedback: int) -> dict[str, Any]:
     kept = ("success", "reason", "corrections", "planning_remarks", "interruptions", "robot_s", "problem")
-    return {"end": run.number, "active_s": active_s, "feedback": feedback} | {key: summary[key] for key in kept}
+    cut = summary["ended"] == TIME_IS_UP and not summary["success"]
+    ended = {"end": run.number, "active_s": active_s, "feedback": feedback, "session_over": cut}
+    return ended | {key: summary[key] for key in kept}
 
 
 def public(experiment: Experiment) -> dict[str, Any]:

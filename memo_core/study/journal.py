@@ -3,7 +3,8 @@
 {"history": 0, "book": "skillbook.db"}
 {"session": 1, "participant": "S01", "consent": "simulated" | digest of the text, "time": …}
 {"begin": 1, "session": 1, "task": …, "seed": …, "participant": …}       run 1 is in runs/0001-TASK
-{"end": 1, "active_s": …, "success": …, "corrections": …, "feedback": …}  feedback: the newest in the book
+{"end": 1, "active_s": …, "success": …, "corrections": …, "feedback": …, "session_over": …}
+                  feedback: the newest in the book; session_over: cut short, the next session begins with this task
 {"session_end": 1, "active_s": …, "revision": …}                          the book's generation
 {"over": "3 rounds are done"}
 """
@@ -65,6 +66,16 @@ class Journal:
     def active_s(self) -> float:
         """Seconds of teaching so far."""
         return float(sum(run.end["active_s"] for run in self.runs if run.end is not None))
+
+    @property
+    def tasks_over(self) -> int:
+        """How many runs count in the order of the tasks: all but those that the end of a session cut short, whose task
+        the next session begins with. One that was cut in a session of its own would be so again, and counts."""
+        return sum(run.end is not None and not self._to_be_done_again(run) for run in self.runs)
+
+    def _to_be_done_again(self, run: TaughtRun) -> bool:
+        first = next(one for one in self.runs if one.session == run.session)
+        return bool(run.end and run.end.get("session_over")) and first is not run
 
     @property
     def open_run(self) -> TaughtRun | None:

@@ -78,7 +78,9 @@ class StudySettings:
     session_minutes: float = attrs.field(
         default=30.0,
         validator=_POSITIVE,
-        metadata={"help": "no task is begun in a session after this time; the one at hand is finished"},
+        metadata={
+            "help": "of a session; then the attempt at hand is finished, and the next session begins with its task"
+        },
     )
     clock: Literal["simulated", "real"] = attrs.field(
         default="simulated",

@@ -12,6 +12,7 @@ from memo_core.evaluation.evaluating import evaluate
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.table import VARYING, read_table
 from memo_core.plugins import Registry
+from memo_core.runs.factories import book_of
 from memo_core.runs.story import read_story
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.running import run_study
@@ -39,6 +40,10 @@ def load_of(tmp_path: Path, text: str = FILE):
 
 def table(folder: Path) -> list[dict]:
     return [{key: row[key] for key in row if key not in VARYING} for row in read_table(folder / "evaluation")]
+
+
+def words_in(folder: Path) -> str:
+    return "".join(file.read_text(errors="replace") for file in folder.rglob("*") if file.is_file())
 
 
 @pytest.mark.slow
@@ -84,6 +89,15 @@ def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
     evaluate(load, tmp_path, StopSwitch())
     assert book.stat().st_mtime_ns > told and table(tmp_path) == rows
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("row.json")} == before  # it holds the same
+
+    # Who withdraws is forgotten in the trials as well, although these only read the book.
+    experiment = load()
+    with book_of(experiment, str(tmp_path / "study" / "history-0" / "skillbook.db"), read_only=False) as taught_book:
+        [who] = taught_book.people()
+        texts = {entry.text for entry in taught_book.entries() if entry.kind == "correction"}
+        assert any(text in words_in(tmp_path / "evaluation") for text in texts)
+        taught_book.forget(who)
+    assert not any(text in words_in(tmp_path / "evaluation") for text in texts)
 
     with pytest.raises(InvalidArgument, match=r"run\.repairs was 2, is 0"):
         evaluate(load_of(tmp_path, FILE.replace('"off"', '"off", repairs: 0')), tmp_path, StopSwitch())

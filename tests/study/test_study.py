@@ -42,6 +42,22 @@ def journal(folder: Path) -> list[dict]:
 
 
 @pytest.mark.slow
+def test_a_session_ends_with_the_attempt_at_hand_and_the_next_begins_with_its_task(tmp_path):
+    text = FILE.replace("open-the-cupboard", "open-the-cupboard, open-the-locker").replace("rounds: 2", "rounds: 1")
+    registry, load = opened(tmp_path, "short", text.replace("session_minutes: 1", "session_minutes: 4"))
+    folder = tmp_path / "short" / "study"
+    run_study(load, registry, folder)
+    [history] = status(load(), folder)["histories"]
+    runs = [line for line in journal(folder) if "begin" in line]
+    ends = [line for line in journal(folder) if "end" in line]
+    cut = [run["task"] for run, end in zip(runs, ends, strict=True) if end["session_over"]]
+    assert cut == ["open-the-locker", "open-the-locker"]  # the second had a session of its own, so that was it
+    assert [run["task"] for run in runs] == ["open-the-cupboard", "open-the-locker", "open-the-locker"]
+    assert [run["session"] for run in runs] == [1, 1, 2] and len({run["seed"] for run in runs}) == 3
+    assert history["over"] == "1 rounds of 2 tasks are done"
+
+
+@pytest.mark.slow
 def test_a_killed_study_goes_on_and_ends_like_one_that_was_not_and_is_exported_without_ids(tmp_path):
     registry, load = opened(tmp_path, "whole")
     whole = tmp_path / "whole" / "study"
