@@ -9,11 +9,14 @@ import attrs
 import numpy as np
 
 from memo_core.interfaces.link import Link
+from memo_core.interfaces.llm import Answer, Request
 from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Pose
+
+Ask = Callable[[Request], Answer]
 
 
 @attrs.frozen(eq=False)
@@ -34,6 +37,11 @@ class Perception(ABC):
     def open(self) -> None: ...
 
     def close(self) -> None: ...
+
+    def use_model(self, ask: Ask) -> None:
+        """Called before ``start`` wherever there is a language model: ``ask`` puts a question to the experiment's,
+        within the budget of the run, and raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``. The default
+        has no use for it."""
 
     @abstractmethod
     def start(self, context: PerceptionContext) -> None: ...

@@ -153,7 +153,7 @@ class ModelCalls:
         shown = self._redact.pieces(self._shower(request.phase, given_up)) if self._on_text else None
 
         def work() -> Answer:
-            begun.append(self._budget.begin(request, self._llm.name, number))
+            begun.append(self._budget.begin(request, self._llm.name, number if self._log.folder is not None else None))
             try:
                 answer = self._llm.answer(request, shown, given_up.is_set)
             except Exception as error:  # whose plugin it is must be said, whatever it raises

@@ -15,7 +15,8 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import LanguageModel, LanguageModelError
+from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request
+from memo_core.interfaces.perception import Ask
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -428,7 +429,9 @@ def _work(
             _note_book(opened.enter_context(components.book), parts)
         opened.callback(components.sandbox.close)
         components.sandbox.open()
-        with components.make_environment() as world, stop.waking(world.link.stop):
+        world = components.make_environment()
+        world.perception.use_model(_asking(components, parts))
+        with world, stop.waking(world.link.stop):
             if view:
                 world.view()
             asks = isinstance(world, HardwareEnvironment) and world.settings.release == "ask"
@@ -480,6 +483,19 @@ def _work(
             retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
             calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
             components.clustering.condense(components.book, calls, parts.tell, parts.seed)
+
+
+def _asking(components: RunComponents, parts: _Parts) -> Ask:
+    """The run's language model for perception, within its budget. Looks are effects of their own, answered from the log
+    as a whole when a run is resumed: what is asked in them is not in it."""
+    retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
+
+    def ask(question: Request) -> Answer:
+        log = RunLog()  # in memory
+        calls = ModelCalls(components.llm, parts.supervisor.stop, log, parts.tell, parts.budget, retrying)
+        return calls.answer(question)[0]
+
+    return ask
 
 
 def _judges_plans(teacher: Teacher | None) -> bool:

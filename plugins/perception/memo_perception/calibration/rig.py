@@ -115,8 +115,9 @@ class Rig:
         if name not in cameras:
             raise UnknownName("camera", name, tuple(cameras))
         camera = cameras[name]
-        link = getattr(camera, "link", "")
-        return camera.pose if not link else self.world.simulator.body_pose(f"robot/{link}") * camera.pose
+        if not camera.link:
+            return camera.pose
+        return self.world.simulator.body_pose(f"robot/{camera.link}") * camera.pose
 
     def _lying(self, eye: Pose) -> Pose:
         forward = eye.rotation[:, 2]

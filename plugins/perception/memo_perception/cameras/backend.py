@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.interfaces.perception import Ask, Perception, PerceptionContext
 from memo_core.scene import relations
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_perception.cameras.detectors import DETECTORS
@@ -63,6 +63,9 @@ class Cameras(Perception):
     def close(self) -> None:
         self.detector.close()
         self.source.close()
+
+    def use_model(self, ask: Ask) -> None:
+        self.detector.use_model(ask)
 
     def start(self, context: PerceptionContext) -> None:
         self.source.start(context)

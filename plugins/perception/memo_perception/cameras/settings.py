@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import attrs
-from attrs.validators import and_, ge, in_, le
+from attrs.validators import and_, ge, in_, le, optional
 
 from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.inventory import Item
@@ -51,6 +51,34 @@ class InventorySettings:
     )
 
 
+_REASKS = {"help": "times a model is asked again, with the reason, after an answer that is not usable"}
+
+
+@attrs.frozen
+class MarksSettings:
+    """Settings of the ``marks`` detector."""
+
+    reasks: int = attrs.field(default=2, validator=and_(ge(0), le(10)), metadata=_REASKS)
+
+
+@attrs.frozen
+class PointsSettings:
+    """Settings of the ``points`` detector."""
+
+    convention: Literal["gemini-robotics-er", "qwen2.5-vl", "qwen3-vl", "molmo", "molmo2", "claude"] = attrs.field(
+        default="gemini-robotics-er", metadata={"help": "the kind of model: how it writes coordinates"}
+    )
+    order: Literal["xy", "yx"] | None = attrs.field(
+        default=None, metadata={"help": "which coordinate comes first; null: as the convention has it"}
+    )
+    scale: float | None = attrs.field(
+        default=None,
+        validator=optional(ge(0.0)),
+        metadata={"help": "what the picture's far edge is called, 0 for pixels; null: as the convention has it"},
+    )
+    reasks: int = attrs.field(default=2, validator=and_(ge(0), le(10)), metadata=_REASKS)
+
+
 @attrs.frozen
 class CamerasSettings:
     """Settings of the ``cameras`` backend."""
@@ -69,3 +97,5 @@ class CamerasSettings:
     simulated: SimulatedSettings = SimulatedSettings()
     folder: FolderSettings = FolderSettings()
     inventory: InventorySettings = InventorySettings()
+    marks: MarksSettings = MarksSettings()
+    points: PointsSettings = PointsSettings()

@@ -8,6 +8,16 @@ DETECTORS: dict[str, Stage] = {
     stage.name: stage
     for stage in (
         Stage(
+            "marks",
+            "numbered regions drawn on the pictures; the language model, one that sees, says which make what",
+            "memo_perception.cameras.detectors.marks:MarksDetector",
+        ),
+        Stage(
+            "points",
+            "a language model that draws boxes or points; its kind of coordinates is a setting",
+            "memo_perception.cameras.detectors.points:PointsDetector",
+        ),
+        Stage(
             "oracle",
             "the simulator's own masks and names; for tests and benchmarks of the geometry only",
             "memo_perception.cameras.detectors.oracle:OracleDetector",

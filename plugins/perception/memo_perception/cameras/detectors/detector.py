@@ -8,7 +8,7 @@ from typing import Literal
 import attrs
 import numpy as np
 
-from memo_core.interfaces.perception import PerceptionContext
+from memo_core.interfaces.perception import Ask, PerceptionContext
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.inventory import Hint, Item, Kind
 from memo_perception.cameras.regions import Region
@@ -61,6 +61,9 @@ class Detector(ABC):
 
     def start(self, context: PerceptionContext | None) -> None:
         """Bind to an environment, before the first ``detect``; None when there is no robot."""
+
+    def use_model(self, ask: Ask) -> None:
+        """Given before ``start`` wherever there is a language model. The default has no use for it."""
 
     @abstractmethod
     def detect(self, request: Request) -> tuple[Detection, ...]:
