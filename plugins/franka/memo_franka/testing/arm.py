@@ -68,16 +68,17 @@ class IdealBody:
 
 
 class SceneBody:
-    """The robot in a built simulator, which is ticked once in each of its control periods. It has position servos, and
-    so takes no torques."""
-
-    takes_torques = False
+    """The robot in a built simulator, which is ticked once in each of its control periods. One with a control period of
+    1 ms takes torques too: its position servos are given the target at which they exert them. Their damping then adds
+    kv times 1 ms to each joint's inertia."""
 
     def __init__(self, simulator: Simulator, robot: RobotDescription) -> None:
         self.simulator = simulator
         self._lag = np.array([joint.kv / joint.kp for joint in robot.joints])
         self._wrench = WrenchEstimate(Kinematics(robot), simulator.control_period)
         self._every = round(simulator.control_period / DT)
+        self._stiffness, self._damping = np.array([(joint.kp, joint.kv) for joint in robot.joints]).T
+        self.takes_torques = self._every == 1
         self._ticks = 0
         self.q, self.dq = simulator.joint_positions().copy(), simulator.joint_velocities().copy()
         self.force = np.zeros(6)
@@ -87,17 +88,19 @@ class SceneBody:
         if self._ticks % self._every:
             self.q = self.q + self.dq * DT
             return
+        self._move(q_d + self._lag * dq_d)
+
+    def drive(self, torques: Array) -> None:
+        self._move(self.q + (torques + self._damping * self.dq) / self._stiffness)
+
+    def _move(self, targets: Array) -> None:
         simulator = self.simulator
-        simulator.command_joints(q_d + self._lag * dq_d)
+        simulator.command_joints(targets)
         simulator.tick()
         self.q, self.dq = simulator.joint_positions().copy(), simulator.joint_velocities().copy()
         self.force = self._wrench.at(
             simulator.time, self.q, self.dq, simulator.joint_accelerations(), simulator.joint_torques()
         )
-
-    def drive(self, torques: Array) -> None:
-        raise NotImplementedError("the simulator's arm takes positions")
-
 
 class Arm:
     """The desired state, within the limits of the description. ``violations`` counts commands that exceeded them."""

@@ -8,16 +8,19 @@ with TaskCell(task, seed, simulator, fr3(), perception, "127.0.0.2") as cell:
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 from memo_core.arm.control import ArmControl
+from memo_core.arm.guarded_link import GuardedLink
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.environment.task_environment import generator
+from memo_core.errors import InvalidArgument
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.robot.description import RobotDescription
+from memo_core.robot.safety import SafetyLimits
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.sandbox.workspace import Workspace
@@ -62,16 +65,24 @@ class TaskCell:
         perception: Perception,
         address: str = "127.0.0.2",
         collision_force: float = 80.0,
+        limits: SafetyLimits | None = None,
+        mode: Literal["velocity", "impedance"] = "velocity",
     ) -> None:
-        """``simulator`` and ``perception`` come unopened; perception may read the simulator."""
+        """``simulator`` and ``perception`` come unopened; perception may read the simulator. For the mode ``impedance``
+        the simulator's control period must be 1 ms. Raises ``InvalidArgument`` otherwise."""
+        if mode == "impedance" and simulator.control_period > 0.00101:
+            given = f"has a control period of {1000 * simulator.control_period:g} ms"
+            expected = "1 ms: simulator.timestep=0.001 simulator.steps_per_tick=1"
+            raise InvalidArgument("simulator", given, expected)
         self.task = task
         self.seed = seed
         self.simulator = simulator
         self.robot = robot
         self.perception = perception
+        self._limits = limits or SafetyLimits()
         torque = 0.75 * collision_force
         self._settings = FrankaSettings(
-            address, collision_force=collision_force, collision_torque=torque, clock_timeout_s=10.0
+            address, mode=mode, collision_force=collision_force, collision_torque=torque, clock_timeout_s=10.0
         )
 
     def __enter__(self) -> TaskCell:
@@ -87,10 +98,11 @@ class TaskCell:
         self.box = ControlBox(self.robot, address, SceneBody(self.simulator, self.robot), hand=self.hand)
         self.hand.start()
         self.box.start()
-        self.link: Link = FrankaDriver(self._settings).link(self.robot, IncludedGripper())
+        inner = FrankaDriver(self._settings).link(self.robot, IncludedGripper())
+        self.link: Link = GuardedLink(inner, self.robot, self._limits)
         try:
             self.link.open()
-            self.control = ArmControl(self.robot, self.link, self.perception)
+            self.control = ArmControl(self.link.description, self.link, self.perception)
             self.perception.open()
             seen: Any = _BetweenTicks(self.simulator, self.box)
             rng = generator(self.seed, "perception")

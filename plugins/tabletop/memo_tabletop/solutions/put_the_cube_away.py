@@ -70,9 +70,11 @@ def push_shut():
     travel = apart + (get_size("drawer")[0] - get_size("chest")[0]) / 2 - 0.018
     # the fingers close along the bar and stay level, so that it slips neither in between nor behind them
     hand = side_orientation([-v for v in out], "horizontal")
-    before, end = along(grip, out, 0.08), along(grip, out, -travel)
+    before, near = along(grip, out, 0.08), along(grip, out, 0.03 - travel)
     close_gripper()
     move_to(before, hand, slack=0.2)
-    follow_path([[end, hand]], slack=0.2)
+    follow_path([[near, hand]], slack=0.2, speed=0.5)
+    # gently against the stop: a real arm would take a knock there for a collision
+    move_until_contact([-v for v in out], 0.05, 10.0)
     move_straight(before, hand, slack=0.2)
     look()
