@@ -17,6 +17,10 @@ from memo_franka.settings import FrankaSettings, HandSettings
 from memo_franka.testing.control_box import ControlBox
 from memo_franka.testing.hand import HandDouble
 from memo_franka.testing.wire import Error
+from memo_wsg.driver import WsgGripper
+from memo_wsg.protocol import Status
+from memo_wsg.settings import WsgSettings
+from memo_wsg.testing.double import WsgDouble
 
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.errors import InvalidArgument, RobotFault, Stopped
@@ -158,6 +162,74 @@ def _faulted(cell: Cell, link: FrankaLink, after: int, cause) -> RobotFault:
     return caught.value
 
 
+def _jammed(cell: Cell, link: FrankaLink) -> None:
+    """Start to close fingers that do not move."""
+    cell.hand.fingers.command = lambda width, speed, force: None
+    link.set_gripper(0.0, 30.0)
+
+
+def _with_wsg(cell: Cell, wsg: WsgDouble) -> FrankaLink:
+    settings = FrankaSettings(cell.address, clock_timeout_s=BUSY_S)
+    link = FrankaDriver(settings).link(ROBOT, WsgGripper(WsgSettings(wsg.address)))
+    assert isinstance(link, FrankaLink)
+    cell.links.append(link)
+    link.open()
+    cell.box.reader = lambda: link._now
+    return link
+
+
+def _wsg_fails(link: FrankaLink, wsg: WsgDouble) -> None:
+    wsg.fail(Status.NOT_INITIALIZED)
+    link.set_gripper(0.02, 30.0)
+
+
+GRIPPER_FAULTS = {
+    "WSG fault": (_wsg_fails, "home it on its web page"),
+    "WSG cable pulled": (lambda link, wsg: wsg.stop(), "check its power and cable"),
+}
+
+
+@pytest.mark.parametrize("name", GRIPPER_FAULTS)
+def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name):
+    cause, told = GRIPPER_FAULTS[name]
+    with WsgDouble(next(ADDRESSES), width=80.0) as wsg:
+        link, seen = _with_wsg(cell, wsg), {}
+
+        def happen() -> None:
+            cause(link, wsg)
+            seen.update(ticks=cell.box.ticks)
+
+        with pytest.raises(RobotFault, match=told) as caught:
+            for number, row in enumerate(swing(link, 10.0)):
+                if number == 60:
+                    happen()
+                link.send(row)
+        assert caught.value.fault == "gripper" and wsg.acknowledged == 0 and cell.box.recoveries == 0
+        _at_rest_alone(cell)
+
+
+def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell):
+    link = cell.link()
+    link._gripper._settings = HandSettings(cell.address, deadline_s=0.5)
+    with pytest.raises(RobotFault, match="free its fingers") as caught:
+        for number, row in enumerate(swing(link, 60.0)):
+            if number == 60:
+                _jammed(cell, link)
+            link.send(row)
+    assert caught.value.fault == "gripper" and cell.box.recoveries == 0
+    _at_rest_alone(cell)
+
+
+def _at_rest_alone(cell: Cell) -> None:
+    """Where the box itself has no fault: at rest after the last velocity's 60 ms and what the limits need."""
+    since, speed = cell.box.ticks, float(np.abs(cell.box.arm.dq_d).max())
+    cell.box.reader = None
+    while not cell.box.arm.resting:
+        time.sleep(0.01)
+    assert cell.box.rested_at - since <= 1000 * (speed / 10.0 + np.sqrt(10.0 / 5000.0)) + 60
+    assert not cell.box.arm.violations
+
+
 def _at_rest_soon(cell: Cell, since: int, speed: float) -> None:
     """At rest within what the limits need and 60 ms, on the box's clock."""
     while not cell.box.arm.resting:
@@ -166,7 +238,7 @@ def _at_rest_soon(cell: Cell, since: int, speed: float) -> None:
 
 
 IN_MOTION = {
-    "pushed with 40 N": (lambda box: box.push([0.0, 0.0, 45.0]), "reflex", "cartesian reflex"),
+    "pushed with 40 N": (lambda box: box.push([0.0, 0.0, 40.0]), "reflex", "cartesian reflex"),
     "user stop": (lambda box: box.user_stop(True), "user-stop", "release the external activation device"),
     "brakes shut": (lambda box: box.brakes(True), "brakes", "Unlock joints"),
     "guided": (lambda box: box.guide(True), "guiding", "let go"),
@@ -254,7 +326,7 @@ def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell):
 
 def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_is(cell):
     link = cell.link()
-    _faulted(cell, link, 60, lambda: cell.box.push([0.0, 0.0, 45.0]))
+    _faulted(cell, link, 60, lambda: cell.box.push([0.0, 0.0, 40.0]))
     link.stop()
     with pytest.raises(RobotFault):
         link.release()
@@ -350,7 +422,7 @@ def test_memo_robot_moves_checks_and_recovers_it(cell, capsys):
     assert abs(cell.box.arm.q_d[0] - np.radians(5.0)) < 1e-3
     command.home(None, given, True)
     assert np.abs(cell.box.arm.q_d - ROBOT.home).max() < 1e-3 and not cell.box.arm.violations
-    cell.box.push([0.0, 0.0, 45.0])
+    cell.box.push([0.0, 0.0, 40.0])
     while cell.box.mode.name != "REFLEX":
         time.sleep(0.01)
     with pytest.raises(RobotFault, match="cartesian reflex"):

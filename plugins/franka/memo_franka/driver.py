@@ -250,6 +250,8 @@ class FrankaLink(Link):
             raise BackendUnavailable("robot", self._settings.address, "the link is not open", "open()")
         if self._fault is not None:
             raise self._fault
+        if not (gripper := self._gripper.health()).ready:
+            raise self._latched(fault(self._settings.address, "gripper", gripper.problem))
 
     def _failed(self, error: Exception) -> RobotFault:
         """The fault behind an exception of the client library, preferably from the robot's own state."""

@@ -18,6 +18,7 @@ _FAULTS = {
     "network": ("the connection was lost: {detail}", "check the cable and the control box, then start again"),
     "clock": ("its clock has stood still for {detail}", "check the network; the control box may have to be restarted"),
     "ended": ("its controller ended: {detail}", _RECOVER),
+    "gripper": ("its gripper has a fault: {detail}", "see to the gripper, then start again"),
     "outside": ("it is outside its joint limits: {detail}", "guide it back by hand in Desk's programming mode"),
 }
 

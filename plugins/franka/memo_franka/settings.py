@@ -34,7 +34,7 @@ class FrankaSettings:
         metadata={"help": "of each joint in the mode impedance, Nm/rad; the damping is 2 sqrt(stiffness)"},
     )
     collision_force: float = attrs.field(
-        default=40.0, validator=gt(0.0), metadata={"help": "N on the hand at which the control box ends a motion"}
+        default=35.0, validator=gt(0.0), metadata={"help": "N on the hand at which the control box ends a motion"}
     )
     collision_torque: float = attrs.field(
         default=30.0, validator=gt(0.0), metadata={"help": "Nm on a joint at which the control box ends a motion"}

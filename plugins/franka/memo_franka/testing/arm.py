@@ -102,6 +102,7 @@ class SceneBody:
             simulator.time, self.q, self.dq, simulator.joint_accelerations(), simulator.joint_torques()
         )
 
+
 class Arm:
     """The desired state, within the limits of the description. ``violations`` counts commands that exceeded them."""
 

@@ -76,5 +76,5 @@ def push_shut():
     follow_path([[near, hand]], slack=0.2, speed=0.5)
     # gently against the stop: a real arm would take a knock there for a collision
     move_until_contact([-v for v in out], 0.05, 10.0)
-    move_straight(before, hand, slack=0.2)
+    move_straight(along(near, out, 0.08), hand, slack=0.2)  # not as far back as it came: the arm would be folded up
     look()
