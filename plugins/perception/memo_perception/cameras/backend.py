@@ -18,10 +18,12 @@ from memo_perception.cameras.detectors.detector import Detection, Detector, Requ
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.geometry.arm_mask import ArmMask
 from memo_perception.cameras.geometry.measuring import Measured, measure
+from memo_perception.cameras.geometry.segmentation import regions_of
 from memo_perception.cameras.geometry.table import View, aligned_view
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.memory import HIDDEN, Memory
 from memo_perception.cameras.regions import Region
+from memo_perception.cameras.scene_items import items_of
 from memo_perception.cameras.settings import CamerasSettings
 from memo_perception.cameras.sources import SOURCES
 from memo_perception.cameras.sources.source import Source
@@ -87,8 +89,8 @@ class Cameras(Perception):
         if self._arm is not None and (links := self._arm.poses()):
             blocked = {frame.name: self._arm.mask(frame, links) for frame in frames}
         views = tuple(aligned_view(frame, table, blocked.get(frame.name)) for frame in frames)
-        regions: tuple[Region, ...] = ()
-        detections = self._detected(frames, regions, table)
+        regions = regions_of(views, blocked, table) if self.detector.needs_regions else ()
+        detections = self._detected(views, regions, table)
         measured = measure(views, blocked, detections, regions, table)
         tool, holding = context.tool_pose(), context.link.holding()
         time = max((frame.time for frame in frames), default=0.0)
@@ -135,10 +137,11 @@ class Cameras(Perception):
             raise InvalidArgument("perception.cameras", f"no camera {unknown[0]!r} here", f"one of: {', '.join(names)}")
         return tuple(frame for frame in frames if not wanted or frame.name in wanted)
 
-    def _detected(self, frames: Sequence[Frame], regions: tuple[Region, ...], table: float) -> tuple[Detection, ...]:
+    def _detected(self, views: Sequence[View], regions: tuple[Region, ...], table: float) -> tuple[Detection, ...]:
+        frames = tuple(view.frame for view in views)
         key = repr(([frame.digest() for frame in frames], self.settings.items, self.hints))
         if key not in self._answers:
-            request = Request(tuple(frames), regions, self._items(), self.hints, table)
+            request = Request(frames, regions, self._items(), self.hints, table, max(view.noise for view in views))
             self._answers[key] = self.detector.detect(request)
             while len(self._answers) > _REMEMBERED:
                 self._answers.popitem(last=False)
@@ -146,7 +149,9 @@ class Cameras(Perception):
         return self._answers[key]
 
     def _items(self) -> tuple[Item, ...]:
-        return self.settings.items
+        """What the settings list, else what the task's scene has."""
+        scene = self._started().scene
+        return self.settings.items or (items_of(scene) if scene is not None else ())
 
     def _started(self) -> PerceptionContext:
         if self._context is None:

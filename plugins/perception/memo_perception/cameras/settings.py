@@ -87,7 +87,7 @@ class CamerasSettings:
         default="simulated", validator=in_(tuple(SOURCES)), metadata={"help": "where frames come from"}
     )
     detector: str = attrs.field(
-        default="oracle", validator=in_(tuple(DETECTORS)), metadata={"help": "what names the things in them"}
+        default="inventory", validator=in_(tuple(DETECTORS)), metadata={"help": "what names the things in them"}
     )
     cameras: tuple[str, ...] = attrs.field(default=(), metadata={"help": "cameras to use; empty: all of the source"})
     images: bool = attrs.field(default=False, metadata={"help": "keep RGB and depth in the observation"})

@@ -18,6 +18,11 @@ DETECTORS: dict[str, Stage] = {
             "memo_perception.cameras.detectors.points:PointsDetector",
         ),
         Stage(
+            "inventory",
+            "no model: regions matched by colour and size to a list of what is on the table",
+            "memo_perception.cameras.detectors.inventory:InventoryDetector",
+        ),
+        Stage(
             "oracle",
             "the simulator's own masks and names; for tests and benchmarks of the geometry only",
             "memo_perception.cameras.detectors.oracle:OracleDetector",

@@ -25,6 +25,7 @@ class Request:
     inventory: tuple[Item, ...] = ()  # may be empty
     hints: tuple[Hint, ...] = ()
     table_height: float = 0.0  # m, base frame
+    noise: float = 0.001  # m, standard deviation of depth where the table is
 
 
 @attrs.frozen(eq=False)
@@ -55,6 +56,8 @@ class Detection:
 
 class Detector(ABC):
     """Names what frames show. The constructor touches nothing; ``open`` loads and connects, ``close`` is idempotent."""
+
+    needs_regions: bool = True  # whether requests have regions; they take time to find
 
     def open(self) -> None:
         """Raises ``BackendUnavailable`` with the remedy."""

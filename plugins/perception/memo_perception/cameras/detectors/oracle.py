@@ -28,6 +28,8 @@ _BEFORE = 0.015  # m before a wall, seen from the camera, that must lie in the c
 class OracleDetector(Detector):
     """See the module."""
 
+    needs_regions = False
+
     def __init__(self) -> None:
         self._context: PerceptionContext | None = None
         self._things: tuple[Thing, ...] = ()

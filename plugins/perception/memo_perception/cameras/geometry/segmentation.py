@@ -1,0 +1,167 @@
+"""Regions: what stands on the table, told apart by colour and by steps in depth, and put together over the pictures.
+
+No model and no names. A thing of several colours is several regions; two things of one colour that touch are one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import attrs
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from memo_core.scene.pose import Array
+from memo_perception.cameras.geometry.table import View
+from memo_perception.cameras.regions import Region
+
+_WORKSPACE = ((-0.1, 1.3), (-0.9, 0.9))  # m: x and y in which things are looked for
+_ABOVE = 0.004  # m above the table from which a pixel is not the table's, without noise
+_TOP = 1.2  # m above the table
+_CHROMA = (
+    0.06  # distance in chromaticity (shares of red, green and blue, which shading keeps) from which colours differ
+)
+_SHADE = 0.45  # of two faces of one colour the darker is at least this bright, against the other
+_DARK = 60.0  # sum of the channels (of 765) below which chromaticity says little
+_LIGHTNESS = 0.25  # weight of Lab's L, which shading changes, against a and b
+_EDGE = 9.0  # step of the weighted colour between neighbours that parts two segments
+_DEPTH_STEP = 0.012  # m between neighbours that parts two segments, without noise
+_LEAST_PIXELS = 25
+_VOXEL = 0.008  # m
+_OVERLAP = 0.3  # share of the smaller segment's cells that must coincide to be the same thing
+_TABLE_COLOUR = 12.0  # weighted distance in Lab from the table's colour from which a flat thing is not the table
+
+
+@attrs.frozen(eq=False)
+class _Segment:
+    """A piece of one picture."""
+
+    frame: int
+    mask: np.ndarray  # (H, W) bool
+    points: Array  # (N, 3)
+    colours: np.ndarray  # (N, 3) uint8
+    chroma: Array  # (3,) of the median colour
+    brightness: float  # 0 to 1
+    cells: frozenset[tuple[int, int, int]]
+
+
+def regions_of(views: Sequence[View], blocked: Mapping[str, np.ndarray], table_height: float) -> tuple[Region, ...]:
+    """The regions of a look, the largest first; their numbers count from 1. ``blocked``: frame name -> pixels (H, W)
+    that show the robot."""
+    segments = [
+        segment
+        for number, view in enumerate(views)
+        for segment in _segments(number, view, blocked.get(view.frame.name), table_height)
+    ]
+    groups = sorted(_joined(segments), key=lambda group: -sum(len(one.points) for one in group))
+    return tuple(_region(id, group, views) for id, group in enumerate(groups, 1))
+
+
+def _segments(number: int, view: View, blocked: np.ndarray | None, table_height: float) -> list[_Segment]:
+    frame = view.frame
+    lab = cv2.cvtColor(frame.rgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    weighted = lab * np.array([_LIGHTNESS, 1.0, 1.0], dtype=np.float32)
+    there = _foreground(view, weighted, blocked, table_height)
+    step = _DEPTH_STEP + 3 * view.noise
+    smooth = cv2.medianBlur(frame.depth, 5) if view.noise > 0.001 else frame.depth
+    edges = np.zeros(there.shape, dtype=bool)
+    for axis in (0, 1):
+        ahead = np.linalg.norm(np.diff(weighted, axis=axis), axis=2) > _EDGE
+        ahead |= np.abs(np.diff(smooth, axis=axis)) > step
+        low, high = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
+        edges[low] |= ahead
+        edges[high] |= ahead
+    count, labels = cv2.connectedComponents((there & ~edges).astype(np.uint8), connectivity=4)
+    sizes = np.bincount(labels.ravel(), minlength=count)
+    keep = sizes >= _LEAST_PIXELS
+    keep[0] = False
+    labels[~keep[labels]] = 0
+    # Pixels of an edge belong to the nearest segment.
+    away, nearest = ndimage.distance_transform_edt(labels == 0, return_indices=True)
+    near = there & (away <= 3)
+    labels = np.where(near, labels[nearest[0], nearest[1]], labels)
+    found = []
+    for label, where in enumerate(ndimage.find_objects(labels), 1):
+        if where is None:
+            continue
+        mask = np.zeros(there.shape, dtype=bool)
+        mask[where] = labels[where] == label
+        points = view.points[mask]
+        good = np.isfinite(points[:, 0])
+        if np.count_nonzero(good) < _LEAST_PIXELS // 2:
+            continue
+        points, colours = points[good], frame.rgb[mask][good]
+        cells = frozenset(map(tuple, np.unique(np.floor(points / _VOXEL).astype(int), axis=0).tolist()))
+        middle = np.median(colours, axis=0)
+        chroma, brightness = middle / max(float(middle.sum()), _DARK), float(middle.mean()) / 255
+        found.append(_Segment(number, mask, points, colours, chroma, brightness, cells))
+    return found
+
+
+def _foreground(view: View, weighted: np.ndarray, blocked: np.ndarray | None, table_height: float) -> np.ndarray:
+    """Pixels of what stands or lies on the table, by height, or by colour where it is flat."""
+    (x0, x1), (y0, y1) = _WORKSPACE
+    with np.errstate(invalid="ignore"):
+        x, y, z = np.moveaxis(view.points, -1, 0)
+        inside = (x > x0) & (x < x1) & (y > y0) & (y < y1) & (z < table_height + _TOP)
+        height = z - table_height
+        raised = inside & (height > _ABOVE + 3 * view.noise)
+        on_table = inside & (np.abs(height) <= _ABOVE + 3 * view.noise)
+    if blocked is not None:
+        raised &= ~blocked
+        on_table &= ~blocked
+    if np.count_nonzero(on_table) < 500:
+        return raised
+    table = np.median(weighted[on_table], axis=0)
+    odd = on_table & (np.linalg.norm(weighted - table, axis=2) > _TABLE_COLOUR)
+    unmeasured = ~np.isfinite(view.points[..., 0])
+    odd |= (
+        unmeasured
+        & ndimage.binary_dilation(raised | odd, iterations=2)
+        & (np.linalg.norm(weighted - table, axis=2) > _TABLE_COLOUR)
+    )
+    return raised | ndimage.binary_opening(odd, iterations=1)
+
+
+def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
+    """Segments that show the same thing, by common cells and colours."""
+    parent = list(range(len(segments)))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    grown = [_grown(one.cells) for one in segments]
+    for i, one in enumerate(segments):
+        for j in range(i):
+            other = segments[j]
+            dark, light = sorted((one.brightness + 0.02, other.brightness + 0.02))
+            if np.linalg.norm(one.chroma - other.chroma) > _CHROMA or dark < _SHADE * light:
+                continue
+            small, large = (i, j) if len(one.cells) <= len(other.cells) else (j, i)
+            common = len(segments[small].cells & grown[large])
+            # Pieces of one picture touch along an edge only.
+            needed = _OVERLAP if one.frame != other.frame else 0.08
+            if common >= needed * len(segments[small].cells):
+                parent[root(i)] = root(j)
+    groups: dict[int, list[_Segment]] = {}
+    for i, one in enumerate(segments):
+        groups.setdefault(root(i), []).append(one)
+    return list(groups.values())
+
+
+def _grown(cells: frozenset[tuple[int, int, int]]) -> frozenset[tuple[int, int, int]]:
+    steps = (-1, 0, 1)
+    return frozenset((x + i, y + j, z + k) for x, y, z in cells for i in steps for j in steps for k in steps)
+
+
+def _region(id: int, group: list[_Segment], views: Sequence[View]) -> Region:
+    masks: dict[str, np.ndarray] = {}
+    for one in group:
+        name = views[one.frame].frame.name
+        masks[name] = masks[name] | one.mask if name in masks else one.mask
+    points = np.concatenate([one.points for one in group])
+    return Region(id, points, np.concatenate([one.colours for one in group]), masks)

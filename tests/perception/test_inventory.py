@@ -1,0 +1,62 @@
+"""Without a model, things are told apart by colour and size, and nothing is guessed."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import pytest
+from memo_perception.cameras.backend import Cameras
+from memo_perception.cameras.inventory import Hint, Item
+from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
+
+from tests.perception.small_scene import looking_at, scene
+
+PLAIN = CamerasSettings(detector="inventory", simulated=SimulatedSettings(width=320))
+
+
+def seen(context, items=(), hints=()):
+    eyes = Cameras(attrs.evolve(PLAIN, items=tuple(items)))
+    eyes.start(context)
+    eyes.hints = tuple(hints)
+    return eyes.look()
+
+
+@pytest.fixture(scope="module")
+def world():
+    with looking_at(scene()) as context:
+        yield context
+
+
+BLOCK = Item("red block", colours=("red",), size=(0.05, 0.09, 0.04))
+CAN = Item("can", colours=("blue",), size=(0.06, 0.06, 0.11))
+CUPBOARD = Item("cupboard", "fixture", colours=("white",), size=(0.24, 0.3, 0.26))
+
+
+def test_the_things_of_a_list_are_found_with_their_parts(world):
+    graph = seen(world)
+    labels = {node.label for node in graph.nodes}
+    assert {"red block", "can", "cupboard", "cupboard door"} <= labels
+    assert np.linalg.norm(np.subtract(graph.node("red block").pose.position, (0.42, -0.22, 0.02))) < 0.006
+    assert graph.node("cupboard door").part_of == graph.node("cupboard").id
+
+
+def test_what_no_line_describes_is_unknown_and_not_guessed(world):
+    labels = {node.label for node in seen(world, [CAN, CUPBOARD]).nodes}
+    assert "red block" not in labels
+    assert any(label.startswith("unknown thing") for label in labels)
+
+
+def test_what_is_not_there_is_not_seen(world):
+    banana = Item("banana", colours=("yellow",), size=(0.16, 0.05, 0.03))
+    assert "banana" not in {node.label for node in seen(world, [banana, BLOCK, CAN, CUPBOARD]).nodes}
+
+
+def test_of_two_lines_that_fit_equally_neither_is_claimed(world):
+    other = attrs.evolve(BLOCK, label="red sponge")
+    labels = {node.label for node in seen(world, [BLOCK, other, CAN, CUPBOARD]).nodes}
+    assert not {"red block", "red sponge"} & labels
+
+
+def test_a_person_may_say_that_it_is_something_else(world):
+    hint = Hint("that is not the red block", "red block", (0.42, -0.22, 0.02))
+    assert "red block" not in {node.label for node in seen(world, [BLOCK, CAN, CUPBOARD], [hint]).nodes}
