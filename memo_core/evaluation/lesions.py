@@ -21,6 +21,7 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Geom, Hinge, SceneDescription, Slide, Vector
 from memo_core.scene.pose import Pose
+from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
@@ -42,12 +43,13 @@ Lesion = Callable[[Sequence[Taught], random.Random], list[Taught]]
 
 
 def keys_shuffled(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Every entry under a key that is not its own. General statements go with what they were said about: served
-    everywhere, they would keep what the lesion is to take."""
+    """Every entry under a key of another action: on another thing, the same action would still be served as alike.
+    General statements go with what they were said about: served everywhere, they would keep what the lesion is to
+    take."""
+    actions = default_actions()
     keys = list(dict.fromkeys(one.about for one in taught))
-    pool = keys if len(keys) > 1 else [*keys, *_DECOYS]
-    shift = rng.randrange(1, len(pool))
-    moved = {key: pool[(i + shift) % len(pool)] for i, key in enumerate(pool)}
+    verbs = {key: actions.canonical(key.action) for key in (*keys, *_DECOYS)}
+    moved = {key: rng.choice([other for other in verbs if verbs[other] != verbs[key]]) for key in keys}
     return [
         attrs.evolve(one, about=moved[one.about], kind="correction" if one.kind == "general" else one.kind)
         for one in taught

@@ -13,6 +13,7 @@ from typing import Any
 import attrs
 import yaml
 
+from memo_core.evaluation.settings import EMPTY
 from memo_core.report.findings import Findings
 from memo_core.report.statistics import Interval, Outcomes, difference, interval, probability_of_improvement, wilson
 
@@ -57,6 +58,7 @@ def all_tables(findings: Findings) -> list[Table]:
         ablations,
         given_books,
         given_books_by_task,
+        gained_and_lost,
         sessions,
         participants,
     )
@@ -267,6 +269,40 @@ def given_books(findings: Findings) -> Table:
     return Table("given-books", "Books that were given", columns, tuple(rows), note)
 
 
+def gained_and_lost(findings: Findings) -> Table:
+    """What a book changed, trial by trial: wrong generalisation shows in what is lost."""
+    compared = []
+    for method in findings.methods:
+        largest = [row for row in findings.largest(method) if row["hours"]]
+        compared.append(
+            (f"{method}, {_hours(largest)} h", findings.zero_shot(method=method, hours=0.0, given=""), largest)
+        )
+        for file, mode in dict.fromkeys((row["given"], row["mode"]) for row in findings.rows if row["given"]):
+            if file != EMPTY:
+                without = findings.chosen(given=EMPTY, method=method, mode=mode)
+                with_it = findings.chosen(given=file, method=method, mode=mode)
+                compared.append((f"{method}, {Path(file).stem}, {mode}", without, with_it))
+    rows = []
+    for name, without, with_it in compared:
+        before = {_cell(row): row["success"] for row in without}
+        both = [row for row in with_it if _cell(row) in before]
+        if both:
+            gained = [row["task"] for row in both if row["success"] and not before[_cell(row)]]
+            lost = [row["task"] for row in both if before[_cell(row)] and not row["success"]]
+            tasks = ", ".join(f"{task} ({count})" for task, count in Counter(lost).items())
+            rows.append((name, len(both), len(gained), len(lost), tasks))
+    columns = ("book", "trials", "gained", "lost", "lost in")
+    note = (
+        "Each trial beside the one in the same scene with an empty book. Gained: done only with the book. Lost: done "
+        "only without it, which is the harm of what was learnt elsewhere."
+    )
+    return Table("gained-and-lost", "Gained and lost by the book", columns, tuple(rows), note)
+
+
+def _cell(row: dict[str, Any]) -> tuple[Any, ...]:
+    return row["task"], row["scene"], row["number"], row["history"]
+
+
 def given_books_by_task(findings: Findings) -> Table:
     given = tuple(dict.fromkeys(row["given"] for row in findings.rows if row["given"]))
     rows = []
@@ -312,11 +348,11 @@ def paper_numbers() -> Table:
     """What the paper says, with its contradictions: a table of its own, never beside ours."""
     text = resources.files("memo_core.report").joinpath("paper_numbers.yaml").read_text(encoding="utf-8")
     told = yaml.safe_load(text)
-    rows = tuple((row["what"], " or ".join(row["says"]), row.get("note", "")) for row in told["figures"])
+    rows = tuple((row["what"], " or ".join(row["says"]), row["where"], row.get("note", "")) for row in told["figures"])
     note = (
         f"{told['source']}; made by people, a real robot and another language model. Not entered: {told['not_entered']}"
     )
-    return Table("paper", "What the paper says", ("what", "says", "note"), rows, note)
+    return Table("paper", "What the paper says", ("what", "says", "where it stands", "note"), rows, note)
 
 
 def rate_of(rows: Sequence[dict[str, Any]]) -> Interval:

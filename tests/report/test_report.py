@@ -85,6 +85,34 @@ def test_tables_say_what_the_trials_say(tmp_path):
     assert written.missing == ""
 
 
+def test_given_books_are_counted_beside_the_empty_one(tmp_path):
+    done = {"empty": {"safe"}, "lessons": {"door", "lid"}}
+    rows = [
+        trial("memo", task, 0, task in done[book], None, None, given=book, attempts=1, robot_s=20.0)
+        | {"first_programs": task == "lid", "lesson_needed": 2, "lesson_served": 2 * (book == "lessons")}
+        for book in done
+        for task in ("door", "lid", "safe")
+    ]
+    file = experiment(tmp_path) / "evaluation" / "trials.jsonl"
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_report(Registry(), tmp_path)
+    empty, lessons = cells(tmp_path, "given-books")
+    assert (empty["done"], lessons["done"]) == ("1 of 3 (6 to 79 %)", "2 of 3 (21 to 94 %)")
+    assert lessons["by the first programs"] == "1 of 3 (6 to 79 %)"
+    assert (empty["right lesson served"], lessons["right lesson served"]) == ("0 of 6", "6 of 6")
+    assert lessons["robot s until success"] == "20.00"
+    by_task = {row["task"]: row for row in cells(tmp_path, "given-books-by-task")}
+    assert by_task["door"]["empty"] == "not done (3)" and by_task["door"]["lessons"] == "done (3 +)"
+    [changed] = cells(tmp_path, "gained-and-lost")
+    assert (changed["trials"], changed["gained"], changed["lost"], changed["lost in"]) == ("3", "2", "1", "safe (1)")
+
+
+def test_what_a_taught_book_gains_is_counted_scene_by_scene(tmp_path):
+    write_report(Registry(), experiment(tmp_path))
+    [changed] = cells(tmp_path, "gained-and-lost")
+    assert changed == {"book": "memo, 2 h", "trials": "12", "gained": "8", "lost": "0", "lost in": ""}
+
+
 def test_the_page_is_one_file_with_its_figures_in_it_and_says_which_backend_made_it(tmp_path):
     page = write_report(Registry(), experiment(tmp_path)).page.read_text()
     assert not re.findall(r"(?:src|href)=\"(?!data:|#)[^\"]*\"", page)

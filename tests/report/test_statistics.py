@@ -12,6 +12,7 @@ from memo_core.report.statistics import (
     interval,
     performance_profile,
     probability_of_improvement,
+    wilson,
 )
 
 
@@ -76,3 +77,10 @@ def test_nothing_gives_no_number():
     alone = interval([Outcomes.of([*rows([[1]], "a"), *rows([[0]], "b")])])
     assert alone.text() == "50 %" and np.isnan(alone.low)  # one history and one scene cannot be resampled
     assert Interval(0.4, 0.2, 0.6, trials=5).text() == "40 % (20 to 60)"
+
+
+def test_wilson_intervals_are_those_of_the_textbook():
+    found = wilson(5, 16)
+    assert (round(found.value, 4), round(found.low, 2), round(found.high, 2)) == (0.3125, 0.14, 0.56)
+    assert wilson(0, 8).low == 0.0 and round(wilson(0, 8).high, 2) == 0.32
+    assert np.isnan(wilson(0, 0).value)

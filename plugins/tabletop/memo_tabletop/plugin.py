@@ -73,6 +73,13 @@ def quirks(settings: TabletopSettings):
     return quirk_tasks()
 
 
+def families(settings: TabletopSettings):
+    """Things whose colour or material tells their trick, and whose shape does not."""
+    from memo_tabletop.families.suite import family_tasks
+
+    return family_tasks()
+
+
 @hookimpl
 def memo_task_suites():
     return [
@@ -103,5 +110,12 @@ def memo_task_suites():
                 recording="memo_tabletop/recordings/quirks.jsonl.gz",
                 settings=("run.repairs=0",),
             ),
+        ),
+        Backend(
+            "suite",
+            "families",
+            "doors, drawers, boxes: colour or material tells the trick, the shape does not",
+            families,
+            TabletopSettings,
         ),
     ]

@@ -48,7 +48,7 @@ class OpenTheRiceCooker(OpenAThing):
     """Success: the lid stands up, still, and the robot touches neither lid nor button."""
 
     name = "open-the-rice-cooker"
-    needed_at = ("OPEN(rice cooker)",)
+    needed_at: tuple[str, ...] = ("OPEN(rice cooker)",)
     instruction = "open the rice cooker"
     goal = ("the rice cooker lid is wide open",)
     trick = "hold the button"
@@ -125,7 +125,7 @@ class OpenTheSafe(OpenADoor):
     """A button beside the door; held, the door springs open by itself."""
 
     name = "open-the-safe"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "PRESS(safe button)",
         "PUSH(safe button)",
         "OPEN(safe)",

@@ -166,7 +166,7 @@ class PutTheCanOnTheTray(CarryAThinThing):
     """An empty can, round."""
 
     name = "put-the-can-on-the-tray"
-    needed_at = ("PLACE(can, tray)",)
+    needed_at: tuple[str, ...] = ("PLACE(can, tray)",)
     instruction = "put the can on the tray"
     goal = (
         "the can is on the tray",
@@ -187,7 +187,7 @@ class PutTheCartonOnTheBoard(CarryAThinThing):
     """An empty carton, square."""
 
     name = "put-the-carton-on-the-board"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "PICK_UP(carton)",
         "GRASP(carton)",
         "LIFT(carton)",

@@ -176,7 +176,7 @@ class PepperTheSoup(ShakeOver):
     """A pepper mill over a bowl."""
 
     name = "pepper-the-soup"
-    needed_at = ("SHAKE(pepper mill, soup bowl)",)
+    needed_at: tuple[str, ...] = ("SHAKE(pepper mill, soup bowl)",)
     instruction = "put pepper in the soup with the pepper mill"
     goal = ("the pepper is in the soup bowl", "the pepper mill stands upright", "the pepper mill is on the table")
     lesson = "Shake the pepper mill up and down three times over the soup, before that nothing comes out."
@@ -201,7 +201,7 @@ class SugarTheCake(ShakeOver):
     """A six-sided sugar shaker over a cake in its tin."""
 
     name = "sugar-the-cake"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "SPRINKLE(sugar shaker, cake)",
         "SHAKE(sugar shaker, cake)",
         "POUR(sugar, cake)",

@@ -53,7 +53,7 @@ class OpenTheCupboard(OpenADoor):
     """A push latch: pushed in by 4 mm at the bar, the door springs open by itself."""
 
     name = "open-the-cupboard"
-    needed_at = ("OPEN(cupboard)",)
+    needed_at: tuple[str, ...] = ("OPEN(cupboard)",)
     instruction = "open the cupboard"
     goal = ("the cupboard door is wide open", "the hand has let go of the cupboard handle")
     trick = "push in first"
@@ -78,7 +78,7 @@ class OpenTheLocker(OpenADoor):
     """A bolt that the handle draws: it must be lifted before the door can be pulled."""
 
     name = "open-the-locker"
-    needed_at = ("OPEN(locker)",)
+    needed_at: tuple[str, ...] = ("OPEN(locker)",)
     instruction = "open the locker"
     goal = ("the locker door is wide open", "the hand has let go of the locker handle")
     trick = "lift the handle"
@@ -101,7 +101,12 @@ class OpenTheWardrobe(OpenADoor):
     """The door catches half-way; eased back and pulled a second time it comes free."""
 
     name = "open-the-wardrobe"
-    needed_at = ("OPEN(wardrobe)", "PULL(wardrobe door)", "SWING_OPEN(wardrobe door)", "PULL_HANDLE(wardrobe)")
+    needed_at: tuple[str, ...] = (
+        "OPEN(wardrobe)",
+        "PULL(wardrobe door)",
+        "SWING_OPEN(wardrobe door)",
+        "PULL_HANDLE(wardrobe)",
+    )
     instruction = "open the wardrobe"
     goal = ("the wardrobe door is wide open", "the hand has let go of the wardrobe handle")
     split = "held-out"
@@ -144,7 +149,12 @@ class OpenTheFreezer(OpenTheMedicineCabinet):
     """The same on a taller body, mirrored."""
 
     name = "open-the-freezer"
-    needed_at = ("OPEN(freezer)", "PULL(freezer door)", "SWING_OPEN(freezer door)", "PULL_HANDLE(freezer)")
+    needed_at: tuple[str, ...] = (
+        "OPEN(freezer)",
+        "PULL(freezer door)",
+        "SWING_OPEN(freezer door)",
+        "PULL_HANDLE(freezer)",
+    )
     instruction = "open the freezer"
     goal = ("the freezer door is wide open", "the hand has let go of the freezer handle")
     split = "held-out"

@@ -61,7 +61,7 @@ class OpenTheDresser(OpenADrawer):
     """The drawer catches half-way; eased and pulled a second time it comes free."""
 
     name = "open-the-dresser"
-    needed_at = ("OPEN(dresser)",)
+    needed_at: tuple[str, ...] = ("OPEN(dresser)",)
     instruction = "open the dresser"
     goal = ("the dresser drawer is wide open", "the hand has let go of the dresser handle")
     trick = "sticks half-way"
@@ -80,7 +80,7 @@ class OpenTheWorkbench(OpenADrawer):
     """A bolt that the handle draws: it must be lifted before the drawer can be pulled."""
 
     name = "open-the-workbench"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "OPEN(workbench drawer)",
         "PULL(workbench handle)",
         "OPEN(workbench)",
@@ -109,7 +109,7 @@ class OpenTheNightstand(OpenADrawer):
     """A push latch: pushed in by 4 mm, the drawer springs out by itself."""
 
     name = "open-the-nightstand"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "OPEN(nightstand drawer)",
         "PULL(nightstand drawer)",
         "OPEN(nightstand)",

@@ -95,7 +95,7 @@ class OpenTheMedicineBottle(PressToTurn):
     """Success: the cap is off, well above the bottle's neck. The bottle stands in a clamp."""
 
     name = "open-the-medicine-bottle"
-    needed_at = ("OPEN(medicine bottle)",)
+    needed_at: tuple[str, ...] = ("OPEN(medicine bottle)",)
     instruction = "open the medicine bottle"
     goal = ("the medicine bottle cap is off the medicine bottle",)
     lesson = "Press the cap of the medicine bottle down while you turn it."
@@ -141,7 +141,7 @@ class TurnOnTheHeater(PressToTurn):
     """Success: the knob is turned as far as it goes when on, and stays."""
 
     name = "turn-on-the-heater"
-    needed_at = (
+    needed_at: tuple[str, ...] = (
         "TURN_ON(heater)",
         "TURN(heater knob)",
         "ROTATE(heater knob)",
