@@ -18,6 +18,7 @@ from memo_core.entry_points import installed, summary_of
 COMMANDS = {
     "run": "Run a task: plan, write code, move, listen, remember.",
     "demo": "Teach the simulated arm once and watch the lesson carry over.",
+    "see": "Look once, and show what perception makes of it.",
     "exec": "Run a file of robot code in a task's scene, in the sandbox.",
     "study": "Participants teach the robot in sessions.",
     "evaluate": "Compare methods on tasks that nobody taught.",

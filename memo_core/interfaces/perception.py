@@ -50,6 +50,11 @@ class Perception(ABC):
     def look(self) -> SceneGraph:
         """The scene graph as seen now. May take time."""
 
+    def drawn(self) -> dict[str, np.ndarray]:
+        """Pictures with the graph of the last look drawn over them, by camera: RGB, uint8, (H, W, 3). Empty before a
+        look, and by default."""
+        return {}
+
     def state(self) -> bytes:
         """State that belongs to a checkpoint (random generator, known ids)."""
         return b""

@@ -15,8 +15,7 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request
-from memo_core.interfaces.perception import Ask
+from memo_core.interfaces.llm import LanguageModel, LanguageModelError
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -33,6 +32,7 @@ from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
 from memo_core.runlog.whole_files import clear_unfinished
+from memo_core.runs.asking import asking
 from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
@@ -430,7 +430,7 @@ def _work(
         opened.callback(components.sandbox.close)
         components.sandbox.open()
         world = components.make_environment()
-        world.perception.use_model(_asking(components, parts))
+        world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
         with world, stop.waking(world.link.stop):
             if view:
                 world.view()
@@ -483,19 +483,6 @@ def _work(
             retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
             calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
             components.clustering.condense(components.book, calls, parts.tell, parts.seed)
-
-
-def _asking(components: RunComponents, parts: _Parts) -> Ask:
-    """The run's language model for perception, within its budget. Looks are effects of their own, answered from the log
-    as a whole when a run is resumed: what is asked in them is not in it."""
-    retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
-
-    def ask(question: Request) -> Answer:
-        log = RunLog()  # in memory
-        calls = ModelCalls(components.llm, parts.supervisor.stop, log, parts.tell, parts.budget, retrying)
-        return calls.answer(question)[0]
-
-    return ask
 
 
 def _judges_plans(teacher: Teacher | None) -> bool:

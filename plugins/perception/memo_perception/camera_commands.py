@@ -173,6 +173,41 @@ def check(
         raise typer.Exit(1)
 
 
+@app.command()
+def record(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the recording; looks are added to it.")],
+    looks: Annotated[int, typer.Option("--looks", min=1, help="How many looks to record.")] = 1,
+    every: Annotated[float, typer.Option("--every", min=0.0, help="Seconds between two looks.")] = 1.0,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Record what the cameras see: colour, depth, intrinsics and poses, for perception.source=folder. Nothing moves."""
+    import time
+
+    from memo_core.cli.output import progress_bar
+    from memo_perception.calibration.rig import rig_of
+    from memo_perception.cameras.sources.folder import write_look
+
+    _, experiment = load(config, overrides)
+    written: list[str] = []
+    with rig_of(experiment, calibrated=True) as rig, progress_bar() as progress:
+        bar = progress.add_task("recording", total=looks)
+        for _ in range(looks):
+            if written:
+                time.sleep(every)
+            frames = rig.source.capture()
+            try:
+                written.append(str(write_look(out, frames)))
+            except OSError as error:
+                raise InvalidArgument("--out", f"{out}: {error.strerror or error}", "a folder to write to") from None
+            progress.advance(bar)
+    if json:
+        print_json({"looks": written})
+    else:
+        print(f"{len(written)} looks in {out}; see them with perception.source=folder perception.folder.path={out}")
+
+
 def _drifts(calibration: Calibration, pictures: list[Any], tool: Any, most: float) -> list[dict[str, Any]]:
     found = {(one.tag.dictionary, one.tag.number): one for one in calibration.drifts(pictures, tool)}
     rows = []

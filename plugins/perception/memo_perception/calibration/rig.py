@@ -129,25 +129,28 @@ class Rig:
 
 
 @contextmanager
-def rig_of(experiment: Experiment) -> Iterator[Rig]:
-    """The experiment's robot and cameras, opened. A first signal stops the arm. Raises ``BackendUnavailable``,
-    ``InvalidArgument`` for an experiment without cameras."""
+def rig_of(experiment: Experiment, calibrated: bool = False) -> Iterator[Rig]:
+    """The experiment's robot and cameras, opened. A first signal stops the arm. ``calibrated``: frames need poses, so
+    that real cameras must have been calibrated. Raises ``BackendUnavailable``, ``InvalidArgument`` for an experiment
+    without cameras."""
     simulated = experiment.create("robot_driver").simulated
     source = source_of(experiment, simulated)
-    with _simulated(experiment, source) if simulated else _real(experiment, source) as rig:
+    with _simulated(experiment, source) if simulated else _real(experiment, source, calibrated) as rig:
         yield rig
 
 
 @contextmanager
-def _real(experiment: Experiment, source: Source) -> Iterator[Rig]:
+def _real(experiment: Experiment, source: Source, calibrated: bool) -> Iterator[Rig]:
     source.open()
     try:
         with connected(experiment) as link:
-            source.start(None)
             kinematics = Kinematics(link.description, lambda: link.check_stop("planning a motion"))
             # Nothing has looked at the scene: the lowest that the tool may go counts as the table.
             floor = experiment.section("hardware").safety.workspace[2]
-            yield Rig(link.description.name, link, kinematics, source, floor)
+            rig = Rig(link.description.name, link, kinematics, source, floor)
+            rng = generator(experiment.seed, "perception")
+            source.start(PerceptionContext(rng, link.description, link, rig.tool) if calibrated else None)
+            yield rig
     finally:
         source.close()
 

@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 
 import attrs
+import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.perception import Ask, Perception, PerceptionContext
@@ -22,6 +23,7 @@ from memo_perception.cameras.geometry.segmentation import regions_of
 from memo_perception.cameras.geometry.table import View, aligned_view
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.memory import HIDDEN, Memory
+from memo_perception.cameras.overlay import overlaid
 from memo_perception.cameras.regions import Region
 from memo_perception.cameras.scene_items import items_of
 from memo_perception.cameras.settings import CamerasSettings
@@ -113,6 +115,12 @@ class Cameras(Perception):
         graph = SceneGraph(nodes, said, observation, table, label, time)
         self.latest = Look(views, detections, graph)
         return graph
+
+    def drawn(self) -> dict[str, np.ndarray]:
+        if self.latest is None:
+            return {}
+        graph, frames = self.latest.graph, [view.frame for view in self.latest.views]
+        return {frame.name: overlaid(frame.rgb, frame.intrinsics, frame.pose, graph) for frame in frames}
 
     def state(self) -> bytes:
         source = base64.b64encode(self.source.state()).decode()

@@ -8,7 +8,7 @@ import attrs
 from attrs.validators import and_, ge, in_, le, optional
 
 from memo_perception.cameras.detectors import DETECTORS
-from memo_perception.cameras.inventory import Item
+from memo_perception.cameras.inventory import Item, Kind
 from memo_perception.cameras.sources import SOURCES
 
 
@@ -51,6 +51,7 @@ class InventorySettings:
     )
 
 
+Dictionary = Literal["4x4_50", "4x4_100", "5x5_50", "5x5_100", "6x6_50", "6x6_250", "apriltag_25h9", "apriltag_36h11"]
 _REASKS = {"help": "times a model is asked again, with the reason, after an answer that is not usable"}
 
 
@@ -80,6 +81,56 @@ class PointsSettings:
 
 
 @attrs.frozen
+class TaggedThing:
+    """What carries a tag."""
+
+    number: int
+    label: str
+    kind: Kind = "object"
+    part_of: str = ""  # label of another tagged thing
+
+
+@attrs.frozen
+class TagsSettings:
+    """Settings of the ``tags`` detector."""
+
+    dictionary: Dictionary = attrs.field(default="apriltag_36h11", metadata={"help": "kind of the tags"})
+    things: tuple[TaggedThing, ...] = attrs.field(default=(), metadata={"help": "what carries which number"})
+
+
+@attrs.frozen
+class DeviceCamera:
+    """One camera of a device source."""
+
+    name: str
+    serial: str = attrs.field(metadata={"help": "serial number, as the maker's tools show it"})
+    calibration: str = attrs.field(default="", metadata={"help": "file of `memo cameras calibrate`"})
+
+
+@attrs.frozen
+class DeviceSettings:
+    """Settings of the sources ``realsense`` and ``orbbec``."""
+
+    devices: tuple[DeviceCamera, ...] = attrs.field(
+        default=(), metadata={"help": "cameras to use; empty: the only one that is connected"}
+    )
+    width: int = attrs.field(default=640, validator=ge(64), metadata={"help": "pixels of the colour picture"})
+    height: int = attrs.field(default=480, validator=ge(64), metadata={"help": "pixels of the colour picture"})
+    fps: int = attrs.field(default=30, validator=ge(1), metadata={"help": "pictures a second"})
+    timeout_s: float = attrs.field(default=5.0, validator=ge(0.1), metadata={"help": "seconds to wait for a picture"})
+
+
+@attrs.frozen
+class RealsenseSettings(DeviceSettings):
+    """Settings of the ``realsense`` source."""
+
+
+@attrs.frozen
+class OrbbecSettings(DeviceSettings):
+    """Settings of the ``orbbec`` source."""
+
+
+@attrs.frozen
 class CamerasSettings:
     """Settings of the ``cameras`` backend."""
 
@@ -99,3 +150,6 @@ class CamerasSettings:
     inventory: InventorySettings = InventorySettings()
     marks: MarksSettings = MarksSettings()
     points: PointsSettings = PointsSettings()
+    tags: TagsSettings = TagsSettings()
+    realsense: RealsenseSettings = RealsenseSettings()
+    orbbec: OrbbecSettings = OrbbecSettings()

@@ -23,6 +23,11 @@ DETECTORS: dict[str, Stage] = {
             "memo_perception.cameras.detectors.inventory:InventoryDetector",
         ),
         Stage(
+            "tags",
+            "ArUco or AprilTag markers stuck to things",
+            "memo_perception.cameras.detectors.tags:TagsDetector",
+        ),
+        Stage(
             "oracle",
             "the simulator's own masks and names; for tests and benchmarks of the geometry only",
             "memo_perception.cameras.detectors.oracle:OracleDetector",

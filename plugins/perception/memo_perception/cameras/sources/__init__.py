@@ -17,5 +17,17 @@ SOURCES: dict[str, Stage] = {
             "recorded pictures: RGB PNG, 16-bit depth PNG, intrinsics and poses",
             "memo_perception.cameras.sources.folder:FolderSource",
         ),
+        Stage(
+            "realsense",
+            "Intel RealSense D400 cameras (never run with one)",
+            "memo_perception.cameras.sources.realsense:RealsenseSource",
+            "realsense",
+        ),
+        Stage(
+            "orbbec",
+            "Orbbec Femto and Gemini cameras (never run with one)",
+            "memo_perception.cameras.sources.orbbec:OrbbecSource",
+            "orbbec",
+        ),
     )
 }
