@@ -54,6 +54,9 @@ class GuardedLink(Link):
     def health(self) -> Health:
         return self._inner.health()
 
+    def particulars(self) -> dict[str, str]:
+        return self._inner.particulars()
+
     def stop(self) -> None:
         self._inner.stop()
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from memo_core.arm.motion import MotionPlanner
+from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.motion import MotionPlanner, PlanningScene
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
-from memo_core.scene.pose import Array
+from memo_core.scene.pose import Array, Pose
+
+_SPEED = 0.3  # of the joints' full speed
 
 
 def move_joints(link: Link, goal: Array) -> None:
@@ -18,7 +21,19 @@ def move_joints(link: Link, goal: Array) -> None:
     kinematics = planner.kinematics
     if not kinematics.within_limits(goal):
         raise InvalidArgument("joints", f"{np.round(goal, 3).tolist()} rad", "angles within the joints' limits")
-    targets = planner.joint_line(link.joint_targets(), goal).targets
+    _follow(link, kinematics, planner.joint_line(link.joint_targets(), goal).targets)
+
+
+def move_tool(link: Link, goal: Pose) -> None:
+    """Take the tool to a pose in the base frame, around the arm itself and past no obstacle. Raises as
+    ``move_joints``, and ``MotionError`` for a pose that cannot be reached."""
+    planner = MotionPlanner(link.description, link.control_period)
+    world = PlanningScene((), link.gripper_width())
+    plan = planner.move("moving", link.joint_targets(), goal, (), 0.0, _SPEED, world, -np.inf)
+    _follow(link, planner.kinematics, plan.trajectory.targets)
+
+
+def _follow(link: Link, kinematics: Kinematics, targets: Array) -> None:
     link.check("moving", targets)
     sent = 0
     try:

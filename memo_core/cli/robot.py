@@ -10,29 +10,31 @@ import attrs
 import numpy as np
 import typer
 
-from memo_core.cli.options import ConfigFile, Json, Overrides, load
+from memo_core.cli.commission import command as commission
+from memo_core.cli.options import ConfigFile, Json, Overrides
 from memo_core.cli.output import print_json, print_table
-from memo_core.cli.robot_link import confirmed, connected
-from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.cli.robot_link import confirmed, connected, hardware
+from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from memo_core.config import Experiment
     from memo_core.interfaces.link import Link
 
 app = typer.Typer()
+app.command("commission")(commission)
 
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")]
 
 
 @app.command()
 def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Check the computer and the robot, and say what prevents it from moving. Nothing moves. Exit code 1 if anything
-    does."""
+    """Check the computer, the robot and its cameras, and say what prevents it from moving. Nothing moves. Exit code 1
+    if anything does."""
     from memo_core.environment.robot_check import examine_host, examine_robot
 
-    experiment = _hardware(config, overrides)
+    experiment = hardware(config, overrides)
     driver, gripper, robot = (experiment.create(kind) for kind in ("robot_driver", "gripper_driver", "robot"))
-    found = [*examine_host(), *examine_robot(driver, gripper, robot, experiment.section("hardware").safety)]
+    settings, perception = experiment.section("hardware"), experiment.create("perception")
+    found = [*examine_host(), *examine_robot(driver, gripper, robot, settings, perception)]
     if json:
         print_json({"checks": [attrs.asdict(one) for one in found]})
     else:
@@ -45,7 +47,7 @@ def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = F
 def home(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = False) -> None:
     """Move slowly to the home configuration, in a straight line in joint space. No perception is used: keep the path
     free."""
-    with connected(_hardware(config, overrides)) as link:
+    with connected(hardware(config, overrides)) as link:
         confirmed("The arm moves to its home posture, straight through its joints and past no obstacle.", yes)
         _move(link, lambda: np.array(link.description.home))
 
@@ -59,7 +61,7 @@ def jog(
     yes: Yes = False,
 ) -> None:
     """Turn one joint slowly. No perception is used: keep the path free."""
-    experiment = _hardware(config, overrides)
+    experiment = hardware(config, overrides)
     count = len(experiment.create("robot").joints)
     if joint > count:
         raise InvalidArgument("JOINT", f"{joint}", f"1 to {count}")
@@ -75,7 +77,7 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
     """Clear an error of the robot, such as a reflex, after a person has inspected it. Nothing moves."""
     from memo_core.environment.lease import Lease
 
-    experiment = _hardware(config, overrides)
+    experiment = hardware(config, overrides)
     driver = experiment.create("robot_driver")
     lease = Lease(driver.address)
     lease.take()
@@ -89,15 +91,6 @@ def recover(config: ConfigFile = None, overrides: Overrides = None, yes: Yes = F
     finally:
         lease.give_back()
     print("the robot can be commanded")
-
-
-def _hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
-    """Raises ``BackendUnavailable`` if the experiment's robot is simulated."""
-    _, experiment = load(config, overrides)
-    if experiment.create("robot_driver").simulated:
-        remedy = "robot.driver=… in the experiment, or --set"
-        raise BackendUnavailable("robot_driver", "simulated", "it moves no real robot", remedy)
-    return experiment
 
 
 def _move(link: Link, goal: Callable[[], np.ndarray]) -> None:

@@ -8,12 +8,22 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from memo_core.cli.options import ConfigFile, Overrides, load
 from memo_core.cli.output import note
-from memo_core.errors import InvalidArgument
+from memo_core.errors import BackendUnavailable, InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
     from memo_core.interfaces.link import Link
+
+
+def hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
+    """Raises ``BackendUnavailable`` if the experiment's robot is simulated."""
+    _, experiment = load(config, overrides)
+    if experiment.create("robot_driver").simulated:
+        remedy = "robot.driver=… in the experiment, or --set"
+        raise BackendUnavailable("robot_driver", "simulated", "it moves no real robot", remedy)
+    return experiment
 
 
 @contextmanager

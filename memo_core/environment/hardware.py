@@ -8,10 +8,12 @@ doubt is never repeated, and the person who watched decides whether the task is 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Literal
 
 import attrs
 
+from memo_core.environment.commissioning import check_commissioning
 from memo_core.environment.lease import Lease
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
@@ -40,6 +42,12 @@ class HardwareSettings:
         metadata={
             "help": "ask: after a correction a person puts the objects back by hand; never: the subtask ends instead"
         },
+    )
+    person: str = attrs.field(
+        default="", metadata={"help": "who runs and judges the trials, for their sheets; empty: the user's name"}
+    )
+    commissioning: str | None = attrs.field(
+        default=None, metadata={"help": "file that memo robot commission wrote; the robot must still be as it says"}
     )
 
 
@@ -91,6 +99,8 @@ class HardwareEnvironment(TaskEnvironment):
                 problem = f"it is outside its limits: {outside}"
                 remedy = "guide it by hand until it is within hardware.safety"
                 raise BackendUnavailable("robot", self._driver.address, problem, remedy)
+            if (file := self.settings.commissioning) is not None:
+                check_commissioning(Path(file).expanduser(), self._unrestricted, self._driver.address, link)
         except BaseException:
             link.close()
             raise

@@ -12,10 +12,13 @@ from typing import Literal
 import attrs
 import numpy as np
 
+from memo_core.environment.commissioning import check_commissioning
+from memo_core.environment.hardware import HardwareSettings
 from memo_core.environment.lease import Lease
-from memo_core.errors import BackendUnavailable, MemoError, RobotFault
+from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, RobotFault
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
 from memo_core.interfaces.link import Link
+from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.safety import SafetyLimits
 
@@ -57,10 +60,12 @@ def examine_robot(
     driver: RobotDriver,
     gripper: GripperDriver,
     robot: RobotDescription,
-    limits: SafetyLimits,
+    settings: HardwareSettings,
+    perception: Perception | None = None,
     listening_s: float = LISTENING_S,
 ) -> Iterator[Check]:
-    """Connect, listen for a while, and tell how the robot is. It ends with the first thing that prevents the rest."""
+    """Connect, listen for a while, look once, and tell how the robot is. It ends with the first thing that prevents the
+    rest. ``perception`` comes unopened."""
     lease = Lease(driver.address)
     try:
         lease.take()
@@ -74,10 +79,16 @@ def examine_robot(
         health = link.health()
         yield Check("health", "ok" if health.ready else "failed", health.problem or "ready")
         yield _listened(link, listening_s)
-        yield _standing(link, robot, limits)
-        yield Check("gripper", "ok", f"{1000 * link.gripper_width():.0f} mm open")
+        for name, value in link.particulars().items():
+            yield Check(name, "ok", value)
+        yield _standing(link, robot, settings.safety)
+        holding = ", holding something" if link.holding() else ""
+        yield Check("gripper", "ok", f"{1000 * link.gripper_width():.0f} mm open{holding}")
         if link.feels_force:
             yield _bias(link)
+        yield _commissioned(link, robot, driver.address, settings.commissioning)
+        if perception is not None:
+            yield _seen(link, robot, perception)
     except RobotFault as fault:
         yield Check("connection", "failed", fault.problem, fault.remedy)
     except BackendUnavailable as error:
@@ -99,8 +110,10 @@ def _listened(link: Link, seconds: float) -> Check:
         slowest, last, states = max(slowest, now - last), now, states + 1
         time.sleep(0.0005)
     passed = link.time() - robot_began
+    rate = states / passed if passed > 0 else 0.0
     detail = (
-        f"{states} read in {seconds:g} s, the robot's clock went {passed:.2f} s, longest wait {1000 * slowest:.0f} ms"
+        f"{states} read in {seconds:g} s ({rate:.0f} in a second of the robot's clock, which went {passed:.2f} s), "
+        f"longest wait {1000 * slowest:.0f} ms"
     )
     good = slowest <= _SLOWEST_S and abs(passed - seconds) < 0.05 * seconds + 0.02
     remedy = "" if good else "no other load on this computer, a network port of its own, no switch in between"
@@ -120,3 +133,38 @@ def _bias(link: Link) -> Check:
     heavy = felt > _BIAS_N
     remedy = "set the load of what is mounted on the flange, and keep clear of the hand" if heavy else ""
     return Check("force at rest", "warning" if heavy else "ok", f"{felt:.1f} N", remedy)
+
+
+def _commissioned(link: Link, robot: RobotDescription, address: str, file: str | None) -> Check:
+    if file is None:
+        remedy = "memo robot commission, and hardware.commissioning: the file that it writes"
+        return Check("commissioning", "warning", "not commissioned, or no file of it is named", remedy)
+    try:
+        check_commissioning(Path(file).expanduser(), robot, address, link)
+    except BackendUnavailable as error:
+        return Check("commissioning", "failed", error.reason, error.remedy)
+    except InvalidArgument as error:
+        return Check("commissioning", "failed", error.problem, error.expected)
+    return Check("commissioning", "ok", f"as in {file}")
+
+
+def _seen(link: Link, robot: RobotDescription, perception: Perception) -> Check:
+    """One look with the cameras."""
+    from memo_core.arm.inverse_kinematics import Kinematics
+
+    kinematics = Kinematics(robot)
+    try:
+        perception.open()
+        try:
+            rng = np.random.default_rng(0)
+            context = PerceptionContext(rng, robot, link, lambda: kinematics.pose(link.joint_positions()))
+            perception.start(context)
+            scene = perception.look()
+        finally:
+            perception.close()
+    except RobotFault:
+        raise
+    except MemoError as error:
+        return Check("camera images", "failed", str(error), "perception: a backend that uses cameras")
+    labels = ", ".join(sorted(node.label for node in scene.nodes)) or "nothing"
+    return Check("camera images", "ok", f"one look sees {labels}")

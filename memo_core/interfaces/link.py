@@ -53,6 +53,11 @@ class Link(ABC):
         """Whether the robot can be commanded. Quick, no motion, from any thread; never raises."""
         return Health(not self.stopped, "the stop is latched" if self.stopped else "")
 
+    def particulars(self) -> dict[str, str]:
+        """What a person should know and verify before the first motion, in words: name -> value, such as the version of
+        the client library or the load. The values are the same whenever the robot is the same; for an open link."""
+        return {}
+
     # -- stopping ------------------------------------------------------------------------------------------------------
     def stop(self) -> None:
         """Latch the stop. Safe from any thread and from signal handlers."""

@@ -9,6 +9,7 @@ retrieved/…           which entries a subtask was served, and why
 words/…               what people said in a run that writes to no book
 video/…               an attempt each
 summary.json          how it ended; missing when the run was killed
+trial.json            who, with which arm and commit, and how it was judged; of runs on a real robot
 """
 
 from __future__ import annotations

@@ -39,6 +39,7 @@ from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.signal_handling import Supervisor
+from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
@@ -157,7 +158,9 @@ def run_experiment(
     def made() -> RunFolder:
         return RunFolder(folder or new_run_folder(out, task.name, experiment.seed))
 
-    return perform(components, task, experiment.seed, made, registry, experiment.public(), listener, view, on_text)
+    report = perform(components, task, experiment.seed, made, registry, experiment.public(), listener, view, on_text)
+    write_trial_sheet(experiment, report.summary(), report.folder)
+    return report
 
 
 def resume_experiment(
@@ -182,9 +185,11 @@ def resume_experiment(
     def folder() -> RunFolder:
         return RunFolder(path, again=True)
 
-    return perform(
+    report = perform(
         components, task, experiment.seed, folder, registry, experiment.public(), listener, view, on_text, before
     )
+    write_trial_sheet(experiment, report.summary(), report.folder)
+    return report
 
 
 def components_of(

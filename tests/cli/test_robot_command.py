@@ -8,6 +8,7 @@ from memo_franka.description import fr3
 
 from memo_core.arm.slow_motion import move_joints
 from memo_core.cli import robot as command
+from memo_core.environment.hardware import HardwareSettings
 from memo_core.environment.lease import Lease
 from memo_core.environment.robot_check import examine_host, examine_robot
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped
@@ -47,7 +48,7 @@ class Driver(RobotDriver):
 
 
 def examined(driver: Driver, limits: SafetyLimits = LIMITS):
-    return {one.what: one for one in examine_robot(driver, FakeGripper(), ROBOT, limits, 0.05)}
+    return {one.what: one for one in examine_robot(driver, FakeGripper(), ROBOT, HardwareSettings(limits), None, 0.05)}
 
 
 def test_a_check_moves_nothing_and_says_how_the_robot_is():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import subprocess
 import sys
 from collections import deque
@@ -11,9 +12,11 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
+from memo_franka.description import panda
 
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.config import ConfigErrors, load_experiment
+from memo_core.environment.commissioning import Commissioning, tool_of
 from memo_core.environment.hardware import HardwareEnvironment, HardwareSettings
 from memo_core.environment.lease import Lease
 from memo_core.errors import BackendUnavailable, InvalidArgument, MotionError
@@ -192,6 +195,32 @@ def test_a_person_who_says_that_the_task_is_not_done_is_right(person, tmp_path):
     script = {"plan": ["DONE", "DONE"], "feedback": ['{"corrections": [], "general": ["Close drawers."]}']}
     report = run(person, tmp_path, script)
     assert not report.success and report.outcome is not None and "not done" in report.outcome.reason
+
+
+def test_a_trial_on_a_real_robot_keeps_a_sheet(person, tmp_path):
+    person.whole = Verdict("correct", "it lies on the table")
+    script = {"plan": ["DONE", "DONE"], "feedback": ['{"corrections": [], "general": ["Close drawers."]}']}
+    report = run(person, tmp_path, script, "hardware.person=Ada")
+    sheet = json.loads((report.folder / "trial.json").read_text(encoding="utf-8"))
+    assert (sheet["person"], sheet["success"], sheet["run"]) == ("Ada", False, report.run)
+    assert sheet["robot"] == {"name": "panda", "driver": "wire", "address": "127.0.0.9"}
+    assert sheet["gripper"]["driver"] == "included" and sheet["commissioning"] is None
+    assert {"corrections", "interruptions", "commit", "ended_at"} <= set(sheet)
+
+
+def test_a_robot_is_not_started_that_is_not_as_it_was_commissioned(person, tmp_path):
+    robot = panda()
+    found = Commissioning(
+        *("panda", "127.0.0.9", "295341", "Ada", "2026-11-22T12:00:00+00:00", tool_of(robot), 0.08, {}, 0.0),
+        *([10.0, 0.0, 0.0], [], True),
+    )
+    file = tmp_path / "arm.json"
+    found.write(file)
+    assert run(person, tmp_path / "same", {"plan": ["DONE"]}, f"hardware.commissioning={file}").success
+    attrs.evolve(found, stroke=0.11).write(file)
+    report = run(person, tmp_path / "other", {"plan": ["DONE"]}, f"hardware.commissioning={file}")
+    assert not report.success and "stroke was 0.11, is 0.08" in report.problem
+    assert "memo robot commission" in report.problem
 
 
 def test_nobody_on_the_whole_task_is_no_verdict(person, tmp_path):

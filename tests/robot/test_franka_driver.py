@@ -34,6 +34,7 @@ ROBOT = fr3()
 ADDRESSES = (f"127.{1 + os.getpid() % 200}.{n // 200}.{1 + n % 200}" for n in itertools.count())
 MODES = {"velocity": 0.001, "impedance": 0.005}  # rad, worst tracking error on a smooth motion
 BUSY_S = 2.0  # a busy computer may slow the double's clock down; it must not count as frozen
+BUSY = {"clock_timeout_s": BUSY_S, "hand_deadline_s": 60.0}
 
 
 class Cell:
@@ -48,7 +49,7 @@ class Cell:
     def link(self, **settings) -> FrankaLink:
         """A new open link; the one before is closed."""
         self.close_links()
-        driver = FrankaDriver(FrankaSettings(self.address, **{"clock_timeout_s": BUSY_S, **settings}))
+        driver = FrankaDriver(FrankaSettings(self.address, **{**BUSY, **settings}))
         link = driver.link(ROBOT, IncludedGripper())
         assert isinstance(link, FrankaLink)
         self.links.append(link)
@@ -209,8 +210,7 @@ def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name):
 
 
 def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell):
-    link = cell.link()
-    link._gripper._settings = HandSettings(cell.address, deadline_s=0.5)
+    link = cell.link(hand_deadline_s=0.5)
     with pytest.raises(RobotFault, match="free its fingers") as caught:
         for number, row in enumerate(swing(link, 60.0)):
             if number == 60:

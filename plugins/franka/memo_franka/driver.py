@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import time
 import warnings
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ class FrankaLink(Link):
         try:
             robot.set_collision_behavior(settings.collision_torque, settings.collision_force)
             if settings.load_mass > 0:
-                robot.set_load(settings.load_mass, settings.load_centre, np.zeros((3, 3)))
+                robot.set_load(settings.load_mass, settings.load_centre, np.zeros(9))
         except Exception as error:
             raise self._failed(error) from error
 
@@ -136,6 +137,19 @@ class FrankaLink(Link):
             return Health(False, gripper.problem)
         measures = {"time": self._now, "success_rate": float(self._state.control_command_success_rate)}
         return attrs.evolve(super().health(), measures=measures)
+
+    def particulars(self) -> dict[str, str]:
+        """Raises ``RobotFault``."""
+        state, settings = self._read(), self._settings
+        hand = ", ".join(f"{value:g}" for value in np.round(np.asarray(state.F_x_Cee, dtype=float), 4))
+        return {
+            "client library": f"franky-control {version('franky-control')}, which speaks version 10",
+            "mode": settings.mode,
+            "end effector": f"{state.m_ee:.2f} kg with its centre at ({hand}) m in the flange's frame, set in Desk",
+            "load": f"{state.m_load:.2f} kg beyond it",
+            "collision thresholds": f"{settings.collision_force:g} N, {settings.collision_torque:g} Nm",
+            "force sign": f"{settings.force_sign:g}",
+        }
 
     def stop(self) -> None:
         super().stop()
@@ -316,5 +330,6 @@ class FrankaDriver(RobotDriver):
     def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
         if len(robot.joints) != 7:
             raise InvalidArgument("robot.driver", f"{robot.name!r} has {len(robot.joints)} joints", "panda or fr3")
-        own = FrankaHand(HandSettings(self._settings.address)) if gripper.included else gripper
-        return FrankaLink(self._settings, robot, own)
+        settings = self._settings
+        hand = HandSettings(settings.address, settings.hand_deadline_s)
+        return FrankaLink(settings, robot, FrankaHand(hand) if gripper.included else gripper)

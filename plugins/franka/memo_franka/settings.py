@@ -55,6 +55,11 @@ class FrankaSettings:
         validator=gt(0.0),
         metadata={"help": "wall-clock seconds for which the robot's clock may stand still"},
     )
+    hand_deadline_s: float = attrs.field(
+        default=5.0,
+        validator=gt(0.0),
+        metadata={"help": "wall-clock seconds after which a motion of the Hand that has not ended is a fault"},
+    )
 
 
 @attrs.frozen

@@ -82,7 +82,12 @@ class TaskCell:
         self._limits = limits or SafetyLimits()
         torque = 0.75 * collision_force
         self._settings = FrankaSettings(
-            address, mode=mode, collision_force=collision_force, collision_torque=torque, clock_timeout_s=10.0
+            address,
+            mode=mode,
+            collision_force=collision_force,
+            collision_torque=torque,
+            clock_timeout_s=10.0,
+            hand_deadline_s=60.0,
         )
 
     def __enter__(self) -> TaskCell:
