@@ -32,6 +32,8 @@ from memo_perception.cameras.sources.source import Source
 from memo_perception.cameras.stages import stage_of
 from memo_perception.spatial_relations import spatial_relations
 
+_AT_REST = 0.02  # rad/s of every joint
+_SAME_PLACE = (0.003, 0.02)  # m, then rad, of the tool
 _REMEMBERED = 16  # answers of the detector that are kept, by the digest of the pictures
 
 
@@ -115,6 +117,19 @@ class Cameras(Perception):
         graph = SceneGraph(nodes, said, observation, table, label, time)
         self.latest = Look(views, detections, graph)
         return graph
+
+    def glance(self) -> SceneGraph:
+        """As by default. With a detector that asks a model, what the last look showed while the arm moves, or has not
+        moved since: people beside the robot are given a glance every half second, and each would be a question."""
+        latest, context = self.latest, self._started()
+        if latest is None or not self.detector.asks_model:
+            return super().glance()
+        then = latest.graph.observation
+        far, turned = context.tool_pose().distance(then.end_effector)
+        fingers = abs(context.link.gripper_width() - then.gripper_width)
+        elsewhere = far > _SAME_PLACE[0] or turned > _SAME_PLACE[1] or fingers > _SAME_PLACE[0]
+        still = float(np.abs(context.link.joint_velocities()).max()) < _AT_REST
+        return super().glance() if still and elsewhere else latest.graph
 
     def drawn(self) -> dict[str, np.ndarray]:
         if self.latest is None:

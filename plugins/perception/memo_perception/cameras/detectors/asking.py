@@ -34,6 +34,8 @@ state: of what opens and closes (a door, drawer, lid) open, closed or unclear; n
 class ModelDetector(Detector):
     """A detector that asks a language model. Without one it cannot be used."""
 
+    asks_model = True
+
     def __init__(self, reasks: int) -> None:
         """``reasks``: how often a model is asked again after an answer that is not usable."""
         self._reasks = reasks

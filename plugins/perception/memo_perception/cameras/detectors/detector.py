@@ -57,6 +57,7 @@ class Detection:
 class Detector(ABC):
     """Names what frames show. The constructor touches nothing; ``open`` loads and connects, ``close`` is idempotent."""
 
+    asks_model: bool = False  # whether a look costs a question to a language model
     needs_regions: bool = True  # whether requests have regions; they take time to find
 
     def open(self) -> None:
