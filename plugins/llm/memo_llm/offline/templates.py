@@ -209,8 +209,10 @@ def _straight(recipe: Recipe, points: Array, around: Surroundings) -> Recipe:
 
 
 def _arc(recipe: Recipe, points: Array, turned: float, around: Surroundings) -> Recipe:
-    """Fit a circle in the path's plane; compare its first motion with the way out."""
-    centre, axis = _circle(points)
+    """Fit a circle in the path's plane; compare its first motion with the way out. A path on a line is no arc."""
+    if (circle := _circle(points)) is None:
+        return _straight(recipe, points, around)
+    centre, axis = circle
     start, end = points[0] - centre, points[-1] - centre
     mid = points[len(points) // 2] - centre
     angle = _angle_between(start, mid) + _angle_between(mid, end)
@@ -235,14 +237,14 @@ def _arc(recipe: Recipe, points: Array, turned: float, around: Surroundings) -> 
     )
 
 
-def _circle(points: Array) -> tuple[Array, Array]:
-    """(centre, unit normal) of the circle through the first, middle and last point."""
+def _circle(points: Array) -> tuple[Array, Array] | None:
+    """(centre, unit normal) of the circle through the first, middle and last point; None if they are on a line."""
     a, b, c = points[0], points[len(points) // 2], points[-1]
     ab, ac = b - a, c - a
     normal = np.cross(ab, ac)
     n2 = float(normal @ normal)
     if n2 < 1e-12:
-        return a, np.array([0.0, 0.0, 1.0])
+        return None
     centre = a + (np.cross(normal, ab) * (ac @ ac) + np.cross(ac, normal) * (ab @ ab)) / (2 * n2)
     return centre, normal / math.sqrt(n2)
 

@@ -1,0 +1,29 @@
+"""An empty book and the lessons compared with a real model (docs/real-model.md), played back from its recordings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from memo_core.evaluation.evaluating import evaluate
+from memo_core.evaluation.sections import ALL_SECTIONS
+from memo_core.plugins import Registry
+from memo_core.stop_switch import StopSwitch
+from memo_core.study.study import loader, shared_settings
+
+ROOT = Path(__file__).parents[2]
+RECORDED = ROOT / "tests" / "recordings" / "quirks"
+COMPARED = ("given", "task", "success", "first_programs", "programs", "lesson_needed", "lesson_served")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_comparison_plays_back_as_it_was(tmp_path):
+    replay = (f"evaluation.replay={RECORDED}", "evaluation.replay_match=situation", "evaluation.jobs=2")
+    given = [*replay, *shared_settings(tmp_path / "evaluation")]
+    load = loader(Registry(), ROOT / "examples" / "quirks.yaml", ALL_SECTIONS, given)
+    rows = evaluate(load, tmp_path, StopSwitch()).rows
+    expected = json.loads((RECORDED / "rows.json").read_text())
+    assert [{name: row[name] for name in COMPARED} for row in rows] == expected
