@@ -43,6 +43,10 @@ class Perception(ABC):
         within the budget of the run, and raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``. The default
         has no use for it."""
 
+    def show_looks(self, show: Callable[[dict[str, bytes]], None]) -> None:
+        """Called before ``start`` where pictures are kept: ``show`` is to be given, after every look (not glance), what
+        was seen drawn over each camera's picture, name -> PNG. The default has no pictures."""
+
     @abstractmethod
     def start(self, context: PerceptionContext) -> None: ...
 

@@ -8,6 +8,7 @@ code/01-OPEN.microwave/attempt-1.py
 retrieved/…           which entries a subtask was served, and why
 words/…               what people said in a run that writes to no book
 video/…               an attempt each
+looks/0003-front.png  what perception saw in each look, drawn over the pictures, if it has any
 summary.json          how it ended; missing when the run was killed
 trial.json            who, with which arm and commit, and how it was judged; of runs on a real robot
 """
@@ -17,6 +18,7 @@ from __future__ import annotations
 import json
 import re
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,13 @@ class RunFolder:
         self._events = EventLog(path, option)
         self.mended = self._events.cut_incomplete_line() if again else 0  # bytes
         self._retrieved = sum(event["event"] == "Retrieved" for event in read_events(path)) if again else 0
+
+    def add_look(self, pictures: Mapping[str, bytes]) -> None:
+        """Keep the pictures of one look, camera's name -> PNG, under the next number."""
+        taken = [int(file.name[:4]) for file in (self.path / "looks").glob("[0-9][0-9][0-9][0-9]-*.png")]
+        number = max(taken, default=0) + 1
+        for name, picture in pictures.items():
+            self.write(f"looks/{number:04d}-{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.png", picture)
 
     def close(self) -> None:
         """Idempotent."""

@@ -436,6 +436,7 @@ def _work(
         components.sandbox.open()
         world = components.make_environment()
         world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
+        world.perception.show_looks(parts.folder.add_look)
         with world, stop.waking(world.link.stop):
             if view:
                 world.view()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import attrs
 import numpy as np
@@ -23,7 +23,7 @@ from memo_perception.cameras.geometry.segmentation import regions_of
 from memo_perception.cameras.geometry.table import View, aligned_view
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.memory import HIDDEN, Memory
-from memo_perception.cameras.overlay import overlaid
+from memo_perception.cameras.overlay import overlaid, png
 from memo_perception.cameras.regions import Region
 from memo_perception.cameras.scene_items import items_of
 from memo_perception.cameras.settings import CamerasSettings
@@ -55,6 +55,7 @@ class Cameras(Perception):
         self._context: PerceptionContext | None = None
         self._arm: ArmMask | None = None
         self._memory = Memory()
+        self._show: Callable[[dict[str, bytes]], None] | None = None
         self._answers: OrderedDict[str, tuple[Detection, ...]] = OrderedDict()
 
     # -- life ----------------------------------------------------------------------------------------------------------
@@ -73,6 +74,9 @@ class Cameras(Perception):
     def use_model(self, ask: Ask) -> None:
         self.detector.use_model(ask)
 
+    def show_looks(self, show: Callable[[dict[str, bytes]], None]) -> None:
+        self._show = show
+
     def start(self, context: PerceptionContext) -> None:
         self.source.start(context)
         self.detector.start(context)
@@ -86,6 +90,19 @@ class Cameras(Perception):
     def look(self) -> SceneGraph:
         """Raises ``BackendUnavailable`` when a camera does not answer, ``InvalidArgument`` for a camera that is not
         there."""
+        graph = self._seen()
+        if self._show is not None:
+            self._show({name: png(picture) for name, picture in self.drawn().items()})
+        return graph
+
+    def glance(self) -> SceneGraph:
+        state = self.state()
+        try:
+            return self._seen()
+        finally:
+            self.restore(state)
+
+    def _seen(self) -> SceneGraph:
         context = self._started()
         frames = self._frames()
         table = context.scene.table_height if context.scene is not None else 0.0
@@ -164,7 +181,7 @@ class Cameras(Perception):
         frames = tuple(view.frame for view in views)
         key = repr(([frame.digest() for frame in frames], self.settings.items, self.hints))
         if key not in self._answers:
-            request = Request(frames, regions, self._items(), self.hints, table, max(view.noise for view in views))
+            request = Request(frames, regions, self._items(), self.hints, table, _noise(views))
             self._answers[key] = self.detector.detect(request)
             while len(self._answers) > _REMEMBERED:
                 self._answers.popitem(last=False)
@@ -189,6 +206,11 @@ class Look:
     views: tuple[View, ...]
     detections: tuple[Detection, ...]
     graph: SceneGraph
+
+
+def _noise(views: Sequence[View]) -> float:
+    """Of the noisiest picture (m)."""
+    return max((view.noise for view in views), default=0.001)
 
 
 def _states(nodes: Sequence[Node], measured: Sequence[Measured]) -> Iterator[Relation]:

@@ -46,6 +46,11 @@ def overlaid(rgb: np.ndarray, intrinsics: Intrinsics, pose: Pose, graph: SceneGr
     return drawn
 
 
+def png(picture: np.ndarray) -> bytes:
+    """An RGB picture, uint8 (H, W, 3), as the content of a file."""
+    return cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))[1].tobytes()
+
+
 def _name(node: Node) -> str:
     plain = node.label.encode("ascii", "replace").decode()  # OpenCV's letters are ASCII
     return plain + ("?" if node.confidence < _DOUBTFUL else "")
