@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -313,7 +313,7 @@ def _perform(
     try:
         if components.teacher is not None:
             components.teacher.open()
-        parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget)
+        parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget, folder.add_look)
         supervisor.run(lambda: _work(components, parts, ended, view, on_text))
     except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
         ended.problem, ended.final = error.told, True
@@ -418,6 +418,7 @@ class _Parts:
     tell: Callable[[Event], None]
     supervisor: Supervisor
     budget: Budget
+    add_look: Callable[[Mapping[str, bytes]], None]  # keeps pictures of what perception saw
 
 
 def _work(
@@ -436,7 +437,7 @@ def _work(
         components.sandbox.open()
         world = components.make_environment()
         world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
-        world.perception.show_looks(parts.folder.add_look)
+        world.perception.show_looks(parts.add_look)
         with world, stop.waking(world.link.stop):
             if view:
                 world.view()
