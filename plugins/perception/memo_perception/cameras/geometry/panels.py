@@ -6,12 +6,14 @@ import attrs
 import numpy as np
 
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
-from memo_perception.cameras.geometry.fitting import Fit, Seen, fit_box
+from memo_perception.cameras.geometry.fitting import Fit, Seen, fit_box, rectangle
 
 CLOSERS = ("door", "lid", "drawer", "flap", "gate", "hatch", "cover")  # words for what closes an inside
 OPEN_ANGLE = np.radians(6.5)  # turned farther than this, a door is open: the hand of a person begins to fit
 OPEN_GAP = 0.02  # m that a drawer or lid stands off farther than its own thickness
 _THICK = 0.05  # m: what is deeper than this is no panel
+_ASKEW = np.radians(8)  # from which on a long part does not follow what it is part of
+_LONG = 1.8  # length over width and height from which a part is long
 _UPRIGHT = 0.5  # vertical share of a panel's normal up to which it stands
 
 
@@ -94,7 +96,14 @@ def plane_normal(seen: Seen, tries: int = 60) -> Array | None:
 
 
 def fit_part(seen: Seen, owner: Fit) -> Fit:
-    """A handle, knob, button or any other part: a box along the axes of what it is part of."""
+    """A handle, knob, button or any other part: a box along the axes of what it is part of, unless it is long and lies
+    across them, as a pan's handle or a lever does."""
+    own = rectangle(seen)
+    long, short = (0, 1) if own.size[0] >= own.size[1] else (1, 0)
+    along = own.pose.rotation[:, long]
+    across = float(np.abs(owner.pose.rotation.T @ along).max()) < np.cos(_ASKEW)
+    if across and own.size[long] > _LONG * max(own.size[short], own.size[2]):
+        return fit_box(seen, own.pose.rotation, (2,))
     return fit_box(seen, owner.pose.rotation, ())
 
 
