@@ -95,13 +95,6 @@ class Cameras(Perception):
             self._show({name: png(picture) for name, picture in self.drawn().items()})
         return graph
 
-    def glance(self) -> SceneGraph:
-        state = self.state()
-        try:
-            return self._seen()
-        finally:
-            self.restore(state)
-
     def _seen(self) -> SceneGraph:
         context = self._started()
         frames = self._frames()
@@ -140,13 +133,21 @@ class Cameras(Perception):
         moved since: people beside the robot are given a glance every half second, and each would be a question."""
         latest, context = self.latest, self._started()
         if latest is None or not self.detector.asks_model:
-            return super().glance()
+            return self._unnoticed()
         then = latest.graph.observation
         far, turned = context.tool_pose().distance(then.end_effector)
         fingers = abs(context.link.gripper_width() - then.gripper_width)
         elsewhere = far > _SAME_PLACE[0] or turned > _SAME_PLACE[1] or fingers > _SAME_PLACE[0]
         still = float(np.abs(context.link.joint_velocities()).max()) < _AT_REST
-        return super().glance() if still and elsewhere else latest.graph
+        return self._unnoticed() if still and elsewhere else latest.graph
+
+    def _unnoticed(self) -> SceneGraph:
+        """A look that leaves no trace."""
+        state = self.state()
+        try:
+            return self._seen()
+        finally:
+            self.restore(state)
 
     def drawn(self) -> dict[str, np.ndarray]:
         if self.latest is None:
