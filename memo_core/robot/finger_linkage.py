@@ -49,9 +49,21 @@ class FingerLinkage:
         # np.interp wants it ascending; a driver that shuts with growing angles is turned round.
         if opening[-1] < opening[0]:
             opening, self._driver = opening[::-1], self._driver[::-1]
-        if (np.diff(opening) < -1e-6).any() or opening[-1] < 1e-4:
-            problem = f"opens its pads {pads[0]} and {pads[-1]} by no rising or falling curve"
-            raise InvalidArgument(f"URDF joint {driver.name!r}", problem, "limits from shut to open, and right mimics")
+        if opening.max() < 1e-4:
+            follower = self.names[-1]
+            problem = (
+                f"moves its pad the same way as {driver.name!r} moves the other one: {pads[0]} and {pads[-1]} stay "
+            )
+            problem += f"{1000 * apart.min():.0f} mm apart and grip nothing"
+            right = "its <axis>, or the multiplier of its <mimic>, with the other sign"
+            raise InvalidArgument(f"URDF joint {follower!r}", problem, right)
+        if (np.diff(opening) < -1e-6).any():
+            at = driver.lower + (driver.upper - driver.lower) * int(np.argmin(apart)) / (_POINTS - 1)
+            unit = driver.units.position
+            problem = f"its pads {pads[0]} and {pads[-1]} draw nearer and part again between {driver.lower:g} and "
+            problem += f"{driver.upper:g} {unit}, nearest at {at:.3g}"
+            right = "limits from where the fingers are shut to where they are open, and mimics that fit"
+            raise InvalidArgument(f"URDF joint {driver.name!r}", problem, right)
         self._opening = opening
 
     def _couple(self, urdf: Urdf) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -84,7 +96,7 @@ class FingerLinkage:
             # Frames may stand beyond each other when shut: what counts is which way they go.
             apart.append(np.subtract(poses[pads[0]].position, poses[pads[-1]].position))
         moved = apart[1] - apart[0]
-        return bool(moved @ apart[1] >= 0)
+        return bool(np.linalg.norm(moved) > 1e-4 and moved @ apart[1] >= 0)
 
     @property
     def stroke(self) -> float:

@@ -8,7 +8,8 @@ description a rule from a right one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import attrs
@@ -18,6 +19,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import Urdf, link_poses, read_urdf
+from memo_core.robot.urdf_units import check_units
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.rules import Rules
 
@@ -26,6 +28,7 @@ RULES: Rules[Callable[[Make], None]] = Rules()
 rule = RULES.rule
 # Rules whose failure says nothing new once another one is broken.
 FOLLOWS: dict[str, tuple[str, ...]] = {
+    "limits_are_possible": ("the_arm_is_one_chain",),
     "home_is_within_the_limits": ("limits_are_possible",),
     "the_gripper_opens_by_its_stroke": ("every_moving_joint_is_described",),
     "the_tool_frame_sits_between_the_fingers": ("every_moving_joint_is_described", "the_gripper_opens_by_its_stroke"),
@@ -57,6 +60,15 @@ def _linkage(robot: RobotDescription, urdf: Urdf) -> FingerLinkage:
         raise AssertionError(str(error)) from error
 
 
+def _carried(urdf: Urdf, joints: Sequence[str]) -> list[str]:
+    """Links that these joints move."""
+    links: list[str] = []
+    for joint in urdf.joints:  # parents come before their children
+        if joint.name in joints or joint.parent in links:
+            links.append(joint.child)
+    return links
+
+
 def _tool(robot: RobotDescription, urdf: Urdf) -> Pose:
     """The tool frame in the base frame at home, fingers closed."""
     home = dict(zip(robot.joint_names, robot.home, strict=True))
@@ -75,6 +87,16 @@ def names_are_those_of_the_urdf(make: Make) -> None:
     links = (*robot.gripper.pads, robot.tool_link, *(link for pair in robot.allowed_contacts for link in pair))
     for name in links:
         assert name in urdf.links, f"no link {name!r}"
+
+
+@rule
+def the_urdf_is_in_rad_m_and_kg(make: Make) -> None:
+    """Joints state limits, and no number of the URDF looks as if in degrees, millimetres or grams."""
+    robot = make()
+    try:
+        check_units(robot.urdf, _read(robot), robot.gripper.finger_joints)
+    except InvalidArgument as error:
+        raise AssertionError(str(error)) from error
 
 
 @rule
@@ -100,7 +122,11 @@ def the_arm_is_one_chain(make: Make) -> None:
         if above[link].kind != "fixed":
             chain.append(above[link].name)
         link = above[link].parent
-    assert tuple(reversed(chain)) == robot.joint_names, f"from the base to the tool: {', '.join(reversed(chain))}"
+    right, given = tuple(reversed(chain)), robot.joint_names
+    off = [(one, other) for one, other in zip(given, right, strict=False) if one != other]
+    swapped = len(given) == len(right) and len(off) == 2 and off[0] == off[1][::-1]
+    which = f"{off[0][1]} and {off[0][0]} are swapped; " if swapped else ""
+    assert right == given, f"{which}from the base to the tool: {', '.join(right)}"
 
 
 @rule
@@ -129,9 +155,13 @@ def limits_are_possible(make: Make) -> None:
 def home_is_within_the_limits(make: Make) -> None:
     """Home has a value for each joint, inside its limits."""
     robot = make()
+    turning = {joint.name for joint in _read(robot).joints if joint.kind == "revolute"}
     assert len(robot.home) == len(robot.joints), f"{len(robot.home)} values for {len(robot.joints)} joints"
     for joint, angle in zip(robot.joints, robot.home, strict=True):
-        assert joint.lower < angle < joint.upper, f"{joint.name} at {angle}, limits {joint.lower} to {joint.upper}"
+        degrees = abs(angle) > 2 * math.pi and joint.name in turning
+        hint = ": home looks like degrees, it is in rad" if degrees else ""
+        within = f"{joint.name} at {angle}, limits {joint.lower} to {joint.upper}{hint}"
+        assert joint.lower < angle < joint.upper, within
 
 
 @rule
@@ -148,8 +178,11 @@ def what_moves_has_mass(make: Make) -> None:
         assert link.mass > 0, f"the moving link {name} weighs {link.mass} kg: its <inertial> needs a mass"
         xx, yy, zz, xy, xz, yz = link.inertia
         principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        assert principal[0] > 0, f"{name}: principal inertias {principal}"
-        assert principal[0] + principal[1] >= principal[2] * (1 - 1e-6), f"{name}: principal inertias {principal}"
+        stated = f"{name}: its <inertia> has the principal moments {', '.join(f'{one:.3g}' for one in principal)} kg m2"
+        assert principal[0] > 0, f"{stated}: all are above 0 in a solid body (ixy, ixz and iyz are too large)"
+        assert principal[0] + principal[1] >= principal[2] * (1 - 1e-6), (
+            f"{stated}: in a solid body no one is more than the other two together"
+        )
 
 
 @rule
@@ -160,6 +193,9 @@ def the_gripper_opens_by_its_stroke(make: Make) -> None:
     if gripper.kind == "parallel":
         urdf = _read(robot)
         assert gripper.finger_joints and gripper.pads, "a parallel gripper without fingers or pads"
+        carried = _carried(urdf, gripper.finger_joints)
+        still = [pad for pad in gripper.pads if pad not in carried]
+        assert not still, f"gripper.pads: no finger joint moves {', '.join(still)}; pads are among {', '.join(carried)}"
         linkage = _linkage(robot, urdf)
         for joint in map(urdf.joint, gripper.finger_joints if linkage.slides else ()):
             assert joint.mimic is not None or abs(joint.lower) <= 5e-4, (
@@ -254,6 +290,11 @@ def the_reach_is_that_of_the_links(make: Make) -> None:
     assert out <= robot.reach, f"home is {out:.3f} m out, reach {robot.reach} m"
 
 
+# Numbers in other units break what is computed from them: only the units are told then.
+for _name in list(RULES)[2:]:
+    FOLLOWS[_name] = (*FOLLOWS.get(_name, ()), the_urdf_is_in_rad_m_and_kg.__name__)
+
+
 def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:
     """Name of the broken rule -> a description that breaks it and is right otherwise."""
     evolve: Any = attrs.evolve
@@ -262,10 +303,12 @@ def wrong_robots(right: RobotDescription) -> dict[str, RobotDescription]:
     spare = f'<joint name="loose" type="continuous"><parent link="{root}"/><child link="spare"/></joint>'
     spare += '<link name="spare"/>'
     weightless = right.urdf.replace("<mass value=", '<mass value="0"/><was value=')
+    grams = re.sub(r'<mass value="([^"]+)"', lambda found: f'<mass value="{1e4 * float(found[1])}"', right.urdf)
     turned = Pose(orientation=quaternion_from_axis_angle((0, 0, 1), math.pi / 2))
     flipped = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))
     return {
         "names_are_those_of_the_urdf": evolve(right, tool_link="nowhere"),
+        "the_urdf_is_in_rad_m_and_kg": evolve(right, urdf=grams),
         "every_moving_joint_is_described": evolve(right, urdf=right.urdf.replace("</robot>", spare + "</robot>")),
         "the_arm_is_one_chain": evolve(right, joints=right.joints[::-1], home=right.home[::-1]),
         "limits_are_possible": evolve(right, joints=(evolve(first, upper=99.0), *right.joints[1:])),

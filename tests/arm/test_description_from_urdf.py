@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from xml.etree import ElementTree
 
 import attrs
 import numpy as np
@@ -253,3 +254,29 @@ def test_no_zero_of_home_has_a_sign():
     described = describe_urdf(check_robot().urdf)
     assert not [value for value in described.robot.home if value == 0 and np.signbit(value)]
     assert "-0.0," not in described.source() and "-0.0)" not in described.source()
+
+
+def test_shapeless_fingers_whose_frames_draw_nearer_are_refused_by_the_joint():
+    root = ElementTree.fromstring(OPEN_AT_ZERO["growing positions close"])
+    for link in root.findall("link"):
+        for shape in link.findall("collision"):
+            link.remove(shape)
+    for number, y in ((1, 0.04), (2, -0.04)):
+        (joint,) = (one for one in root.findall("joint") if one.get("name") == f"hand_finger_joint{number}")
+        origin = joint.find("origin")
+        assert origin is not None
+        origin.set("xyz", f"0 {y} 0.07")
+    urdf = ElementTree.tostring(root, encoding="unicode")
+    with pytest.raises(InvalidArgument, match=r"hand_finger_joint1.*no collision shapes to tell by") as raised:
+        describe_urdf(urdf)
+    assert "\n" not in str(raised.value)
+
+
+def test_fingers_that_both_slide_the_same_way_are_refused_by_the_joint():
+    head, joint, tail = describe_urdf(BARE).robot.urdf.partition('name="hand_finger_joint2"')
+    turned = re.sub(r'(<axis xyz=")0(\.0)? (-?)1', lambda m: f"{m[1]}0 {'' if m[3] else '-'}1", tail, count=1)
+    turned = turned.replace("</joint>", '<mimic joint="hand_finger_joint1"/></joint>', 1)
+    assert "0 -1" in turned
+    with pytest.raises(InvalidArgument, match=r"'hand_finger_joint2': moves its pad the same way") as raised:
+        describe_urdf(head + joint + turned)
+    assert "\n" not in str(raised.value)

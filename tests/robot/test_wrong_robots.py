@@ -117,7 +117,28 @@ WRONG: dict[str, tuple[RobotDescription, str, str]] = {
     "mimic the wrong way": (
         _urdf(FINGER2, _finger2('<mimic joint="hand_finger_joint1" multiplier="-1"/>')),
         "the_gripper_opens_by_its_stroke",
-        r"hand_finger_joint1'?: opens its pads hand_finger1 and hand_finger2 by no rising or falling curve",
+        r"hand_finger_joint2'?: moves its pad the same way as 'hand_finger_joint1'.*hand_finger1 and hand_finger2 stay "
+        r"\d+ mm apart",
+    ),
+    "masses in grams": (
+        _urdf(r'<mass value="2\.846"', '<mass value="2846"'),
+        "the_urdf_is_in_rad_m_and_kg",
+        r"link 'forearm_link' \(2846 kg\): probably grams",
+    ),
+    "joints swapped": (
+        attrs.evolve(RIGHT, joints=(RIGHT.joints[1], RIGHT.joints[0], *RIGHT.joints[2:])),
+        "the_arm_is_one_chain",
+        r"^shoulder_pan_joint and shoulder_lift_joint are swapped; from the base to the tool: shoulder_pan_joint, ",
+    ),
+    "a pad that no finger moves": (
+        attrs.evolve(RIGHT, gripper=attrs.evolve(RIGHT.gripper, pads=("hand_tool",))),
+        "the_gripper_opens_by_its_stroke",
+        r"^gripper\.pads: no finger joint moves hand_tool",
+    ),
+    "home in degrees": (
+        attrs.evolve(RIGHT, home=tuple(math.degrees(angle) for angle in RIGHT.home)),
+        "home_is_within_the_limits",
+        r": home looks like degrees, it is in rad",
     ),
     "mimic not described": (
         _urdf(FINGER2, _finger2('<mimic joint="hand_finger_joint1"/>'), gripper=ONE_FINGER),
