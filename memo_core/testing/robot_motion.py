@@ -7,14 +7,17 @@ everything. ``FOLLOWS``: rules whose failure says nothing new once another is br
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
 import numpy as np
 
 from memo_core.arm.facing import facing
+from memo_core.arm.finger_zero import fixed_to
 from memo_core.robot.description import JointDescription
 from memo_core.robot.hand_mount import sideways
+from memo_core.robot.urdf import link_poses
 from memo_core.testing.robot_trial import RobotTrial, Tracked
 from memo_core.testing.rules import Limited, Rules
 
@@ -24,8 +27,14 @@ FOLLOWS: dict[str, tuple[str, ...]] = {
     "home_is_clear": ("the_hand_leads_out_of_the_arm",),
     "it_holds_home": ("home_is_clear",),
     "it_follows_a_motion": ("home_is_clear", "it_holds_home"),
+    "reach_is_what_the_arm_reaches": ("the_tool_centre_is_between_the_pads",),
     "the_hand_does_not_give_way": ("home_is_clear", "it_holds_home", "it_follows_a_motion"),
-    "it_reaches_in_six_dimensions": ("the_hand_leads_out_of_the_arm", "it_faces_the_table"),
+    "it_reaches_in_six_dimensions": (
+        "the_hand_leads_out_of_the_arm",
+        "the_tool_centre_is_between_the_pads",
+        "it_faces_the_table",
+        "home_is_no_singularity",
+    ),
     "it_grasps_a_cube": (
         "the_hand_leads_out_of_the_arm",
         "home_is_clear",
@@ -46,6 +55,8 @@ MOST_DRIFT = 0.02  # rad
 MOST_GIVING = 0.008  # m under ``PRESS``
 PRESS = 20.0  # N
 _WEAK = 0.3  # of the usual gain, from which on a servo that does not follow counts as weak
+SINGULAR = 0.005  # least singular value of the Jacobian, its translations in shares of the reach
+LEAST_OF_REACH = 0.6  # of how far the tool gets
 LEAST_REACH = 0.25  # share of the sampled hand poses
 LEAST_TASKS = 0.8  # share of what the tasks grasp
 
@@ -85,13 +96,20 @@ def the_tool_centre_is_between_the_pads(trial: RobotTrial) -> None:
     """The tool centre lies between the fingertips and the palm, where the pads meet what they hold."""
     robot = trial.robot
     span = trial.shape.pad_span()
+    pads = " and ".join(robot.gripper.pads)
     if span is None:
+        shaped = {link for pad in robot.gripper.pads for link in fixed_to(trial.urdf, pad)} & set(trial.shape.corners())
+        assert shaped or robot.gripper.kind != "parallel", (
+            f"the pads {pads} have no collision shapes, so that they grip nothing: give each link a <collision>"
+        )
         return
     low, high = span
     if not low < 0.0 < high:
         off, what = (-high, "beyond the fingertips") if high <= 0 else (low, "behind the pads, in the palm")
         reach = f"the pads reach from {1000 * low:+.0f} to {1000 * high:+.0f} mm along the tool's z"
         move = f"move tool_offset by {1000 * (high - 0.01):+.0f} mm along it"
+        if off > 1.0:
+            move = "tool_offset looks like millimetres, it is in m"
         raise AssertionError(f"the tool centre is {1000 * off:.0f} mm {what}: {reach}; {move}")
     stated = robot.gripper.fingertip_reach
     assert abs(high - stated) < 0.015, (
@@ -101,8 +119,55 @@ def the_tool_centre_is_between_the_pads(trial: RobotTrial) -> None:
 
 
 @rule
+def home_is_no_singularity(trial: RobotTrial) -> None:
+    """No two joints that follow each other turn about one line, and at home the tool can be moved every way."""
+    _no_joint_is_idle(trial)
+    jacobian = np.array(trial.kinematics.jacobian(trial.kinematics.home))
+    jacobian[:3] /= trial.robot.reach
+    if jacobian.shape[1] < 6:
+        return
+    _, values, ways = np.linalg.svd(jacobian)
+    if values[5] < SINGULAR:
+        # Joints that cancel each other: what moves nothing, by the weakest direction and a seventh joint's freedom.
+        still = ways[5]
+        names = [joint.name for joint, part in zip(trial.robot.joints, still, strict=True) if abs(part) > 0.2]
+        raise Limited(
+            f"home is singular: {', '.join(names)} move the tool by nothing together, so that there is a way in which "
+            "it cannot be moved from there; choose a home with the elbow and the wrist bent"
+        )
+
+
+@rule
+def the_grip_is_within_the_fingers_effort(trial: RobotTrial) -> None:
+    """``gripper.max_force`` is not more than twice what the URDF says of the sliding fingers together."""
+    gripper = trial.robot.gripper
+    joints = [trial.urdf.joint(name) for name in gripper.finger_joints]
+    if gripper.kind != "parallel" or any(joint.kind != "prismatic" for joint in joints):
+        return
+    stated = [joint for joint in joints if 0 < joint.effort < math.inf]
+    total = sum(joint.effort for joint in stated)
+    if stated and gripper.max_force > 2 * total:
+        efforts = ", ".join(f"{joint.name} {joint.effort:g} N" for joint in stated)
+        raise Limited(f"gripper.max_force is {gripper.max_force:g} N, the URDF's effort of the fingers is {efforts}")
+
+
+@rule
+def reach_is_what_the_arm_reaches(trial: RobotTrial) -> None:
+    """``reach`` is not much less than how far from the first joint the tool gets."""
+    kinematics = trial.kinematics
+    _, position = kinematics.forward(kinematics.samples(4096))
+    far = float(np.linalg.norm(position - kinematics.shoulder[:, None], axis=0).max())
+    if trial.robot.reach < LEAST_OF_REACH * far:
+        raise Limited(
+            f"reach is {trial.robot.reach:g} m, but the tool gets {far:.2f} m from the first joint: what is farther "
+            f"than reach is refused at once; set it to about {0.97 * far:.2f}"
+        )
+
+
+@rule
 def it_holds_home(trial: RobotTrial) -> None:
     """Left alone for a second, the arm stays at home and is still."""
+    _bears_its_weight(trial)
     held = trial.held
     assert not held.problem, f"the simulator gave up at home: {held.problem}; {_hardest(trial)}"
     worst = int(np.argmax(held.drift**2 + held.ripple**2))
@@ -128,6 +193,8 @@ def the_hand_does_not_give_way(trial: RobotTrial) -> None:
     """Pressed down with 20 N at home, the hand gives way by less than 8 mm."""
     ways = trial.compliance
     total = PRESS * float(ways.sum())
+    if total < 1e-9:  # no joint gives way downwards: the arm stands straight up
+        return
     worst = int(np.argmax(ways))
     joint = trial.robot.joints[worst]
     part = f"{100 * PRESS * ways[worst] / total:.0f} % of it there"
@@ -187,6 +254,32 @@ def it_reaches_what_the_tasks_grasp(trial: RobotTrial) -> None:
 
 
 # -- diagnoses ---------------------------------------------------------------------------------------------------------
+
+
+def _no_joint_is_idle(trial: RobotTrial) -> None:
+    """Raise for two turning joints, one behind the other, that turn about one line."""
+    poses = link_poses(trial.urdf, dict(zip(trial.robot.joint_names, trial.robot.home, strict=True)))
+    joints = [trial.urdf.joint(name) for name in trial.robot.joint_names]
+    for one, other in itertools.pairwise(joints):
+        if one.kind != "revolute" or other.kind != "revolute":
+            continue
+        first, second = (poses[joint.child].rotation @ np.array(joint.axis) for joint in (one, other))
+        between = np.subtract(poses[other.child].position, poses[one.child].position)
+        aside = float(np.linalg.norm(np.cross(first, between)))
+        assert abs(float(first @ second)) < 1 - 1e-6 or aside > 1e-4, (
+            f"{one.name} and {other.name} turn about one line, whatever the posture: the <axis> of one of them is wrong"
+        )
+
+
+def _bears_its_weight(trial: RobotTrial) -> None:
+    """Raise for a joint whose torque does not hold the arm's weight at home."""
+    weights = trial.weight_torques
+    for number, joint in enumerate(trial.robot.joints):
+        most, units = float(weights[number]), trial.units[number]
+        assert joint.effort >= most, (
+            f"{joint.name}'s effort of {joint.effort:g} {units.effort} does not hold the arm's weight, which is "
+            f"{most:.0f} {units.effort} at home: the URDF's effort is too low, or masses are too large"
+        )
 
 
 def _followed(trial: RobotTrial, number: int, tracked: Tracked) -> tuple[str, str] | None:

@@ -126,6 +126,16 @@ class RobotTrial:
         return np.array([mass[i, i] + joint.armature for i, joint in zip(places, self.robot.joints, strict=True)])
 
     @functools.cached_property
+    def weight_torques(self) -> Array:
+        """Nm (a slide: N) with which each joint holds the arm's weight at home, shape (n,)."""
+        import pinocchio as pin
+
+        model = self.kinematics.model
+        configuration = self.shape.configuration(self.kinematics.home, 0.0)
+        torques = np.abs(pin.computeGeneralizedGravity(model, model.createData(), configuration))
+        return np.array([torques[model.joints[number].idx_v] for number in self.kinematics.joint_ids])
+
+    @functools.cached_property
     def compliance(self) -> Array:
         """m that the hand gives way per N straight down at home, by joint, shape (n,)."""
         down = self.kinematics.jacobian(self.kinematics.home)[2]
