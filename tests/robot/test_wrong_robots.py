@@ -156,9 +156,9 @@ WRONG: dict[str, tuple[RobotDescription, str, str]] = {
         r"but the tool gets [\d.]+ m from the first joint",
     ),
     "too weak for its weight": (
-        _joints(1, effort=5.0),
+        attrs.evolve(_joints(1, effort=10.0), max_contact_force=5.0),
         "it_holds_home",
-        r"^shoulder_lift_joint's effort of 5 Nm does not hold the arm's weight, which is \d+ Nm at home",
+        r"^shoulder_lift_joint's effort of 10 Nm does not hold the arm's weight, which is \d+ Nm at home",
     ),
     "mimic not described": (
         _urdf(FINGER2, _finger2('<mimic joint="hand_finger_joint1"/>'), gripper=ONE_FINGER),
