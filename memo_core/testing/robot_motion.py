@@ -27,6 +27,7 @@ FOLLOWS: dict[str, tuple[str, ...]] = {
     "home_is_clear": ("the_hand_leads_out_of_the_arm",),
     "it_holds_home": ("home_is_clear",),
     "it_follows_a_motion": ("home_is_clear", "it_holds_home"),
+    "home_is_no_singularity": ("the_tool_centre_is_between_the_pads",),
     "reach_is_what_the_arm_reaches": ("the_tool_centre_is_between_the_pads",),
     "the_hand_does_not_give_way": ("home_is_clear", "it_holds_home", "it_follows_a_motion"),
     "it_reaches_in_six_dimensions": (
@@ -132,7 +133,7 @@ def home_is_no_singularity(trial: RobotTrial) -> None:
         still = ways[5]
         names = [joint.name for joint, part in zip(trial.robot.joints, still, strict=True) if abs(part) > 0.2]
         raise Limited(
-            f"home is singular: {', '.join(names)} move the tool by nothing together, so that there is a way in which "
+            f"home is singular: {', '.join(names)} can move together without moving the tool, so that there is a way in which "
             "it cannot be moved from there; choose a home with the elbow and the wrist bent"
         )
 

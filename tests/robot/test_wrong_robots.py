@@ -203,6 +203,14 @@ def test_one_cause_is_one_line_however_many_rules_it_breaks(name):
     assert found[-1].rule == "in motion" and found[-1].outcome == "skipped"
 
 
+def test_a_tool_offset_in_millimetres_is_one_line():
+    off = attrs.evolve(RIGHT, tool_offset=Pose((0.0, 0.0, 110.0)))
+    found = list(check_robot(REGISTRY, "robot/mine", lambda: off))
+    wrong = [one for one in found if one.outcome in ("broken", "limited")]
+    assert [one.rule for one in wrong] == ["the_tool_centre_is_between_the_pads"], wrong
+    assert wrong[0].why.endswith("tool_offset looks like millimetres, it is in m")
+
+
 def test_what_is_wrong_with_a_slide_is_told_in_its_units():
     right = describe_urdf(on_a_rail(six_joint_arm().urdf), "railed").robot
     rail = right.joints[0]
