@@ -133,7 +133,7 @@ def home_is_no_singularity(trial: RobotTrial) -> None:
         still = ways[5]
         names = [joint.name for joint, part in zip(trial.robot.joints, still, strict=True) if abs(part) > 0.2]
         raise Limited(
-            f"home is singular: {', '.join(names)} can move together without moving the tool, so that there is a way in which "
+            f"home is singular: {', '.join(names)} can move together without moving the tool, so that in one direction "
             "it cannot be moved from there; choose a home with the elbow and the wrist bent"
         )
 
