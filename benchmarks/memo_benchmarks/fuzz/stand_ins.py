@@ -11,10 +11,21 @@ from typing import Any
 from unittest.mock import patch
 
 from memo_core.entry_points import installed
+from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.graph import SceneGraph
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
+
+
+class NoPerception(Perception):
+    """Has no model and no pictures. The kinematic environment does not look through it."""
+
+    def start(self, context: PerceptionContext) -> None: ...
+
+    def look(self) -> SceneGraph:
+        raise NotImplementedError("the kinematic environment looks by itself")
 
 
 class QuickEnvironment(FakeEnvironment):
@@ -23,6 +34,7 @@ class QuickEnvironment(FakeEnvironment):
     def __init__(self, task: Task) -> None:
         super().__init__(task.instruction)
         self.task = task
+        self.perception = NoPerception()
         self.time_limit = task.time_limit
         self.description = SimpleNamespace(table_height=0.0, cameras=())
         self.simulator = SimpleNamespace(control_period=1.0, tick=lambda: None)
