@@ -60,3 +60,28 @@ def test_of_two_lines_that_fit_equally_neither_is_claimed(world):
 def test_a_person_may_say_that_it_is_something_else(world):
     hint = Hint("that is not the red block", "red block", (0.42, -0.22, 0.02))
     assert "red block" not in {node.label for node in seen(world, [BLOCK, CAN, CUPBOARD], [hint]).nodes}
+
+
+def grey(described):
+    """The scene with its cupboard, the door and its handle all of one grey."""
+
+    def painted(body):
+        geoms = tuple(attrs.evolve(geom, colour=(0.5, 0.5, 0.52, 1)) for geom in body.geoms)
+        return attrs.evolve(body, geoms=geoms, bodies=tuple(painted(child) for child in body.bodies))
+
+    bodies = tuple(painted(body) if body.name == "cupboard" else body for body in described.bodies)
+    return attrs.evolve(described, bodies=bodies)
+
+
+@pytest.mark.parametrize("noise", ["none", "d435"])
+def test_a_door_and_its_handle_are_told_apart_by_form_where_all_is_of_one_colour(noise):
+    with looking_at(grey(scene())) as context:
+        eyes = Cameras(attrs.evolve(PLAIN, simulated=SimulatedSettings(noise=noise)))
+        eyes.start(context)
+        graph = eyes.look()
+    owners = {node.label: node.part_of for node in graph.nodes}
+    assert owners["cupboard door"] == "cupboard" and owners["cupboard handle"] == "cupboard door"
+    assert "the cupboard door is closed" in graph.sentences()
+    handle = graph.node("cupboard handle")
+    assert np.linalg.norm(np.subtract(handle.pose.position, (0.56, -0.06, 0.13))) < 0.03
+    assert handle.size[2] == pytest.approx(0.14, abs=0.03)

@@ -12,6 +12,7 @@ from memo_core.evaluation.lesions import VariedTask
 from memo_core.interfaces.task import Task
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import Body, Camera, Hinge, SceneDescription
+from memo_core.scene.mechanisms import Lock
 from memo_core.scene.pose import look_at
 
 THIRD = "above"
@@ -55,16 +56,24 @@ def _nearest_to_both(p: np.ndarray, u: np.ndarray, q: np.ndarray, v: np.ndarray)
 
 
 def _with_doors(scene: SceneDescription, rng: np.random.Generator) -> SceneDescription:
+    """Half of the doors open, 10 to 90 degrees; a lock that holds such a door closed is released."""
     closers = {cavity.door for body, _ in scene.walk() for cavity in body.cavities if cavity.door}
+    opened: set[str] = set()
 
     def turned(joint: Hinge) -> Hinge:
         if joint.name not in closers or rng.random() < 0.5:
             return joint
         low, high = joint.range
         angle = math.radians(rng.uniform(10, 90))
+        opened.add(joint.name)
         return attrs.evolve(joint, initial=min(angle, high) if high > -low else max(-angle, low))
 
-    return attrs.evolve(scene, bodies=tuple(_changed(body, turned) for body in scene.bodies))
+    bodies = tuple(_changed(body, turned) for body in scene.bodies)
+    mechanisms = tuple(
+        attrs.evolve(one, engaged=False) if isinstance(one, Lock) and one.joint in opened else one
+        for one in scene.mechanisms
+    )
+    return attrs.evolve(scene, bodies=bodies, mechanisms=mechanisms)
 
 
 def _changed(body: Body, turned: Callable[[Hinge], Hinge]) -> Body:

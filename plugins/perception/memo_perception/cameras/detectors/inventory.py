@@ -16,6 +16,7 @@ from memo_core.scene.appearance import colour_name
 from memo_core.scene.pose import Array
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.geometry.fitting import trimmed_extents
+from memo_perception.cameras.geometry.panels import slides
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.regions import Region
 from memo_perception.cameras.settings import InventorySettings
@@ -166,10 +167,17 @@ def _fit(item: Item, piece: _Piece, hints: Sequence[Hint]) -> float:
     size = 0.5
     if item.size:
         wanted = np.sort(np.asarray(item.size, dtype=float))[::-1]
-        excess = piece.extents - wanted
-        apart = np.maximum(excess, 0.0) + _HIDDEN_WEIGHT * np.maximum(-excess, 0.0)
-        size = float(np.exp(-apart.sum() / (_SIZE_SCALE + 0.15 * wanted.max())))
+        size = _likeness(piece.extents, wanted)
+        if slides(item.label):  # of a drawer that is pushed in the front is seen, and not how deep it is
+            size = max(size, *(_likeness(piece.extents[:2], np.delete(wanted, axis)) for axis in range(3)))
     return float(np.sqrt(colour * size))
+
+
+def _likeness(extents: Array, wanted: Array) -> float:
+    """Of two lists of extents (m), descending: 1 for the same, 0 for very different."""
+    excess = extents - wanted
+    apart = np.maximum(excess, 0.0) + _HIDDEN_WEIGHT * np.maximum(-excess, 0.0)
+    return float(np.exp(-apart.sum() / (_SIZE_SCALE + 0.15 * wanted.max())))
 
 
 def _alike(word: str, wanted: Sequence[str]) -> float:

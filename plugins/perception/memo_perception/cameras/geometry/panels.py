@@ -72,10 +72,15 @@ def fit_panel(seen: Seen, label: str, owner: Fit) -> Fit:
     return fit_box(seen, base, (1,))
 
 
-def plane_normal(seen: Seen, tries: int = 60) -> Array | None:
-    """Unit normal (3,) of the largest plane among the points, by RANSAC (Fischler and Bolles, 1981); None for too few
-    points."""
-    points = seen.points
+def plane_normal(seen: Seen) -> Array | None:
+    """Unit normal (3,) of the largest plane among the points; None for too few points."""
+    plane = largest_plane(seen.points, seen.noise)
+    return None if plane is None else plane[0]
+
+
+def largest_plane(points: Array, noise: float, tries: int = 60) -> tuple[Array, Array] | None:
+    """Unit normal (3,) and a point (3,) of the largest plane among points (N, 3), by RANSAC (Fischler and Bolles,
+    1981); None for too few points. ``noise``: standard deviation of depth (m)."""
     if len(points) < 30:
         return None
     rng = np.random.default_rng(len(points))
@@ -87,12 +92,15 @@ def plane_normal(seen: Seen, tries: int = 60) -> Array | None:
     normals, anchors = normals[good] / lengths[good, None], triples[good, 0]
     if len(normals) == 0:
         return None
-    within = max(0.003, 2.0 * seen.noise)
+    within = max(0.003, 2.0 * noise)
     votes = (np.abs(some @ normals.T - np.sum(anchors * normals, axis=1)) < within).sum(axis=0)
     best = int(np.argmax(votes))
     near = np.abs((points - anchors[best]) @ normals[best]) < within
     on = points[near]
-    return np.linalg.svd(on - on.mean(axis=0), full_matrices=False)[2][2] if len(on) > 10 else normals[best]
+    if len(on) <= 10:
+        return normals[best], anchors[best]
+    middle = on.mean(axis=0)
+    return np.linalg.svd(on - middle, full_matrices=False)[2][2], middle
 
 
 def fit_part(seen: Seen, owner: Fit) -> Fit:

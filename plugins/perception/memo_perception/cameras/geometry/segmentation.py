@@ -13,6 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from memo_core.scene.pose import Array
+from memo_perception.cameras.geometry.standing_out import split
 from memo_perception.cameras.geometry.table import View
 from memo_perception.cameras.regions import Region
 
@@ -26,11 +27,15 @@ _SHADE = 0.45  # of two faces of one colour the darker is at least this bright, 
 _DARK = 60.0  # sum of the channels (of 765) below which chromaticity says little
 _LIGHTNESS = 0.25  # weight of Lab's L, which shading changes, against a and b
 _EDGE = 9.0  # step of the weighted colour between neighbours that parts two segments
+_AROUND = 12  # pixels around a segment in which something may stand out of it
 _DEPTH_STEP = 0.012  # m between neighbours that parts two segments, without noise
 _LEAST_PIXELS = 25
 _VOXEL = 0.008  # m
 _OVERLAP = 0.3  # share of the smaller segment's cells that must coincide to be the same thing
 _TABLE_COLOUR = 12.0  # weighted distance in Lab from the table's colour from which a flat thing is not the table
+
+
+Cell = tuple[int, int, int]
 
 
 @attrs.frozen(eq=False)
@@ -43,7 +48,8 @@ class _Segment:
     colours: np.ndarray  # (N, 3) uint8
     chroma: Array  # (3,) of the median colour
     brightness: float  # 0 to 1
-    cells: frozenset[tuple[int, int, int]]
+    cells: frozenset[Cell]
+    apart: bool  # whether it was parted from what it touches in the picture by form, not by colour
 
 
 def regions_of(views: Sequence[View], blocked: Mapping[str, np.ndarray], table_height: float) -> tuple[Region, ...]:
@@ -72,6 +78,11 @@ def _segments(number: int, view: View, blocked: np.ndarray | None, table_height:
         low, high = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
         edges[low] |= ahead
         edges[high] |= ahead
+        # A camera blurs an edge over a pixel, so that neither step alone may be large.
+        before, at, after = (
+            (np.s_[:-2], np.s_[1:-1], np.s_[2:]) if axis == 0 else (np.s_[:, :-2], np.s_[:, 1:-1], np.s_[:, 2:])
+        )
+        edges[at] |= np.linalg.norm(weighted[after] - weighted[before], axis=2) > _EDGE
     count, labels = cv2.connectedComponents((there & ~edges).astype(np.uint8), connectivity=4)
     sizes = np.bincount(labels.ravel(), minlength=count)
     keep = sizes >= _LEAST_PIXELS
@@ -82,21 +93,38 @@ def _segments(number: int, view: View, blocked: np.ndarray | None, table_height:
     near = there & (away <= 3)
     labels = np.where(near, labels[nearest[0], nearest[1]], labels)
     found = []
+    eye = np.asarray(frame.pose.position)
     for label, where in enumerate(ndimage.find_objects(labels), 1):
         if where is None:
             continue
-        mask = np.zeros(there.shape, dtype=bool)
-        mask[where] = labels[where] == label
-        points = view.points[mask]
-        good = np.isfinite(points[:, 0])
-        if np.count_nonzero(good) < _LEAST_PIXELS // 2:
-            continue
-        points, colours = points[good], frame.rgb[mask][good]
-        cells = frozenset(map(tuple, np.unique(np.floor(points / _VOXEL).astype(int), axis=0).tolist()))
-        middle = np.median(colours, axis=0)
-        chroma, brightness = middle / max(float(middle.sum()), _DARK), float(middle.mean()) / 255
-        found.append(_Segment(number, mask, points, colours, chroma, brightness, cells))
+        wide = (
+            slice(max(0, where[0].start - _AROUND), where[0].stop + _AROUND),
+            slice(max(0, where[1].start - _AROUND), where[1].stop + _AROUND),
+        )
+        pieces = split(
+            view.points[wide], labels[wide] == label, (labels[wide] > 0) & (labels[wide] != label), view.noise, eye
+        )
+        parted = [*((part, True) for part in (*pieces.out, *pieces.faces)), (pieces.rest, False)]
+        for part, apart in parted:
+            mask = np.zeros(there.shape, dtype=bool)
+            mask[wide] = part
+            one = _segment(number, view, mask, apart)
+            if one is not None:
+                found.append(one)
     return found
+
+
+def _segment(number: int, view: View, mask: np.ndarray, apart: bool) -> _Segment | None:
+    """None where too little was measured."""
+    points = view.points[mask]
+    good = np.isfinite(points[:, 0])
+    if np.count_nonzero(good) < _LEAST_PIXELS // 2:
+        return None
+    points, colours = points[good], view.frame.rgb[mask][good]
+    cells = frozenset(map(tuple, np.unique(np.floor(points / _VOXEL).astype(int), axis=0).tolist()))
+    middle = np.median(colours, axis=0)
+    chroma, brightness = middle / max(float(middle.sum()), _DARK), float(middle.mean()) / 255
+    return _Segment(number, mask, points, colours, chroma, brightness, cells, apart)
 
 
 def _foreground(view: View, weighted: np.ndarray, blocked: np.ndarray | None, table_height: float) -> np.ndarray:
@@ -141,6 +169,8 @@ def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
             dark, light = sorted((one.brightness + 0.02, other.brightness + 0.02))
             if np.linalg.norm(one.chroma - other.chroma) > _CHROMA or dark < _SHADE * light:
                 continue
+            if one.frame == other.frame and (one.apart or other.apart):
+                continue
             small, large = (i, j) if len(one.cells) <= len(other.cells) else (j, i)
             common = len(segments[small].cells & grown[large])
             # Pieces of one picture touch along an edge only.
@@ -153,7 +183,7 @@ def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
     return list(groups.values())
 
 
-def _grown(cells: frozenset[tuple[int, int, int]]) -> frozenset[tuple[int, int, int]]:
+def _grown(cells: frozenset[Cell]) -> frozenset[Cell]:
     steps = (-1, 0, 1)
     return frozenset((x + i, y + j, z + k) for x, y, z in cells for i in steps for j in steps for k in steps)
 
