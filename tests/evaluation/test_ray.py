@@ -10,8 +10,13 @@ import pytest
 
 from memo_core.evaluation import engines
 from memo_core.evaluation.engines import Group, on_ray
+from memo_core.evaluation.evaluating import evaluate
 from memo_core.evaluation.grid import Trial
+from memo_core.evaluation.sections import ALL_SECTIONS
+from memo_core.evaluation.table import VARYING, read_table
+from memo_core.plugins import Registry
 from memo_core.stop_switch import StopSwitch
+from memo_core.study.study import loader, shared_settings
 
 ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
 
@@ -52,3 +57,49 @@ def test_what_a_killed_node_was_at_is_done_by_the_others(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.glob("done-*")} == {f"done-{scene}" for scene in range(9)}
     began = [path.name.split("-")[1] for path in tmp_path.glob("began-*")]
     assert len(began) > 9  # what the killed node was at began twice
+
+
+EVALUATION = """
+suite: quirks
+run: {video: "off"}
+evaluation:
+  methods: [memo]
+  tasks: [open-the-freezer, put-the-carton-on-the-board]
+  hours: []
+  books: [empty, lessons]
+  scenes: 1
+  corrected: {corrections: 1}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_an_evaluation_on_three_nodes_of_which_one_is_killed_has_the_rows_of_one_machine(tmp_path):
+    from ray.cluster_utils import Cluster
+
+    def evaluated(name: str, *overrides: str) -> list[dict]:
+        folder = tmp_path / name
+        given = [*overrides, *shared_settings(folder / "evaluation")]
+        evaluate(loader(Registry(), tmp_path / "experiment.yaml", ALL_SECTIONS, given), folder, StopSwitch())
+        rows = read_table(folder / "evaluation")
+        return [{key: row[key] for key in row if key not in VARYING} for row in rows]
+
+    (tmp_path / "experiment.yaml").write_text(EVALUATION)
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    nodes = [cluster.add_node(num_cpus=1) for _ in range(2)]
+    killed = threading.Event()
+
+    def kill_one_at_work():
+        while len(list((tmp_path / "ray").glob("evaluation/trials/*/run/log.jsonl"))) < 3:
+            time.sleep(0.05)
+        cluster.remove_node(nodes[0], allow_graceful=False)
+        killed.set()
+
+    try:
+        cluster.wait_for_nodes()
+        threading.Thread(target=kill_one_at_work, daemon=True).start()
+        rows = evaluated("ray", "evaluation.engine=ray", f"evaluation.ray_address={cluster.address}")
+    finally:
+        cluster.shutdown()
+    assert killed.is_set() and len(rows) == 8
+    assert rows == evaluated("joblib", "evaluation.jobs=2")
