@@ -109,7 +109,8 @@ def _by_task(findings: Findings, axes: Any) -> bool:
         axes.bar(at, heights, width, label=method, color=COLOURS.get(method, "#000000"), yerr=_errors(rates), capsize=2)
     axes.set_xticks(range(len(tasks)), [task.replace("-", " ") for task in tasks], rotation=18, ha="right", fontsize=8)
     axes.set(ylabel="success, %", ylim=(0, 103))
-    axes.legend(frameon=False, fontsize=9, ncols=len(methods), loc="lower left", bbox_to_anchor=(0.0, 0.99))
+    below_title = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0, "borderpad": 0.2}
+    axes.legend(frameon=False, fontsize=9, ncols=len(methods), **below_title)
     return True
 
 

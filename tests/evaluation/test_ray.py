@@ -73,7 +73,8 @@ evaluation:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.on_request
+@pytest.mark.timeout(1800)
 def test_an_evaluation_on_three_nodes_of_which_one_is_killed_has_the_rows_of_one_machine(tmp_path):
     from ray.cluster_utils import Cluster
 

@@ -8,7 +8,7 @@ import json
 import attrs
 import pytest
 from memo_llm.offline.model import OfflineModel
-from offline_prompts import ARC, MODEL, box_with_door, code_request, request, run, scene, thing, unfenced, write
+from offline_prompts import ARC, MODEL, Entry, box_with_door, code_request, request, run, scene, thing, unfenced, write
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Usage
 from memo_core.llm.readers import read_code, read_notes, read_plan, read_template
@@ -100,8 +100,8 @@ def test_coordinates_do_not_get_into_notes():
 )  # fmt: skip
 def test_what_is_noted_means_the_same_when_it_is_read_again(words):
     said, _ = notes(words)
-    first = write(DOOR, "OPEN(crate)", [words])[0]
-    again = write(DOOR, "OPEN(crate)", list(said.corrections))[0]
+    first = write(DOOR, "OPEN(crate)", [Entry(words, "OPEN(crate)")])[0]
+    again = write(DOOR, "OPEN(crate)", [Entry(note, "OPEN(crate)") for note in said.corrections])[0]
 
     def program(code):
         return ast.dump(ast.parse(code))

@@ -125,3 +125,23 @@ def test_the_newest_remark_wins_over_what_was_said_before_it():
     arc = notes("no, an arc!", first, CRATE, "OPEN(crate)")
     code = write([straight], [Corrected(first, "no, an arc!", tuple(arc), "OPEN(crate)")], CRATE, "OPEN(crate)")
     assert "arc(" in code
+
+
+def test_the_other_way_round_than_an_attempt_at_another_thing_reverses_nothing_here():
+    arc = Entry("Lead the handle along an arc about the hinge edge.", "OPEN(microwave)")
+
+    def led(*notes):
+        return held_poses(run(write([arc, *notes], graph=CRATE, subtask="OPEN(crate)"), CRATE))
+
+    for text in ("Lead the handle the other way round.", "Turn it in the opposite direction."):
+        assert led(Entry(text, "OPEN(bottle)")) == led(), text
+        for key in ("OPEN(crate)", "OPEN(crate door)", ""):
+            assert led(Entry(text, key)) != led(), (text, key)
+
+
+def test_of_a_note_made_of_another_thing_what_is_said_beside_the_other_way_round_is_followed():
+    note = "Lead the handle the other way round, along an arc about the hinge edge."
+    arc = Entry("Lead the handle along an arc about the hinge edge.", "OPEN(bottle)")
+    codes = [write([one], graph=CRATE, subtask="OPEN(crate)") for one in (Entry(note, "OPEN(bottle)"), arc)]
+    led, plain = (held_poses(run(code, CRATE)) for code in codes)
+    assert led == plain

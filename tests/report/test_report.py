@@ -125,6 +125,24 @@ def test_the_page_is_one_file_with_its_figures_in_it_and_says_which_backend_made
         assert (tmp_path / "report" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_no_legend_above_a_figure_reaches_into_its_title(tmp_path, monkeypatch):
+    from matplotlib import pyplot
+
+    drawn = []
+    monkeypatch.setattr(pyplot, "close", drawn.append)
+    write_report(Registry(), experiment(tmp_path))
+    monkeypatch.undo()
+    with_legend = [figure for figure in drawn if figure.axes[0].get_legend() is not None]
+    assert len(with_legend) >= 3
+    for figure in with_legend:
+        [axes] = figure.axes
+        legend, title = axes.get_legend().get_window_extent(), axes.get_title(loc="left")
+        [text] = [one for one in axes.get_children() if getattr(one, "get_text", str)() == title]
+        assert legend.y1 < text.get_window_extent().y0, title
+    for figure in drawn:
+        pyplot.close(figure)
+
+
 def _words(svg: str) -> str:
     """matplotlib draws text as paths and leaves it in comments."""
     return " ".join(re.findall(r"<!-- (.*?) -->", svg))

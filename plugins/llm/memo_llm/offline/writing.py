@@ -7,7 +7,7 @@ import re
 
 import attrs
 
-from memo_core.scene.graph import SceneGraph
+from memo_core.scene.graph import Node, SceneGraph
 from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
@@ -80,7 +80,21 @@ def _told(
     said, relative_to = taken_apart(entry.text)
     reading = read_sentence(said, vocabulary, known, recipe.kind)
     missed += reading.not_understood
-    return [(entry.text, edit) for edit in based(reading.edits, relative_to)]
+    edits = based(reading.edits, relative_to)
+    if not _of_this(entry, recipe, scene):
+        # "The other way round" is a way only beside the attempt it was said of; another thing's is not known here.
+        edits = tuple(edit for edit in edits if edit.kind != "reverse")
+    return [(entry.text, edit) for edit in edits]
+
+
+def _of_this(entry: Entry, recipe: Recipe, scene: SceneGraph) -> bool:
+    """Whether a note was made of this subtask's thing, of what it is part of or has as a part, or of nothing in
+    particular."""
+    objects = read_subtask(entry.key)[1] if "(" in entry.key else ()
+    if not objects or objects[0].lower() == recipe.thing.lower():
+        return True
+    node = find(scene, objects[0])
+    return node is not None and any(node.id == other.id for other in _family(recipe, scene))
 
 
 def _just_said(
@@ -119,11 +133,16 @@ def _concerns(text: str, recipe: Recipe, scene: SceneGraph, vocabulary: Vocabula
         return False
     if not noun:
         return True
-    thing = find(scene, recipe.thing)
-    family = [] if thing is None else [thing, *descendants(scene, thing)]
-    owner = next((n for n in scene.nodes if thing is not None and n.id == thing.part_of), None)
-    labels = [recipe.thing, *(node.label for node in family), *([owner.label] if owner is not None else [])]
+    labels = [recipe.thing, *(node.label for node in _family(recipe, scene))]
     return any(noun == word.removesuffix("s") for label in labels for word in label.lower().split())
+
+
+def _family(recipe: Recipe, scene: SceneGraph) -> list[Node]:
+    """The subtask's thing, its parts and what it is part of; nothing where the scene does not show it."""
+    thing = find(scene, recipe.thing)
+    if thing is None:
+        return []
+    return [thing, *descendants(scene, thing), *(node for node in scene.nodes if node.id == thing.part_of)]
 
 
 def _applies(hint: Entry, prompt: Prompt, habits: Habits) -> bool:
