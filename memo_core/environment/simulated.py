@@ -51,7 +51,7 @@ class SimulatedEnvironment(TaskEnvironment):
         self.simulator.build(self.description, self.robot)
         self._link = link = self._make_link(self.simulator, self.robot)
         link.open()
-        self.control = self._make_control(self.robot, link, self.perception)
+        self.control = self._make_control(link.description, link, self.perception)
         self.perception.open()
         self.perception.start(
             PerceptionContext(

@@ -18,7 +18,8 @@ _PERIOD_S = 0.002  # between two rounds of the server thread
 
 
 class DeviceDouble(ABC):
-    """One device at ``address``. Use as a context manager, or ``start`` and ``stop``."""
+    """One device at ``address``. Use as a context manager, or ``start`` and ``stop``. Without a thread of its own it is
+    driven by calls: ``listen``, then ``round`` again and again."""
 
     keeps_first_client = False  # whether a second client is turned away; otherwise it replaces the first
 
@@ -33,19 +34,31 @@ class DeviceDouble(ABC):
 
     # -- starting and stopping -----------------------------------------------------------------------------------------
     def start(self) -> None:
+        """Serve in a thread. Raises ``OSError`` where the port is taken."""
+        self.listen()
+        self._thread = threading.Thread(target=self._run, name=type(self).__name__, daemon=True)
+        self._thread.start()
+
+    def listen(self) -> None:
+        """Accept connections, which ``round`` serves. Raises ``OSError`` where the port is taken."""
         self._listener = socket.create_server((self.address, self.port), backlog=1)
         self._listener.setblocking(False)
         self._last = time.monotonic()
         self._running = True
-        self._thread = threading.Thread(target=self._run, name=type(self).__name__, daemon=True)
-        self._thread.start()
+
+    def round(self) -> None:
+        """Answer what has arrived, and let the device's clock advance once."""
+        self._communicate()
+        self._cycle()
 
     def stop(self) -> None:
         """End the thread and all connections, as if the cable was pulled. Idempotent."""
-        self._running = False
+        listening, self._running = self._running, False
         if self._thread is not None:
             self._thread.join()
             self._thread = None
+        elif listening:
+            self._close_sockets()
 
     def __enter__(self) -> Self:
         self.start()
@@ -60,8 +73,7 @@ class DeviceDouble(ABC):
     def _run(self) -> None:
         try:
             while self._running:
-                self._communicate()
-                self._cycle()
+                self.round()
         finally:
             self._close_sockets()
 

@@ -68,7 +68,7 @@ class FrankaLink(Link):
         except BaseException:
             self.close()
             raise
-        self._begin()
+        self.begin()
 
     def _connected(self) -> Any:
         franky, config = self._franky, self._franky.RealtimeConfig
@@ -109,8 +109,9 @@ class FrankaLink(Link):
         except Exception as error:
             raise self._failed(error) from error
 
-    def _begin(self) -> None:
-        """Start from the robot's own desired position."""
+    def begin(self) -> None:
+        """Start from the robot's own desired position, with what is felt now as zero force. Nothing moves. Raises
+        ``RobotFault``."""
         self._read()
         self._targets = np.array(self._state.q_d)
         self._due = self._now
@@ -176,7 +177,7 @@ class FrankaLink(Link):
         if (wrong := fault_of_state(self._settings.address, self._state)) is not None:
             raise self._latched(wrong)
         if not closed:
-            self._begin()
+            self.begin()
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def send(self, targets: Array) -> None:
@@ -237,6 +238,11 @@ class FrankaLink(Link):
     @property
     def _now(self) -> float:
         return float(self._state.time.to_sec())
+
+    @property
+    def awaited(self) -> float:
+        """Time on the robot's clock that was read, or for which a command waits (s). A double's clock keeps to it."""
+        return max(self._now, self._due)
 
     def _read(self) -> Any:
         """The robot's state. Raises ``RobotFault`` if it has a fault or no state arrives."""

@@ -7,7 +7,7 @@ from typing import Any
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
 from memo_franka.configured import FR3Settings, PandaSettings, configured
-from memo_franka.settings import FrankaSettings, HandSettings
+from memo_franka.settings import DoubleSettings, FrankaSettings, HandSettings
 
 
 @hookimpl
@@ -37,6 +37,12 @@ def _driver(settings: FrankaSettings) -> Any:
     return FrankaDriver(settings)
 
 
+def _double(settings: DoubleSettings) -> Any:
+    from memo_franka.testing.rehearsal import FrankaDouble
+
+    return FrankaDouble(settings)
+
+
 def _hand(settings: HandSettings) -> Any:
     from memo_franka.hand import FrankaHand
 
@@ -56,7 +62,15 @@ def memo_robot_drivers() -> list[Backend]:
             factory=_driver,
             config=FrankaSettings,
             needs=_FRANKY,
-        )
+        ),
+        Backend(
+            kind="robot_driver",
+            name="franka-double",
+            summary="the driver franka in simulation: over TCP and UDP to a double that the simulator stands behind",
+            factory=_double,
+            config=DoubleSettings,
+            needs=_FRANKY,
+        ),
     ]
 
 

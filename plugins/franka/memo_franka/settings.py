@@ -1,4 +1,4 @@
-"""Settings of the driver and of the Hand."""
+"""Settings of the driver, of its rehearsal against a double, and of the Hand."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import attrs
 from attrs.validators import ge, gt, in_
 
 from memo_core.errors import InvalidArgument
+from memo_core.robot.safety import SafetyLimits
 
 
 def _stiffness(instance: object, attribute: attrs.Attribute[list[float]], value: list[float]) -> None:
@@ -71,4 +72,21 @@ class HandSettings:
         default=5.0,
         validator=attrs.validators.gt(0.0),
         metadata={"help": "seconds after which a motion of the fingers that has not ended is a fault"},
+    )
+
+
+@attrs.frozen
+class DoubleSettings:
+    """Settings of ``franka-double``."""
+
+    mode: Literal["velocity", "impedance"] = attrs.field(
+        default="velocity", metadata={"help": "as of the driver franka; impedance needs a simulator that ticks at 1 ms"}
+    )
+    collision_force: float = attrs.field(
+        default=80.0,
+        validator=gt(0.0),
+        metadata={"help": "N on the hand at which the double ends a motion; simulated contacts have peaks"},
+    )
+    safety: SafetyLimits = attrs.field(
+        factory=SafetyLimits, metadata={"help": "as hardware.safety, which holds for real robots only"}
     )

@@ -83,6 +83,15 @@ class SceneBody:
         self.q, self.dq = simulator.joint_positions().copy(), simulator.joint_velocities().copy()
         self.force = np.zeros(6)
 
+    def state(self) -> list[float]:
+        """What the estimate of the force remembers, for checkpoints."""
+        return self._wrench.state()
+
+    def recall(self, felt: list[float]) -> None:
+        """Go on from the simulator's present state, with that memory."""
+        self._wrench.recall(felt)
+        self.q, self.dq = self.simulator.joint_positions().copy(), self.simulator.joint_velocities().copy()
+
     def tick(self, q_d: Array, dq_d: Array) -> None:
         self._ticks += 1
         if self._ticks % self._every:
@@ -119,6 +128,11 @@ class Arm:
     @property
     def resting(self) -> bool:
         return not self.dq_d.any() and not self.ddq_d.any()
+
+    def place(self, q_d: Array) -> None:
+        """Stand still at desired positions (n,), to which the body was taken by other means."""
+        self.q_d = q_d.copy()
+        self.dq_d[:] = self.ddq_d[:] = self.torques[:] = 0.0
 
     def hold(self) -> None:
         """One tick of standing still."""

@@ -23,6 +23,7 @@ import numpy as np
 
 from memo_core.arm.wrench import ToolDynamics
 from memo_core.robot.description import RobotDescription
+from memo_core.scene.pose import Array
 from memo_franka.testing.arm import DT, Arm, Body, IdealBody
 from memo_franka.testing.hand import HandDouble
 from memo_franka.testing.model import arm_urdf
@@ -67,9 +68,10 @@ class ControlBox(FrankaServer):
         version: int = VERSION,
         patience_s: float = 2.0,
         hand: HandDouble | None = None,
+        paced: bool = True,
     ) -> None:
         """``hand`` is moved by this box's clock. ``patience_s``: wall-clock time after which an unanswered state counts
-        as 20 lost packets."""
+        as 20 lost packets. ``paced``: whether a tick takes at least 1 ms."""
         super().__init__(address, PORT)
         self.robot = robot
         self.version = version
@@ -87,9 +89,11 @@ class ControlBox(FrankaServer):
         client whose thread the computer starves then finds no jump of the clock."""
         self._read, self._waited = 0.0, 0
         self._patience_s = patience_s
+        self._paced = paced
         self._dynamics = ToolDynamics(self.arm.kinematics)
         self._urdf = arm_urdf(robot)
         self._state = np.zeros(1, STATE)[0]
+        self._packet = b""  # the last one sent
         self._errors = np.zeros(41, bool)
         self._reflex = np.zeros(41, bool)
         self._force_limit, self._torque_limit = np.full(6, 30.0), np.full(7, 20.0)
@@ -135,7 +139,14 @@ class ControlBox(FrankaServer):
         """Send no states and move nothing while the connection stays open."""
         self._inject(lambda: setattr(self, "_frozen", frozen))
 
+    def place(self, q_d: Array) -> None:
+        """Let the resting arm stand at desired positions (n,), to which a simulator's ``restore`` has taken it."""
+        self._inject(lambda: self.arm.place(q_d))
+
     def _inject(self, happen: Callable[[], None]) -> None:
+        if self._thread is None:
+            happen()
+            return
         self._inbox.append(happen)
         while self._running and happen in self._inbox:
             time.sleep(DT)
@@ -150,11 +161,13 @@ class ControlBox(FrankaServer):
         while self._inbox:
             self._inbox[0]()
             self._inbox.popleft()
-        if not self._frozen and not self._awaits_reader():
+        waits = self._frozen or self._awaits_reader()
+        if not waits:
             with self._ticking:
                 self._tick()
         self._last = max(self._last + DT, time.monotonic())
-        time.sleep(max(0.0, self._last - time.monotonic()))
+        if waits or self._paced:
+            time.sleep(max(0.0, self._last - time.monotonic()))
 
     def _awaits_reader(self) -> bool:
         if self.reader is None:
@@ -308,7 +321,14 @@ class ControlBox(FrankaServer):
         state["errors"], state["reflex_reason"] = self._errors, self._reflex
         state["robot_mode"] = self.mode
         state["control_command_success_rate"] = 1.0 - self._lost / 100 if self._move_id is not None else 0.0
-        self._send_packet(state.tobytes())
+        self._packet = state.tobytes()
+        self._send_packet(self._packet)
+
+    def repeat(self) -> None:
+        """Send the last state again: client libraries give up after a second without a packet, and take one that they
+        know for no news. From any thread."""
+        if self._packet:
+            self._send_packet(self._packet)
 
     @property
     def _flange_to_tool(self) -> np.ndarray:

@@ -69,6 +69,13 @@ class SceneFingers:
     def halt(self) -> None:
         self._goal, self._force = self.width, 40.0
 
+    def state(self) -> list[float]:
+        return [self._goal, self._force, self._still, self.width, float(self.blocked)]
+
+    def recall(self, state: list[float]) -> None:
+        self._goal, self._force, self._still, self.width, blocked = state
+        self.blocked = bool(blocked)
+
     def advance(self, seconds: float) -> None:
         self._simulator.command_gripper(self._goal, self._force)
         width = self._simulator.gripper_width()
@@ -90,6 +97,7 @@ class HandDouble(FrankaServer):
         self._move: tuple[HandCommand, int, float] | None = None  # command, id, seconds since it began
         self._grasp = (0.0, 0.0, 0.0)
         self._grasped = False
+        self.heard = 0  # motions that were commanded
         self._number = 0
         self._since_state = 0.0
         self._lock = threading.RLock()
@@ -135,8 +143,27 @@ class HandDouble(FrankaServer):
 
     def _send_state(self) -> None:
         self._number += 1
-        grasped = self._grasped and self.fingers.blocked
-        self._send_packet(HAND_STATE.pack(self._number, self.fingers.width, _STROKE, grasped, 30))
+        self._send_packet(HAND_STATE.pack(self._number, self.fingers.width, _STROKE, self.grasped, 30))
+
+    @property
+    def grasped(self) -> bool:
+        """Whether a grasp has succeeded and its object is still there."""
+        return self._grasped and self.fingers.blocked
+
+    def state(self) -> list[float]:
+        """For checkpoints: of the fingers in a scene, and of the last grasp."""
+        assert isinstance(self.fingers, SceneFingers)
+        with self._lock:
+            return [*self.fingers.state(), *self._grasp, float(self._grasped)]
+
+    def recall(self, state: list[float]) -> None:
+        """Back to ``state``; a motion that goes on is aborted."""
+        assert isinstance(self.fingers, SceneFingers)
+        with self._lock:
+            self._end(HandStatus.ABORTED)
+            self.fingers.recall(state[:5])
+            width, inner, outer, grasped = state[5:]
+            self._grasp, self._grasped = (width, inner, outer), bool(grasped)
 
     def _answer(self, command: int, number: int, payload: bytes) -> None:
         if command == HandCommand.CONNECT:
@@ -161,4 +188,5 @@ class HandDouble(FrankaServer):
                 self._grasp = (width, inner, outer)
             self._grasped = False
             self._move = (HandCommand(command), number, 0.0)
+            self.heard += 1
             self.fingers.command(width, speed, force)

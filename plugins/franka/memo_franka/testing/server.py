@@ -19,11 +19,11 @@ class FrankaServer(DeviceDouble):
         super().__init__(address, port)
         self._peer = ("", 0)  # where states are sent to; port 0 until the client has named one
 
-    def start(self) -> None:
+    def listen(self) -> None:
+        super().listen()
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._udp.bind((self.address, 0))
         self._udp.setblocking(False)
-        super().start()
 
     def _close_sockets(self) -> None:
         super()._close_sockets()
