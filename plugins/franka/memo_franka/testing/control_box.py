@@ -47,6 +47,7 @@ from memo_franka.testing.wire import (
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
 _READER_ROUNDS = 100  # of this thread, without anything read, after which a reader counts as idle
+_REPEAT_ROUNDS = 10  # after so many the last state is sent again
 _IDENTITY = np.eye(4).ravel()
 
 
@@ -161,12 +162,13 @@ class ControlBox(FrankaServer):
         while self._inbox:
             self._inbox[0]()
             self._inbox.popleft()
-        waits = self._frozen or self._awaits_reader()
+        begins = self._move_id is not None and not self._answered
+        waits = self._frozen or (not begins and self._awaits_reader())
         if not waits:
             with self._ticking:
                 self._tick()
         self._last = max(self._last + DT, time.monotonic())
-        if waits or self._paced:
+        if waits or begins or self._paced:
             time.sleep(max(0.0, self._last - time.monotonic()))
 
     def _awaits_reader(self) -> bool:
@@ -175,6 +177,8 @@ class ControlBox(FrankaServer):
         read = self.reader()
         self._waited = 0 if read != self._read else self._waited + 1
         self._read = read
+        if self._waited % _REPEAT_ROUNDS == _REPEAT_ROUNDS - 1:
+            self.repeat()
         return self.ticks * DT > read + 1.5 * DT and self._waited < _READER_ROUNDS
 
     def _tick(self) -> None:
@@ -239,6 +243,8 @@ class ControlBox(FrankaServer):
                 self._lost = LOST_PACKETS
                 return None
             ready, _, _ = select.select([self._udp, self._client], [], [], min(max(wait, 0.0), 0.02))
+            if not ready and self._answered:
+                self.repeat()
             if self._client in ready:
                 self._serve()
                 if self._move_id is None:
