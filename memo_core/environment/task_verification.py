@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import attrs
 
 from memo_core.environment.simulated import SimulatedEnvironment
+from memo_core.errors import RobotFault
 from memo_core.interfaces.task import Outcome
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
@@ -54,7 +55,8 @@ def verify_task(
     plain: bool = False,
 ) -> Iterable[Verified]:
     """Run the reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has
-    one, each judged by the success check. ``make_environment(seed)`` returns an unopened environment of the task."""
+    one, each judged by the success check; a fault of the robot ends an attempt. ``make_environment(seed)`` returns an
+    unopened environment of the task."""
     for seed in seeds:
         started = time.monotonic()
         with make_environment(seed) as world, make_sandbox() as sandbox:
@@ -66,7 +68,11 @@ def verify_task(
                 yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
                 continue
             begun, cpu = world.time(), time.process_time()
-            execution = run_code(world, world.task.reference_solution, sandbox)
+            error = ""
+            try:
+                error = run_code(world, world.task.reference_solution, sandbox).error
+            except RobotFault as fault:
+                error = str(fault)
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
             reference, tried = world.check(), None
             if plain and world.task.plain_attempt:
@@ -74,4 +80,4 @@ def verify_task(
                 run_code(world, world.task.plain_attempt, sandbox)
                 tried = world.check()
             wall_s = time.monotonic() - started
-            yield Verified(world.task.name, seed, reference, null, execution.error, wall_s, sim_s, cpu_s, tried)
+            yield Verified(world.task.name, seed, reference, null, error, wall_s, sim_s, cpu_s, tried)

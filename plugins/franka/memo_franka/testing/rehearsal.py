@@ -32,7 +32,7 @@ from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 from memo_franka.driver import FrankaDriver, FrankaLink
 from memo_franka.settings import DoubleSettings, FrankaSettings
-from memo_franka.testing.arm import SceneBody
+from memo_franka.testing.arm import DT, SceneBody
 from memo_franka.testing.control_box import ControlBox
 from memo_franka.testing.hand import HandDouble, SceneFingers
 
@@ -257,8 +257,15 @@ class RehearsalLink(Link):
         self.hand.recall(hand)
         self._body.recall(felt)
         self.box.place(targets)
-        self._through(self.inner.begin)
+        self._through(self._begin)
         self.halt(nothing)
+
+    def _begin(self) -> None:
+        """Start from where the arm was placed, not from a state that was sent before."""
+        placed = self.box.ticks * DT
+        while self.inner.time() <= placed:
+            ...
+        self.inner.begin()
 
 
 _NUMBERS = itertools.count()
