@@ -14,13 +14,12 @@ from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import Self
 
-_PERIOD_S = 0.002  # between two rounds of the server thread
-
 
 class DeviceDouble(ABC):
     """One device at ``address``. Use as a context manager, or ``start`` and ``stop``. Without a thread of its own it is
     driven by calls: ``listen``, then ``round`` again and again."""
 
+    period_s = 0.002  # between two rounds of the server thread
     keeps_first_client = False  # whether a second client is turned away; otherwise it replaces the first
 
     def __init__(self, address: str, port: int) -> None:
@@ -86,7 +85,7 @@ class DeviceDouble(ABC):
         now = time.monotonic()
         seconds, self._last = now - self._last, now
         self._advance(seconds)
-        time.sleep(_PERIOD_S)
+        time.sleep(self.period_s)
 
     def _close_sockets(self) -> None:
         for one in (self._client, self._listener):

@@ -47,7 +47,7 @@ from memo_franka.testing.wire import (
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
 _READER_ROUNDS = 100  # of this thread, without anything read, after which a reader counts as idle
-_REPEAT_ROUNDS = 10  # after so many the last state is sent again
+_REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
 
 
@@ -94,7 +94,7 @@ class ControlBox(FrankaServer):
         self._dynamics = ToolDynamics(self.arm.kinematics)
         self._urdf = arm_urdf(robot)
         self._state = np.zeros(1, STATE)[0]
-        self._packet = b""  # the last one sent
+        self._packet, self._sent = b"", 0.0  # the last one sent, and when, wall-clock time
         self._errors = np.zeros(41, bool)
         self._reflex = np.zeros(41, bool)
         self._force_limit, self._torque_limit = np.full(6, 30.0), np.full(7, 20.0)
@@ -168,6 +168,8 @@ class ControlBox(FrankaServer):
             with self._ticking:
                 self._tick()
         self._last = max(self._last + DT, time.monotonic())
+        if waits and not self._frozen and time.monotonic() - self._sent > _REPEAT_S:
+            self.repeat()
         if waits or begins or self._paced:
             time.sleep(max(0.0, self._last - time.monotonic()))
 
@@ -177,8 +179,6 @@ class ControlBox(FrankaServer):
         read = self.reader()
         self._waited = 0 if read != self._read else self._waited + 1
         self._read = read
-        if self._waited % _REPEAT_ROUNDS == _REPEAT_ROUNDS - 1:
-            self.repeat()
         return self.ticks * DT > read + 1.5 * DT and self._waited < _READER_ROUNDS
 
     def _tick(self) -> None:
@@ -328,11 +328,12 @@ class ControlBox(FrankaServer):
         state["robot_mode"] = self.mode
         state["control_command_success_rate"] = 1.0 - self._lost / 100 if self._move_id is not None else 0.0
         self._packet = state.tobytes()
-        self._send_packet(self._packet)
+        self.repeat()
 
     def repeat(self) -> None:
         """Send the last state again: client libraries give up after a second without a packet, and take one that they
         know for no news. From any thread."""
+        self._sent = time.monotonic()
         if self._packet:
             self._send_packet(self._packet)
 

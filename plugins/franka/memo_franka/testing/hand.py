@@ -89,6 +89,7 @@ class HandDouble(FrankaServer):
     """One Hand at ``address``. Its fingers move in real time, unless a ``ControlBox`` calls ``advance``."""
 
     header = HAND_HEADER
+    period_s = 0.005
 
     def __init__(self, address: str = "127.0.0.2", fingers: Fingers | SceneFingers | None = None) -> None:
         super().__init__(address, HAND_PORT)
