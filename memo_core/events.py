@@ -119,6 +119,16 @@ class FeedbackGiven(Event):
 
 
 @attrs.frozen
+class NameCorrected(Event):
+    """Somebody said that perception calls a thing by a wrong name: ``label`` until now, ``instead`` from now on."""
+
+    feedback: int
+    who: str
+    label: str
+    instead: str
+
+
+@attrs.frozen
 class EntryStored(Event):
     entry: int
     kind: str

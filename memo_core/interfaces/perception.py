@@ -14,6 +14,7 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.name_corrections import NameCorrection
 from memo_core.scene.pose import Pose
 
 Ask = Callable[[Request], Answer]
@@ -46,6 +47,11 @@ class Perception(ABC):
     def show_looks(self, show: Callable[[dict[str, bytes]], None]) -> None:
         """Called before ``start`` where pictures are kept: ``show`` is to be given, after every look (not glance), what
         was seen drawn over each camera's picture, name -> PNG. The default has no pictures."""
+
+    def correct_names(self, corrections: tuple[NameCorrection, ...]) -> None:
+        """What people said of names, oldest first: for all later looks and glances, in addition to what was given
+        before. A backend that names things itself applies it (``memo_core.scene.name_corrections.corrected``). The
+        default names nothing itself."""
 
     @abstractmethod
     def start(self, context: PerceptionContext) -> None: ...

@@ -17,6 +17,7 @@ from memo_core.llm.prompt_files import Prompts
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.run_log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.name_corrections import NameCorrection
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
 from memo_core.stop_switch import StopSwitch
@@ -54,6 +55,7 @@ class Session:
     seed: int = 0
     ending: Callable[[], bool] = lambda: False  # whether the run itself is to end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
+    correct_names: Callable[[tuple[NameCorrection, ...]], None] = lambda corrections: None  # of what perception sees
     # What else whoever watches is asked; None where nobody is there, or nobody who answers that.
     judge_task: Callable[[TaskEpisode], Verdict] | None = None
     judge_plan: Callable[[Proposal], Verdict] | None = None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import attrs
 
 from memo_core.errors import Stopped
-from memo_core.events import EntryStored, FeedbackGiven, Problem
+from memo_core.events import EntryStored, FeedbackGiven, NameCorrected, Problem
 from memo_core.interfaces import teacher
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Note as ReadNote
@@ -22,11 +22,13 @@ from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
 from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.name_corrections import UNKNOWN, read_name_corrections, says_only_names
 from memo_core.scene.scene_table import scene_table
 from memo_core.skillbook.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
 from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import documentation
 
+ABOUT_NAMES = "it says what a thing is called: perception goes by it"
 READ_BACKS = 3  # of one remark: a rewording is noted and read back as well
 
 
@@ -98,8 +100,17 @@ class Teaching:
         number = heard.feedback if self._book is not None else 0
         self._remarks.append(_Remark(judged, heard.words, number, tuple(dict.fromkeys(subtasks))))
         self._session.emit(FeedbackGiven(number, self._session.who, str(judged.key), heard.words))
+        self._correct_names(judged, heard.words, number)
         if self._book is not None and not after_a_stop:
             self._book.note_use(judged.served, success=False, subtask=judged.key)
+
+    def _correct_names(self, judged: Judged, words: str, feedback: int) -> None:
+        """What the words say of names holds from the next look on; from the next run on as the book has them."""
+        said = read_name_corrections(words, judged.scene, self._session.who, judged.key.objects)
+        if said:
+            self._session.correct_names(said)
+        for one in said:
+            self._session.emit(NameCorrected(feedback, one.who, one.label, one.instead or UNKNOWN))
 
     def corrected(self, key: Key | None = None) -> list[Corrected]:
         """What was said in this run, oldest first; of one subtask, or of everything."""
@@ -254,6 +265,7 @@ class Teaching:
     def _record(self, kind: FeedbackKind, judged: Judged, words: str) -> int:
         assert self._raw is not None
         makes = self._memory.any if kind == "correction" else self._memory.templates and judged.worked
+        named = kind == "correction" and says_only_names(words, judged.scene, judged.key.objects)
         return self._raw.record_feedback(
             words,
             self._session.who,
@@ -264,7 +276,11 @@ class Teaching:
             code=judged.code,
             run=self._session.run,
             kind=kind,
-            kept_only="" if makes else "kept for the record: nothing was to be made of it in this run",
+            kept_only=ABOUT_NAMES
+            if named
+            else ""
+            if makes
+            else "kept for the record: nothing was to be made of it in this run",
         )
 
     def _problem(self, where: str, message: str) -> None:

@@ -18,6 +18,7 @@ from memo_core.events import (
     Event,
     FeedbackGiven,
     ModelCalled,
+    NameCorrected,
     Problem,
     Retrieved,
     RunEnded,
@@ -155,6 +156,9 @@ class Narrator:
 
     def _on_FeedbackGiven(self, event: FeedbackGiven) -> None:
         self.console.print(f"  [bold magenta]{escape(event.who)}:[/] {escape(event.words)}")
+
+    def _on_NameCorrected(self, event: NameCorrected) -> None:
+        self.console.print(f'  [green]noted[/] "{escape(event.label)}" is now called "{escape(event.instead)}"')
 
     def _on_EntryStored(self, event: EntryStored) -> None:
         text = headline(event.kind, event.text)

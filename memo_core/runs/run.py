@@ -438,6 +438,8 @@ def _work(
         world = components.make_environment()
         world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
         world.perception.show_looks(parts.add_look)
+        if components.book is not None:
+            world.perception.correct_names(components.book.name_corrections())
         with world, stop.waking(world.link.stop):
             if view:
                 world.view()
@@ -475,6 +477,7 @@ def _work(
                 teacher_state=teacher.state if teacher is not None else lambda: "",
                 restore_teacher=lambda state: teacher.restore(state) if teacher is not None and state else None,
                 time_limit_s=world.time_limit,
+                correct_names=world.perception.correct_names,
                 prompts=components.prompts,
                 budget=parts.budget,
                 on_text=on_text,

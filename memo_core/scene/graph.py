@@ -93,10 +93,14 @@ class SceneGraph:
     time: float = 0.0
 
     def node(self, name: str) -> Node:
-        """By id or label (case and spaces do not matter). Raises ``UnknownName`` with what is there."""
+        """By label, or else by id (case and spaces do not matter): people correct labels, and ids stay. Raises
+        ``UnknownName`` with what is there."""
         wanted = _plain(name)
         for node in self.nodes:
-            if wanted in (_plain(node.id), _plain(node.label)):
+            if wanted == _plain(node.label):
+                return node
+        for node in self.nodes:
+            if wanted == _plain(node.id):
                 return node
         raise UnknownName("object", name, tuple(node.label for node in self.nodes))
 

@@ -16,6 +16,7 @@ import sqlalchemy as sa
 from memo_core.errors import UnknownName
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.scene.name_corrections import NameCorrection
 from memo_core.skillbook import bulk_adding, queries, tables, templates, trials
 from memo_core.skillbook.adding_entries import add_notes, add_template
 from memo_core.skillbook.bulk_adding import Lesson
@@ -65,6 +66,7 @@ from memo_core.skillbook.origins import origins_of
 from memo_core.skillbook.rebuild_input import RawLog, keep_answer, kept_answer, read_log
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
 from memo_core.skillbook.revising import edit, kept_read_backs, read_back, remove
+from memo_core.skillbook.said_names import said_names
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.stats import stats_of
 from memo_core.skillbook.text_index import Likeness
@@ -199,6 +201,12 @@ class Skillbook:
         """Everything that was said in one run, oldest first."""
         with self._database.read() as connection:
             return queries.feedback_where(connection, _F.run == run)
+
+    def name_corrections(self) -> tuple[NameCorrection, ...]:
+        """What people said of names ("that is not a cup"), oldest first, as it holds in other scenes. Read from their
+        feedback, so that it goes when they are forgotten."""
+        with self._database.read() as connection:
+            return said_names(connection)
 
     def park(self, feedback_id: int, reason: str) -> None:
         """Set aside feedback that could not be processed; it is stored and shown with the reason."""

@@ -9,6 +9,7 @@ from memo_perception.cameras.backend import Cameras
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
+from memo_core.scene.name_corrections import read_name_corrections
 from tests.perception.small_scene import looking_at, scene
 
 PLAIN = CamerasSettings(detector="inventory", simulated=SimulatedSettings(width=320))
@@ -85,3 +86,19 @@ def test_a_door_and_its_handle_are_told_apart_by_form_where_all_is_of_one_colour
     handle = graph.node("cupboard handle")
     assert np.linalg.norm(np.subtract(handle.pose.position, (0.56, -0.06, 0.13))) < 0.03
     assert handle.size[2] == pytest.approx(0.14, abs=0.03)
+
+
+def test_what_a_person_says_of_a_name_holds_for_later_looks_and_for_other_runs(world):
+    eyes = Cameras(PLAIN)
+    eyes.start(world)
+    before = eyes.look()
+    said = read_name_corrections("that is not a can, it is a candle", before, "ann")
+    eyes.correct_names(said)
+    for after in (eyes.look(), eyes.glance()):
+        assert after.node("candle").id == before.node("can").id
+        assert "can" not in {node.label for node in after.nodes}
+    later = Cameras(PLAIN)
+    later.correct_names(tuple(one.elsewhere() for one in said))
+    later.start(world)
+    labels = {node.label for node in later.look().nodes}
+    assert "candle" in labels and "can" not in labels and "red block" in labels

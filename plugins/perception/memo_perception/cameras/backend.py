@@ -14,6 +14,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.interfaces.perception import Ask, Perception, PerceptionContext
 from memo_core.scene import relations
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
+from memo_core.scene.name_corrections import NameCorrection, corrected
 from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame
@@ -51,6 +52,7 @@ class Cameras(Perception):
             self.settings
         )
         self.hints: tuple[Hint, ...] = ()
+        self._said: tuple[NameCorrection, ...] = ()  # of names, by people
         self.latest: Look | None = None  # everything behind the last graph, for pictures of it
         self._context: PerceptionContext | None = None
         self._arm: ArmMask | None = None
@@ -73,6 +75,13 @@ class Cameras(Perception):
 
     def use_model(self, ask: Ask) -> None:
         self.detector.use_model(ask)
+
+    def correct_names(self, corrections: tuple[NameCorrection, ...]) -> None:
+        """Detectors that ask a model are told; whatever they answer, people have the last word."""
+        self._said = tuple(dict.fromkeys((*self._said, *corrections)))
+        self.hints = tuple(
+            dict.fromkeys((*self.hints, *(Hint(one.said, one.label, instead=one.instead) for one in corrections)))
+        )
 
     def show_looks(self, show: Callable[[dict[str, bytes]], None]) -> None:
         self._show = show
@@ -124,7 +133,7 @@ class Cameras(Perception):
             {frame.name: frame.depth for frame in frames} if pictures else {},
         )
         label = context.scene.label if context.scene is not None else "table"
-        graph = SceneGraph(nodes, said, observation, table, label, time)
+        graph = corrected(SceneGraph(nodes, said, observation, table, label, time), self._said)
         self.latest = Look(views, detections, graph)
         return graph
 

@@ -170,6 +170,8 @@ def _fit(item: Item, piece: _Piece, hints: Sequence[Hint]) -> float:
         size = _likeness(piece.extents, wanted)
         if slides(item.label):  # of a drawer that is pushed in the front is seen, and not how deep it is
             size = max(size, *(_likeness(piece.extents[:2], np.delete(wanted, axis)) for axis in range(3)))
+        if item.kind == "part" and item.label.endswith("handle"):  # it stands on posts, as far out as they reach
+            size = max(size, _likeness(piece.extents[[0, 2]], wanted[[0, 2]]))
     return float(np.sqrt(colour * size))
 
 

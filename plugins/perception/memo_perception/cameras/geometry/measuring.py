@@ -10,7 +10,7 @@ import numpy as np
 from memo_core.scene.appearance import colour_name
 from memo_core.scene.pose import Array, Pose
 from memo_perception.cameras.detectors.detector import Detection, State
-from memo_perception.cameras.geometry.fitting import Fit, Seen, extents, fit_thing
+from memo_perception.cameras.geometry.fitting import Fit, Seen, extents, fit_thing, trimmed_extents
 from memo_perception.cameras.geometry.insides import LEAST_POINTS, fit_inside, is_lining
 from memo_perception.cameras.geometry.panels import (
     fit_panel,
@@ -29,6 +29,8 @@ from memo_perception.cameras.regions import Region
 _STANDS = 0.02  # m between a thing's underside and what it stands on
 _FEW_PIXELS = 150.0  # at which confidence in a box is halved
 _ROUGH = 0.01  # m of outline residual at which confidence in a box is halved
+_PANEL = 0.06  # m: what is thicker is no door or drawer front
+_BAR = 1.6  # length, and height over what it is fixed to, against its width, from which on a handle is a bar on posts
 _SECOND_COLOUR = 0.2  # share of the pixels from which on a second colour is named
 
 
@@ -87,7 +89,8 @@ def measure(
             fits[detection.name] = fit_panel(one.seen, detection.label, owner)
             states[detection.name] = "open" if is_open(fits[detection.name], owner) else "closed"
         else:
-            fits[detection.name] = fit_part(one.seen, owner)
+            bar = _bar(one, owner, views, blocked, by_id)
+            fits[detection.name] = fit_part((bar or one).seen, owner)
     measured = [_measured(found[name], fit, states.get(name)) for name, fit in fits.items()]
     measured += [_heap(one, table_height) for one in found.values() if one.detection.kind == "heap"]
     return (*measured, *_insides(found, fits, states, detections))
@@ -125,6 +128,30 @@ def _found(
         return None
     seen = Seen(np.concatenate(points), np.concatenate(cameras), tuple(outlines), float(np.mean(noises)))
     return _Found(detection, _without_strays(seen), pixels, np.concatenate(colours))
+
+
+def _bar(
+    handle: _Found, panel: Fit, views: Sequence[View], blocked: dict[str, np.ndarray], regions: dict[int, Region]
+) -> _Found | None:
+    """A handle without the posts that fix it to a door or drawer front: a bar stands out as far as any of it, and is as
+    deep as it is wide. None for what is no bar on posts."""
+    thin = int(np.argmin(panel.size))
+    out = panel.pose.rotation[:, thin]
+    points = handle.seen.points - np.asarray(panel.pose.position)
+    out = out if np.median(points @ out) > 0 else -out
+    low, high = trimmed_extents(np.delete(points @ panel.pose.rotation, thin, axis=1), handle.seen.noise)
+    short, long = sorted(float(extent) for extent in high - low)
+    near, far = np.percentile(points @ out, [3, 97])
+    if panel.size[thin] > _PANEL or long < _BAR * short or far - near < _BAR * short:
+        return None
+    cut = far - 1.2 * short - handle.seen.noise
+    masks = {}
+    for view in views:
+        mask = _mask(view, handle.detection, regions)
+        if mask is not None:
+            with np.errstate(invalid="ignore"):
+                masks[view.frame.name] = mask & ((view.points - np.asarray(panel.pose.position)) @ out > cut)
+    return _found(views, blocked, attrs.evolve(handle.detection, masks=masks, regions=frozenset()), {})
 
 
 def _mask(view: View, detection: Detection, regions: dict[int, Region]) -> np.ndarray | None:
