@@ -23,7 +23,10 @@ from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.robot.safety import SafetyLimits
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
-pytestmark = pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
+    pytest.mark.usefixtures("real_time"),
+]
 
 ROBOT, LIMITS = fr3(), SafetyLimits()
 BUSY = {"clock_timeout_s": 5.0, "hand_deadline_s": 60.0}  # a busy computer slows the double down

@@ -6,6 +6,7 @@ import itertools
 import os
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from memo_franka.description import fr3
 from memo_franka.driver import FrankaDriver, FrankaLink
 from memo_franka.hand import FrankaHand
+from memo_franka.scheduling import Scheduling
 from memo_franka.settings import FrankaSettings, HandSettings
 from memo_franka.testing.control_box import ControlBox
 from memo_franka.testing.hand import HandDouble
@@ -28,7 +30,10 @@ from memo_core.testing import gripper_driver, robot_driver
 from memo_core.testing.link import RULES
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
-pytestmark = pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
+    pytest.mark.usefixtures("real_time"),
+]
 
 ROBOT = fr3()
 ADDRESSES = (f"127.{1 + os.getpid() % 200}.{n // 200}.{1 + n % 200}" for n in itertools.count())
@@ -218,6 +223,23 @@ def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell):
             link.send(row)
     assert caught.value.fault == "gripper" and cell.box.recoveries == 0
     _at_rest_alone(cell)
+    cell.close_links()
+    assert not [thread.name for thread in threading.enumerate() if thread.name == "_work"], "it waits for ever"
+
+
+def test_only_the_threads_that_control_the_arm_have_its_priority(cell):
+    def priorities() -> set[int]:
+        return {os.sched_getparam(int(thread)).sched_priority for thread in os.listdir("/proc/self/task")}
+
+    own = Scheduling.current()
+    link = cell.link()
+    assert Scheduling.current() == own and 99 not in priorities()
+    moving = set()
+    for row in swing(link, 1.0, size=0.05):
+        link.send(row)
+        moving |= priorities()
+        assert Scheduling.current() == own, "the sandbox would inherit it"
+    assert (99 in moving) == (own.policy == os.SCHED_FIFO), "franky gives the highest where it is allowed to"
 
 
 def _at_rest_alone(cell: Cell) -> None:
@@ -406,7 +428,9 @@ def test_the_double_ends_what_breaks_its_limits(cell):
     """A client that sets no limits of its own is ended by the box."""
     import franky
 
+    own = Scheduling.current()
     robot = franky.Robot(cell.address, realtime_config=franky.RealtimeConfig.Ignore)
+    own.take()
     motion = franky.JointVelocityWaypointMotion([franky.JointVelocityWaypoint(0.5 * np.eye(7)[0])])
     with pytest.raises(franky.ControlException, match="discontinuity"):
         robot.move(motion)

@@ -17,6 +17,7 @@ from memo_core.runs.sections import SECTIONS
 from memo_core.testing.fake_drivers import FakeGripper
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
+pytestmark = pytest.mark.usefixtures("real_time")
 
 PICK = """
 import math
@@ -49,7 +50,8 @@ def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
         assert not world.check().success, "a cube in the hand is no tower"
         assert world.time() > start + 5 and link.gripper_width() < 0.06
         world.restore(before)
-        assert np.abs(link.joint_positions() - joints).max() < 1e-3 and abs(world.time() - start) < 0.05
+        assert np.abs(link.joint_positions() - joints).max() < 1e-3
+        assert 0 <= world.time() - start < 1, "more than the reading of states on a busy computer"
         assert not link.holding() and link.gripper_width() > 0.075
         assert not run_code(world, "move_straight([0.4, 0.0, 0.5])", sandbox).error
         assert not link.box.arm.violations

@@ -22,6 +22,7 @@ from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 from memo_franka.faults import fault, fault_of_error, fault_of_state
 from memo_franka.hand import FrankaHand, import_franky
+from memo_franka.scheduling import Scheduling
 from memo_franka.settings import FrankaSettings, HandSettings
 from memo_franka.streaming import ImpedanceStreaming, Streaming, VelocityStreaming
 
@@ -48,6 +49,7 @@ class FrankaLink(Link):
         self._upper = np.array([joint.upper for joint in robot.joints])
         self._targets = np.array(robot.home)
         self._streaming: Streaming | None = None
+        self._control = Scheduling.current()  # of the threads that control the arm, once there is a connection
         self._due = 0.0  # s on the robot's clock, at which the next command is due
         self._tare = np.zeros(6)
 
@@ -78,13 +80,18 @@ class FrankaLink(Link):
         if self._settings.realtime == "auto" and not realtime:
             told = "this computer's kernel is not real-time (PREEMPT_RT): motions may end in lost packets at any moment"
             warnings.warn(told, RuntimeWarning, stacklevel=2)
+        own = Scheduling.current()
         try:
-            return franky.Robot(self._settings.address, realtime_config=config.Enforce if enforce else config.Ignore)
+            robot = franky.Robot(self._settings.address, realtime_config=config.Enforce if enforce else config.Ignore)
+            self._control = Scheduling.current()
+            return robot
         except franky.RealtimeException as error:
             remedy = "a PREEMPT_RT kernel and rtprio for your user, or robot.realtime=ignore"
             raise BackendUnavailable("robot_driver", "franka", " ".join(str(error).split()), remedy) from error
         except Exception as error:
             raise fault_of_error(self._settings.address, error) from error
+        finally:
+            own.take()
 
     def _set_up(self) -> None:
         robot, settings = self._robot, self._settings
@@ -210,7 +217,8 @@ class FrankaLink(Link):
         before, self._targets = self._targets, row
         assert self._streaming is not None
         try:
-            self._streaming.send(state, before, row, self.control_period)
+            with self._control.inherited():
+                self._streaming.send(state, before, row, self.control_period)
         except Exception as error:
             raise self._failed(error) from error
         self._wait()

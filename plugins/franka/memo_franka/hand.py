@@ -63,10 +63,14 @@ class FrankaHand(GripperDriver):
     def close(self) -> None:
         if self._hand is None:
             return
-        self._closing.set()
+        working, watching = self._threads
         self._wanted.put(None)
-        for thread in self._threads:
-            thread.join(1.0)  # one that waits for a stuck Hand is left behind
+        working.join(1.0)
+        if working.is_alive():  # the client library would wait for blocked fingers for ever, at full load
+            self._stopping.set()
+            working.join(1.0)  # one whose Hand does not even answer a stop is left behind
+        self._closing.set()
+        watching.join(1.0)
         self._hand, self._problem = None, "it is not open"
 
     def health(self) -> Health:
