@@ -7,6 +7,7 @@ process is measured: its memory, files, threads and children are to stay as they
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -264,8 +265,15 @@ def _accounts(run: Path) -> Iterator[str]:
 
 
 def _shared_memory() -> list[str]:
-    """Of multiprocessing: what others keep there is not ours to judge."""
-    return [str(path) for kind in ("sem.mp-*", "psm_*") for path in Path("/dev/shm").glob(kind)]
+    """Of multiprocessing, and in use by no process: nobody is left who would remove it."""
+    found = [str(path) for kind in ("sem.mp-*", "psm_*") for path in Path("/dev/shm").glob(kind)]
+    if not found:
+        return []
+    used = set[str]()
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        with contextlib.suppress(OSError):  # it has ended, or belongs to somebody else
+            used |= {line.split(maxsplit=5)[-1] for line in maps.read_text().splitlines() if "/dev/shm/" in line}
+    return [name for name in found if name not in used and Path(name).exists()]
 
 
 def _scratch_folders(place: Path) -> list[str]:
