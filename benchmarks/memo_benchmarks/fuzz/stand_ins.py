@@ -1,5 +1,6 @@
 """What takes long and reads nothing of the input, replaced within one process: physics, the sentence model, looking for
-plugins, starting the sandbox. A share of the inputs is run without any of this (``bench``)."""
+plugins, building the tree of commands, starting the sandbox. A share of the inputs is run without any of this
+(``bench``)."""
 
 from __future__ import annotations
 
@@ -9,6 +10,8 @@ from contextlib import ExitStack, contextmanager
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
+
+from typer.main import get_command
 
 from memo_core.entry_points import installed
 from memo_core.interfaces.perception import Perception, PerceptionContext
@@ -60,7 +63,7 @@ def stood_in() -> Iterator[None]:
     from memo_core.runs import factories, run
 
     sandboxes: dict[Any, Sandbox] = {}
-    make, create = factories.sandbox_of, Choice.create
+    make, create, tree = factories.sandbox_of, Choice.create, app._tree
 
     def sandbox_of(experiment: Any) -> Sandbox:
         limits = experiment.section("sandbox")
@@ -75,6 +78,9 @@ def stood_in() -> Iterator[None]:
     def environment_of(experiment: Any, task: Task, seed: int) -> QuickEnvironment:
         return QuickEnvironment(task)
 
+    def command(typed: str) -> Any:  # Typer would build it anew for each call: most of the time of a short command
+        return get_command(tree(typed))
+
     with ExitStack() as patches:
         for module in (factories, run):
             patches.enter_context(patch.object(module, "world_of", environment_of))
@@ -82,6 +88,7 @@ def stood_in() -> Iterator[None]:
         patches.enter_context(patch.object(factories, "environment_of", environment_of))
         patches.enter_context(patch.object(Choice, "create", created))
         patches.enter_context(patch.object(app, "installed", functools.cache(installed)))
+        patches.enter_context(patch.object(app, "_tree", functools.cache(command)))
         registry = Registry()
         patches.enter_context(patch.object(options, "load_registry", lambda: registry))
         try:
