@@ -6,6 +6,7 @@ module imports almost nothing before ``main`` has installed the signal handlers.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 
@@ -20,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``memo`` with these arguments (those of the process by default) and exit with its code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given or bool(os.environ.get("MEMO_DEBUG"))
-    interrupt, interrupted = Interrupt(), False
+    interrupt = Interrupt()
     signals = handling(interrupt)
     try:
         signals.__enter__()
@@ -29,28 +30,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:  # raised once at most
         if debug:
             raise
-        _say("interrupted")
-        code, interrupted = INTERRUPTED, True
+        code = INTERRUPTED
+        with contextlib.suppress(BrokenPipeError):
+            _say("interrupted")
     finally:
         if arguments is not None:
             signals.__exit__(None, None, None)
         else:  # the process ends, and a signal that comes now changes nothing about how it did
             ignore()
     if arguments is None:
-        _leave(code, interrupted)
+        _leave(code)
     sys.exit(code)
 
 
-def _leave(code: int, interrupted: bool) -> None:
+def _leave(code: int) -> None:
     """Exit immediately if Python's normal shutdown would do harm. It would end threads that are still running, such as
     planning after a stop or an abandoned call, in the middle of C++ code that cannot be unwound: the process would
     abort. And a process whose ``KeyboardInterrupt`` came through an ``exec`` on its way here, ``python -m`` would kill
     with SIGINT, although it was caught."""
     import atexit
-    import contextlib
     import threading
 
-    if not interrupted and not any(thread.daemon for thread in threading.enumerate()):
+    if code != INTERRUPTED and not any(thread.daemon for thread in threading.enumerate()):
         return
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
