@@ -65,6 +65,11 @@ class Perception(ABC):
         look, and by default."""
         return {}
 
+    def pictures(self) -> dict[str, np.ndarray]:
+        """What the cameras saw at the last look, by camera: RGB, uint8, (H, W, 3). Empty before a look, and by
+        default: then those in the observation are used, if it has any."""
+        return {}
+
     def state(self) -> bytes:
         """State that belongs to a checkpoint (random generator, known ids)."""
         return b""

@@ -18,6 +18,7 @@ import attrs
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
 from memo_core.parsing import read_as
+from memo_core.policy.pictures import Picture, PictureFiles
 from memo_core.policy.session import Session
 from memo_core.runlog.run_log import Effect, LogMismatch
 from memo_core.runlog.words_file import WordsFile
@@ -95,6 +96,8 @@ class Effects:
         self._seen: list[Sighting] | None = None  # since somebody began to watch
         self._praise: Words = WordsFile(session.log.folder, session.who)  # words that are no correction
         self._teacher = ""  # what the teacher needs to go on, after the last verdict
+        self._files = PictureFiles(session.log.folder)
+        self.pictures: tuple[Picture, ...] = ()  # of the last look, if prompts are to have them
         self.scene: SceneGraph = session.environment.control.scene()  # as the robot saw it last
         if self.exact:
             self._log.world_known = True  # it is put back
@@ -127,8 +130,19 @@ class Effects:
     def look(self) -> SceneGraph:
         """Take a new look with the robot's perception. Skills use its result from now on."""
         kind: Effect[SceneGraph] = Effect("look", self._keep_look, self._read_look, world=True)
-        self.scene = self._log.effect(kind, "", lambda _: self._environment.look())
+        self.scene = self._log.effect(kind, "", lambda _: self._look())
         return self.scene
+
+    def _look(self) -> SceneGraph:
+        scene = self._environment.look()
+        if self._session.pictures is not None:
+            self.pictures = self._session.pictures(scene)
+            if not self.pictures:
+                given = "this perception has no pictures"
+                raise InvalidArgument(
+                    "policy.images", given, "perception.backend=cameras, or perception.images=[CAMERA]"
+                )
+        return scene
 
     def glance(self) -> SceneGraph:
         """What a person in the room sees now, or saw last while the robot is still stopping."""
@@ -349,10 +363,12 @@ class Effects:
         return scene_of(record["scene"])
 
     def _keep_look(self, scene: SceneGraph) -> dict[str, Any]:
-        return self._noted(scene_record(scene))
+        record = self._noted(scene_record(scene))
+        return record | {"pictures": self._files.keep(self.pictures)} if self.pictures else record
 
     def _read_look(self, record: dict[str, Any]) -> SceneGraph:
-        return scene_of(self._noted(record))
+        self.pictures = self._files.read(record.get("pictures", ()))
+        return scene_of(self._noted({name: value for name, value in record.items() if name != "pictures"}))
 
     def _noted(self, look: dict[str, Any]) -> dict[str, Any]:
         self._looks.append(look)

@@ -229,7 +229,7 @@ class Loop:
                     context["corrected"] = self._open_remarks()
                 if self._extensions.plan_notes:
                     context["notes"] = self._plan_notes(scene)
-                return _Planned(self._questions.ask("plan", scene, read, **context)[0])
+                return _Planned(self._questions.ask("plan", scene, read, self._effects.pictures, **context)[0])
             except InDoubt:
                 self._effects.confirm(self._episode(at))
             except Stopped:
@@ -313,10 +313,12 @@ class Loop:
         attempt, served = at.attempt, at.attempt.served
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
+        scene = self._effects.look()
         code, asked = self._questions.ask(
             "code",
-            self._effects.look(),
+            scene,
             read_code,
+            self._effects.pictures,
             task=self._session.environment.instruction,
             subtask=str(at.key),
             done=self._done(),

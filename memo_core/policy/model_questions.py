@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import attrs
@@ -11,6 +11,7 @@ from memo_core.interfaces.llm import Answer, Message, Request
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.readers import Unreadable
 from memo_core.policy import prompting
+from memo_core.policy.pictures import Picture, with_pictures
 from memo_core.policy.session import Session
 from memo_core.scene.graph import SceneGraph
 
@@ -103,13 +104,19 @@ class Questions:
         )
 
     def ask(
-        self, phase: str, scene: SceneGraph | str | None, read: Callable[[str], T], **context: Any
+        self,
+        phase: str,
+        scene: SceneGraph | str | None,
+        read: Callable[[str], T],
+        pictures: Sequence[Picture] = (),
+        **context: Any,
     ) -> tuple[T, Asked]:
-        """The answer to one phase's prompt, parsed by ``read``. While ``read`` raises ``Unreadable`` the question is
-        asked again with the reason, at most a set number of times; then ``Unreadable`` is raised. Raises
-        ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
+        """The answer to one phase's prompt with these pictures, parsed by ``read``. While ``read`` raises
+        ``Unreadable`` the question is asked again with the reason, at most a set number of times; then ``Unreadable``
+        is raised. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
         session = self._session
         messages = prompting.messages(phase, session.environment.robot, scene, session.prompts, **context)
+        messages = with_pictures(messages, pictures)
         stamp = session.prompts.stamp(phase)
         schema = schema_of(phase, context)
         return put(self._calls, phase, messages, read, session.settings.reasks, session.seed, stamp, schema)

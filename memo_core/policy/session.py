@@ -14,9 +14,11 @@ from memo_core.interfaces.llm import LanguageModel
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Verdict
 from memo_core.llm.budget import Budget
 from memo_core.llm.prompt_files import Prompts
+from memo_core.policy.pictures import Picture
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.run_log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.graph import SceneGraph
 from memo_core.scene.name_corrections import NameCorrection
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
@@ -56,6 +58,7 @@ class Session:
     ending: Callable[[], bool] = lambda: False  # whether the run itself is to end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     correct_names: Callable[[tuple[NameCorrection, ...]], None] = lambda corrections: None  # of what perception sees
+    pictures: Callable[[SceneGraph], tuple[Picture, ...]] | None = None  # of a look, for prompts; None: without
     # What else whoever watches is asked; None where nobody is there, or nobody who answers that.
     judge_task: Callable[[TaskEpisode], Verdict] | None = None
     judge_plan: Callable[[Proposal], Verdict] | None = None

@@ -1,5 +1,5 @@
-"""The sections ``run`` and ``teaching`` of an experiment: limits of the loop, what is recorded, and how feedback is
-used."""
+"""The sections ``run``, ``policy`` and ``teaching`` of an experiment: limits of the loop, what is recorded, what models
+are shown, and how feedback is used."""
 
 from __future__ import annotations
 
@@ -110,6 +110,16 @@ class RunSettings:
     def __attrs_post_init__(self) -> None:
         if not self.study_ledger and (self.study_max_cost is not None or self.study_max_tokens is not None):
             raise InvalidArgument("study_ledger", "a study's limit without its ledger", "a file, such as study.ledger")
+
+
+@attrs.frozen
+class PolicySettings:
+    """What the language model that plans and writes code is shown."""
+
+    images: bool = attrs.field(
+        default=False,
+        metadata={"help": "plan and code prompts come with the cameras' pictures, for a model that sees (the paper)"},
+    )
 
 
 @attrs.frozen

@@ -15,7 +15,8 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import LanguageModel, LanguageModelError
+from memo_core.interfaces.llm import Image, LanguageModel, LanguageModelError
+from memo_core.interfaces.perception import Perception
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -26,6 +27,7 @@ from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
 from memo_core.plugins import Registry
 from memo_core.policy.method_interface import Method
+from memo_core.policy.pictures import Picture
 from memo_core.policy.results import RunResult, SubtaskResult
 from memo_core.policy.session import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
@@ -40,7 +42,9 @@ from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.runs.trial_sheet import write_trial_sheet
+from memo_core.runs.video import png
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
 from memo_core.stop_switch import StopSwitch
@@ -133,6 +137,7 @@ class RunComponents:
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     time_is_up: Callable[[float, int, int], bool] | None = None  # as in ``Session``
+    images: bool = False  # whether plan and code prompts come with the cameras' pictures
 
 
 def run_experiment(
@@ -213,6 +218,7 @@ def components_of(
         prompts=prompts_of(experiment),
         clustering=clustering,
         teaching=experiment.section("teaching"),
+        images=experiment.section("policy").images,
     )
 
 
@@ -478,6 +484,7 @@ def _work(
                 restore_teacher=lambda state: teacher.restore(state) if teacher is not None and state else None,
                 time_limit_s=world.time_limit,
                 correct_names=world.perception.correct_names,
+                pictures=_pictures_of(world.perception) if components.images else None,
                 prompts=components.prompts,
                 budget=parts.budget,
                 on_text=on_text,
@@ -493,6 +500,16 @@ def _work(
             retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
             calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
             components.clustering.condense(components.book, calls, parts.tell, parts.seed)
+
+
+def _pictures_of(perception: Perception) -> Callable[[SceneGraph], tuple[Picture, ...]]:
+    """A look's pictures as prompts have them: as the cameras saw it, nothing drawn."""
+
+    def taken(scene: SceneGraph) -> tuple[Picture, ...]:
+        seen = perception.pictures() or scene.observation.rgb
+        return tuple(Picture(camera, Image(png(rgb))) for camera, rgb in sorted(seen.items()))
+
+    return taken
 
 
 def _judges_plans(teacher: Teacher | None) -> bool:

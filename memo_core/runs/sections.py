@@ -9,7 +9,7 @@ import attrs
 from memo_core.environment.hardware import HardwareSettings
 from memo_core.llm.prompt_files import PromptSettings
 from memo_core.policy.clustering import ClusteringSettings
-from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.policy.settings import PolicySettings, RunSettings, TeachingSettings
 from memo_core.sandbox.limits import Limits
 from memo_core.skillbook.retrieval import RetrievalSettings
 
@@ -33,6 +33,7 @@ SECTIONS: dict[str, type] = {
     "retrieval": RetrievalSettings,
     "sandbox": Limits,
     "run": RunSettings,
+    "policy": PolicySettings,
     "teaching": TeachingSettings,
     "prompts": PromptSettings,
     "clustering": ClusteringSettings,

@@ -164,6 +164,9 @@ class Cameras(Perception):
         graph, frames = self.latest.graph, [view.frame for view in self.latest.views]
         return {frame.name: overlaid(frame.rgb, frame.intrinsics, frame.pose, graph) for frame in frames}
 
+    def pictures(self) -> dict[str, np.ndarray]:
+        return {} if self.latest is None else {view.frame.name: view.frame.rgb for view in self.latest.views}
+
     def state(self) -> bytes:
         source = base64.b64encode(self.source.state()).decode()
         return json.dumps({"memory": self._memory.state(), "source": source}).encode()

@@ -1,0 +1,67 @@
+"""``policy.images``: a model behind OpenAI's protocol gets the cameras' pictures, and a recording plays them back."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import pytest
+from fake_openai_server import Asked, Reply, Wire
+from PIL import Image
+
+from memo_core.config import load_experiment
+from memo_core.plugins import Registry
+from memo_core.runs.record_replay import recorded, replayed
+from memo_core.runs.run import run_experiment
+from memo_core.runs.sections import SECTIONS
+
+TASK = "put-the-cube-away"
+COMMON = [
+    "teacher.backend=nobody",
+    "run.video=off",
+    "run.subtasks=1",
+    "policy.images=true",
+    "skillbook.read_only=false",
+]
+EYES = ["perception.backend=cameras", "perception.detector=oracle", "perception.simulated.width=320"]
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return Registry()
+
+
+def load(registry, tmp_path, *more):
+    book = f"skillbook.url={tmp_path / 'book.db'}"
+    return load_experiment(registry, None, [*COMMON, book, *more], SECTIONS, TASK, 0)
+
+
+def reply(asked: Asked) -> Reply:
+    coding = "```" in "".join(asked.texts) and "def " in "".join(asked.texts)
+    return Reply("```python\nprint('there')\n```" if coding else "LIFT(cube)")
+
+
+def test_the_model_gets_each_cameras_picture_and_a_recording_plays_it_back(registry, tmp_path):
+    file = tmp_path / "calls.jsonl"
+    with Wire(reply) as wire:
+        model = ["llm.backend=litellm", "llm.model=openai/sees", f"llm.api_base={wire.base}"]
+        experiment = load(registry, tmp_path, *EYES, *model)
+        report = run_experiment(recorded(experiment, registry, file), registry, tmp_path / "runs")
+        asked = list(wire.asked)
+    assert not report.problem and len(asked) == report.calls >= 2
+    for one in asked:
+        assert len(one.pictures) == 2 and "## Pictures" in one.texts[-1]
+        for url in one.pictures:
+            kind, _, data = url.partition(",")
+            assert kind == "data:image/png;base64"
+            assert Image.open(io.BytesIO(base64.b64decode(data))).size == (320, 240)
+    kept = list((report.folder / "pictures" / "prompts").glob("*.png"))
+    assert len(kept) == len({url for one in asked for url in one.pictures})
+    again = run_experiment(replayed(load(registry, tmp_path, *EYES), registry, file), registry, tmp_path / "runs")
+    assert not again.problem and again.calls == report.calls and again.result == report.result
+
+
+def test_a_perception_without_pictures_is_named(registry, tmp_path):
+    report = run_experiment(load(registry, tmp_path), registry, tmp_path / "runs")
+    assert "policy.images" in report.problem and "perception.backend=cameras" in report.problem
+    assert not report.calls
