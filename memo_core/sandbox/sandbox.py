@@ -288,6 +288,8 @@ class _Run:
             args, kwargs = arguments_from_sandbox(name, *_given(snapshot, name), self._limits.argument_items)
             arguments = skill.bind(args, kwargs)
             self._workspace.refuse(skill, arguments)
+            for told in skill.exceeded(args, kwargs):
+                self._print("stdout", f"{told}\n")
             result = result_for_sandbox(skill.function(self._control, **arguments))
         except Stopped:
             self._note(SkillCalled(name, arguments, error="stopped"))

@@ -48,15 +48,28 @@ class Skill:
 
     def bind(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
         """Checked and converted arguments by name. Raises ``InvalidArgument`` naming the skill's argument."""
-        signature = inspect.Signature(self.parameters)
+        given = self._given(args, kwargs)
+        return {name: read_value(f"{self.name}({name})", value, self.types[name]) for name, value in given.items()}
+
+    def exceeded(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> list[str]:
+        """For each argument that is more than the robot does, a sentence with what is done instead. The arguments are
+        those of a ``bind`` that succeeded."""
+        given = self._given(args, kwargs)
+        return [
+            f"{self.name}({name}): {value:g} is faster than this robot may move; it moves at its limit, {check.most:g}"
+            for name, value in given.items()
+            for check in checks_of(self.types[name])
+            if check.most is not None and value is not None and value > check.most
+        ]
+
+    def _given(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
+        """By name, with the defaults of what is not given."""
         try:
-            bound = signature.bind(*args, **kwargs)
+            bound = inspect.Signature(self.parameters).bind(*args, **kwargs)
         except TypeError as error:
             raise InvalidArgument(f"{self.name}()", str(error), self.signature) from None
         bound.apply_defaults()
-        return {
-            name: read_value(f"{self.name}({name})", value, self.types[name]) for name, value in bound.arguments.items()
-        }
+        return bound.arguments
 
     def call(self, control: Any, args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None) -> Any:
         """Check the arguments and run the skill. Raises ``InvalidArgument``, ``SkillError`` or ``Stopped``."""

@@ -20,6 +20,7 @@ class Check:
     name: str
     expected: str
     read: Callable[[Any], Any]
+    most: float | None = None  # greater numbers are taken for this one, and the code is told
 
 
 def _number(value: Any) -> float:
@@ -67,6 +68,12 @@ def _between(low: float, high: float) -> Callable[[Any], float]:
     return read
 
 
+def _up_to(low: float, high: float) -> Callable[[Any], float]:
+    """Anything faster than the fastest is the fastest."""
+    read = _between(low, math.inf)
+    return lambda value: min(read(value), high)
+
+
 def _text(value: Any) -> str:
     if not isinstance(value, str) or not value.strip() or len(value) > 200:
         raise ValueError
@@ -88,11 +95,11 @@ Angle = Annotated[float, Check("float", "an angle in radians, -7 to 7", _between
 Slack = Annotated[float, Check("float", "an angle in radians, 0 to 1", _between(0.0, 1.0))]
 Width = Annotated[float, Check("float", "a width in metres, 0 to 0.2", _between(0.0, 0.2))]
 Force = Annotated[float, Check("float", "a force in newtons, 1 to 200", _between(1.0, 200.0))]
-Speed = Annotated[float, Check("float", "a fraction of full speed, 0.05 to 1", _between(0.05, 1.0))]
+Speed = Annotated[float, Check("float", "a fraction of full speed, 0.05 to 1", _up_to(0.05, 1.0), most=1.0)]
 Push = Annotated[float, Check("float", "a force in newtons, 0 to 200", _between(0.0, 200.0))]
 Distance = Annotated[float, Check("float", "a distance in metres, 0.001 to 1", _between(0.001, 1.0))]
 Short = Annotated[float, Check("float", "a distance in metres, 0.0002 to 0.03", _between(0.0002, 0.03))]
-ToolSpeed = Annotated[float, Check("float", "a speed in m/s, 0.005 to 0.2", _between(0.005, 0.2))]
+ToolSpeed = Annotated[float, Check("float", "a speed in m/s, 0.005 to 0.2", _up_to(0.005, 0.2), most=0.2)]
 Seconds = Annotated[float, Check("float", "seconds, 0 to 30", _between(0.0, 30.0))]
 Number = Annotated[float, Check("float", "a finite number", _number)]
 Flag = Annotated[bool, Check("bool", "True or False", _flag)]

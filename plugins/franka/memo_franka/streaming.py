@@ -1,6 +1,6 @@
 """How joint targets become motions of a Franka arm: as velocities, or as the reference of a joint impedance.
 
-Both keep the arm safe from a program that stalls: a velocity is valid for 60 ms and is followed by standstill, and a
+Both keep the arm safe from a program that stalls: a velocity is valid for 35 ms and is followed by standstill, and a
 reference that is not renewed for 60 ms is held.
 """
 
@@ -18,7 +18,8 @@ from memo_core.scene.pose import Array
 from memo_franka.settings import FrankaSettings
 
 _GAIN = 10.0  # 1/s
-_LIFE_S = 0.06  # of a velocity or reference that nothing follows
+_LIFE_S = 0.035  # of a velocity that nothing follows, on the robot's clock
+_HELD_S = 0.06  # wall-clock time after which a reference that nothing follows is held
 _STILL = 1e-4  # rad and rad/s: nothing is sent to an arm that stands where it should
 _SETTLED = 2e-3  # rad/s: a compliant arm is at rest
 
@@ -110,9 +111,9 @@ class ImpedanceStreaming(Streaming):
     def _watch(self, tracker: Any) -> None:
         """Hold the last target if none follows."""
         while self._tracker is tracker:
-            if self._renewed.wait(_LIFE_S):
+            if self._renewed.wait(_HELD_S):
                 self._renewed.clear()
-                time.sleep(_LIFE_S / 2)
+                time.sleep(_HELD_S / 2)
             elif self._held is not None and self._tracker is tracker:
                 tracker.set_target(self._held)
 

@@ -19,6 +19,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
+import attrs
 import numpy as np
 
 from memo_core.arm.wrench import ToolDynamics
@@ -49,6 +50,14 @@ LOST_PACKETS = 20  # in a row, at which a motion ends
 _READER_ROUNDS = 100  # of this thread, without anything read, after which a reader counts as idle
 _REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
+
+
+@attrs.frozen
+class Moment:
+    """A tick, and the fastest joint's speed then (rad/s)."""
+
+    tick: int
+    speed: float
 
 
 class ControlBox(FrankaServer):
@@ -85,6 +94,7 @@ class ControlBox(FrankaServer):
         self.recoveries = 0
         self.ticks = 0
         self.rested_at = 0  # tick at which the arm came to rest last
+        self.disturbed = Moment(0, 0.0)  # when a fault was injected last, or the client was gone
         self.reader: Callable[[], float] | None = None
         """Tells which time of this box's clock (s) the client has read. While it reads along, the clock waits for it: a
         client whose thread the computer starves then finds no jump of the clock."""
@@ -145,12 +155,20 @@ class ControlBox(FrankaServer):
         self._inject(lambda: self.arm.place(q_d))
 
     def _inject(self, happen: Callable[[], None]) -> None:
-        if self._thread is None:
+        def noted() -> None:
+            self.disturbed = self._moment
             happen()
+
+        if self._thread is None:
+            noted()
             return
-        self._inbox.append(happen)
-        while self._running and happen in self._inbox:
+        self._inbox.append(noted)
+        while self._running and noted in self._inbox:
             time.sleep(DT)
+
+    @property
+    def _moment(self) -> Moment:
+        return Moment(self.ticks, float(np.abs(self.arm.dq_d).max()))
 
     def _enter(self, mode: RobotMode) -> None:
         """Enter a mode that a person causes; a motion ends and the arm brakes."""
@@ -202,6 +220,9 @@ class ControlBox(FrankaServer):
     def _move(self) -> None:
         """One tick of a motion: wait for the command that answers the last state."""
         command = self._command()
+        if self._move_id is None:
+            self.arm.brake()  # the client has ended the motion, or is gone
+            return
         if command is None and not self._answered:
             self.arm.hold()
             return
@@ -348,6 +369,7 @@ class ControlBox(FrankaServer):
     # -- commands over TCP ---------------------------------------------------------------------------------------------
     def _disconnected(self) -> None:
         super()._disconnected()
+        self.disturbed = self._moment
         if self._move_id is not None:
             self._end_motion()
             self.mode = RobotMode.IDLE

@@ -1,0 +1,308 @@
+"""Faults of a Franka arm through TCP and UDP: each is a typed error with its remedy, the arm comes to rest by the clock
+of the double's physics, and nothing recovers by itself. ``--junitxml=FILE -o junit_family=xunit1`` keeps the figures.
+"""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from memo_franka.driver import FrankaLink
+from memo_franka.testing.control_box import Moment
+from memo_wsg.driver import WsgGripper
+from memo_wsg.protocol import Status
+from memo_wsg.settings import WsgSettings
+from memo_wsg.testing.double import WsgDouble
+
+from memo_core.errors import InvalidArgument, RobotFault, Stopped
+from tests.franka_cell import ACCELERATION, ACCEPTED, ADDRESSES, GRACE_MS, Cell, braking_ms, running_cell, swing
+
+pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
+    pytest.mark.usefixtures("real_time"),
+]
+
+GONE_S = 1.2  # wall-clock time after which it is known that the control box is gone
+TRIES = 4  # of what is measured by the wall clock, on a computer with other work
+
+
+@pytest.fixture
+def cell():
+    with running_cell() as cell:
+        yield cell
+
+
+def faulted(cell: Cell, link: FrankaLink, cause, seconds: float = 2.0) -> RobotFault:
+    """The fault that ends a motion after ``cause()`` happened in it. It stays, and nothing recovers."""
+    with pytest.raises(RobotFault) as caught:
+        for number, row in enumerate(swing(link, seconds)):
+            if number == 60:
+                cause()
+            link.send(row)
+    assert not link.health().ready and str(caught.value) in link.health().problem
+    with pytest.raises(RobotFault):
+        link.send(link._targets)
+    assert cell.box.recoveries == 0, "nothing recovers by itself"
+    assert caught.value.fault and caught.value.remedy and caught.value.robot == cell.address
+    return caught.value
+
+
+def check_rest(cell: Cell, since: Moment, record, told: object, acceleration: float = ACCELERATION) -> None:
+    """At rest within what the limits need and 60 ms more, on the box's clock."""
+    took, needed = cell.rest_ms(since.tick), braking_ms(since.speed, acceleration)
+    record("told", str(told))
+    record("rest_ms", took)
+    record("needed_ms", round(needed))
+    assert took > 0 and took <= needed + GRACE_MS
+
+
+def moment_of(link: FrankaLink) -> Moment:
+    """When and how fast by the last state that the link has read."""
+    return Moment(link._state.time.to_msec(), float(np.abs(link._state.dq_d).max()))
+
+
+# -- the control box ends the motion -----------------------------------------------------------------------------------
+IN_MOTION = {
+    "pushed with 40 N": (lambda box: box.push([0.0, 0.0, 40.0]), "reflex", "cartesian reflex"),
+    "user stop": (lambda box: box.user_stop(True), "user-stop", "release the external activation device"),
+    "brakes shut": (lambda box: box.brakes(True), "brakes", "Unlock joints"),
+    "guided": (lambda box: box.guide(True), "guiding", "let go"),
+    "20 packets lost": (lambda box: box.lose(20), "reflex", "communication constraints violation"),
+}
+
+
+@pytest.mark.parametrize("mode", ["velocity", "impedance"])
+@pytest.mark.parametrize("name", IN_MOTION)
+def test_a_fault_in_motion_ends_it_with_its_remedy(cell, name, mode, record_property):
+    cause, fault, told = IN_MOTION[name]
+    error = faulted(cell, cell.link(mode=mode), lambda: cause(cell.box))
+    assert error.fault == fault and told in str(error), str(error)
+    check_rest(cell, cell.box.disturbed, record_property, error)
+
+
+BEFORE = {
+    "user stop": (lambda box: box.user_stop(True), "user-stop"),
+    "brakes shut": (lambda box: box.brakes(True), "brakes"),
+    "guided": (lambda box: box.guide(True), "guiding"),
+}
+
+
+@pytest.mark.parametrize("name", BEFORE)
+def test_a_robot_that_cannot_move_is_not_opened(cell, name):
+    cause, fault = BEFORE[name]
+    cause(cell.box)
+    with pytest.raises(RobotFault) as caught:
+        cell.link()
+    assert caught.value.fault == fault and caught.value.remedy and cell.box.recoveries == 0
+
+
+def test_another_version_is_named_with_where_to_get_the_library(record_property):
+    cell = Cell(version=5)
+    with cell.hand, cell.box, pytest.raises(RobotFault, match=r"a Panda speaks version 5.*index") as caught:
+        cell.link()
+    record_property("told", str(caught.value))
+    assert caught.value.fault == "version" and caught.value.remedy
+
+
+def test_fci_that_is_off_is_said_with_what_to_do(record_property):
+    with pytest.raises(RobotFault, match="activate FCI in Desk") as caught:
+        Cell().link()
+    record_property("told", str(caught.value))
+    assert caught.value.fault == "fci-off"
+
+
+# -- the control box is gone -------------------------------------------------------------------------------------------
+def _gone(box) -> None:
+    box.stop()
+
+
+def _frozen(box) -> None:
+    box.freeze(True)
+
+
+@pytest.mark.parametrize(
+    ("cause", "faults"),
+    [(_gone, ("network", "clock", "ended")), (_frozen, ("clock", "network"))],
+    ids=["box killed", "clock frozen"],
+)
+def test_a_box_that_is_gone_is_a_fault_within_a_second(cause, faults, record_property):
+    took = []
+    for _ in range(TRIES):
+        with running_cell() as cell:
+            at = []
+
+            def happen(cell=cell, at=at) -> None:
+                cause(cell.box)
+                at.append(time.monotonic())
+
+            link = cell.link(clock_timeout_s=0.5)
+            with pytest.raises(RobotFault) as caught:
+                for number, row in enumerate(swing(link)):
+                    if number == 60:
+                        happen()
+                    link.send(row)
+            if not at:
+                continue  # so busy a computer that the clock stood still by itself
+            took.append(time.monotonic() - at[0])
+            assert caught.value.fault in faults and caught.value.remedy and cell.box.recoveries == 0
+            with pytest.raises(RobotFault):
+                link.send(link._targets)
+        if took[-1] <= GONE_S:
+            break
+    record_property("told", str(caught.value))
+    record_property("told_after_s", round(took[-1], 2))
+    assert took and min(took) <= GONE_S
+
+
+def test_a_clock_that_goes_on_again_finds_the_arm_braking(cell, record_property):
+    error = faulted(cell, cell.link(clock_timeout_s=0.5), lambda: cell.box.freeze(True))
+    cell.box.freeze(False)
+    check_rest(cell, cell.box.disturbed, record_property, error, ACCEPTED)
+    assert not cell.box.arm.violations and cell.box.mode.name == "IDLE"
+
+
+# -- the client is gone, or late ---------------------------------------------------------------------------------------
+CLIENT = """
+import ctypes, itertools, sys, warnings
+warnings.simplefilter("ignore")
+import numpy as np
+from memo_core.testing.fake_drivers import FakeGripper
+from memo_franka.description import fr3
+from memo_franka.driver import FrankaDriver, FrankaSettings
+link = FrankaDriver(FrankaSettings(sys.argv[1], clock_timeout_s=10.0)).link(fr3(), FakeGripper())
+link.open()
+home = link.joint_targets()
+for n in itertools.count(1):
+    link.send(home + 0.15 * (1 - np.cos(np.pi * n / 100)))
+    speed = max(abs(one) for one in link._state.dq_d)
+    if n % 200 >= 40 and speed > 0.3:
+        print(link._state.time.to_msec(), speed, flush=True)
+        {then}
+"""
+STALLED = "ctypes.PyDLL(None).usleep(500_000)"  # the interpreter too stands still, whose lock it keeps
+
+
+@pytest.mark.parametrize(
+    ("then", "killed"), [("pass", True), (STALLED, False)], ids=["killed with -9", "stalled 0.5 s"]
+)
+def test_a_client_that_dies_or_stalls_in_motion_leaves_the_arm_at_rest(cell, then, killed, record_property):
+    command = [sys.executable, "-c", CLIENT.replace("{then}", then), cell.address]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as client:
+        tick, speed = client.stdout.readline().split()
+        if killed:
+            client.kill()
+            client.wait()
+            while cell.box.disturbed.tick == 0:
+                time.sleep(0.001)
+        since = cell.box.disturbed if killed else Moment(int(tick), float(speed))
+        check_rest(cell, since, record_property, "", ACCELERATION if killed else ACCEPTED)
+        assert since.speed > 0.2 and cell.box.recoveries == 0 and not cell.box.arm.violations
+        client.kill()
+
+
+def test_where_nothing_more_is_sent_the_arm_brakes_by_itself(cell, record_property):
+    link = cell.link()
+    for row in itertools.islice(swing(link), 60):
+        link.send(row)
+    check_rest(cell, moment_of(link), record_property, "", ACCEPTED)
+    assert not cell.box.arm.violations and cell.box.mode.name == "IDLE"
+    cell.box.reader = lambda: link._now
+    link.send(link.joint_targets())
+
+
+def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell, record_property):
+    link = cell.link()
+    rows = list(itertools.islice(swing(link), 60))
+    for row in rows:
+        link.send(row)
+    with pytest.raises(
+        InvalidArgument, match=r"joint\d would have to move at .* rad/s; expected steps of at most"
+    ) as caught:
+        link.send(rows[-1] + 0.2)
+    check_rest(cell, moment_of(link), record_property, caught.value, ACCEPTED)
+    cell.box.reader = lambda: link._now
+    for _ in range(100):
+        link.send(rows[-1])
+    assert not cell.box.arm.violations and np.abs(link.joint_positions() - rows[-1]).max() < 0.001
+
+
+# -- grippers ----------------------------------------------------------------------------------------------------------
+def _jammed(cell: Cell, link: FrankaLink) -> None:
+    """Start to close fingers that do not move."""
+    cell.hand.fingers.command = lambda width, speed, force: None
+    link.set_gripper(0.0, 30.0)
+
+
+def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell, record_property):
+    link = cell.link(hand_deadline_s=0.5)
+    error = faulted(cell, link, lambda: _jammed(cell, link), seconds=60.0)
+    assert error.fault == "gripper" and "free its fingers" in str(error)
+    check_rest(cell, moment_of(link), record_property, error, ACCEPTED)
+    assert not cell.box.arm.violations
+    cell.close_links()
+    assert not [thread.name for thread in threading.enumerate() if thread.name == "_work"], "it waits for ever"
+
+
+def _wsg_fails(link: FrankaLink, wsg: WsgDouble) -> None:
+    wsg.fail(Status.NOT_INITIALIZED)
+    link.set_gripper(0.02, 30.0)
+
+
+GRIPPER_FAULTS = {
+    "WSG fault": (_wsg_fails, "home it on its web page"),
+    "WSG cable pulled": (lambda link, wsg: wsg.stop(), "check its power and cable"),
+}
+
+
+@pytest.mark.parametrize("name", GRIPPER_FAULTS)
+def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name, record_property):
+    cause, told = GRIPPER_FAULTS[name]
+    with WsgDouble(next(ADDRESSES), width=80.0) as wsg:
+        link = cell.link(WsgGripper(WsgSettings(wsg.address)))
+        error = faulted(cell, link, lambda: cause(link, wsg), seconds=10.0)
+        assert error.fault == "gripper" and told in str(error) and wsg.acknowledged == 0
+        check_rest(cell, moment_of(link), record_property, error, ACCEPTED)
+        assert not cell.box.arm.violations
+
+
+# -- a person acts -----------------------------------------------------------------------------------------------------
+def test_a_stop_decelerates_within_the_limits_and_keeps_the_grip(cell):
+    cell.hand.fingers.thing = 0.04
+    link = cell.link()
+    link.set_gripper(0.0, 30.0)
+    hold = link.joint_targets()
+    for _ in range(150):
+        link.send(hold)
+    assert link.holding()
+    rows = list(swing(link))
+    for row in rows[:60]:
+        link.send(row)
+    link.stop()
+    with pytest.raises(Stopped):
+        link.send(rows[60])
+    speeds = (rows[59] - rows[58])[None, :] * np.linspace(1.0, 0.0, 40)[:, None]
+    link.halt(rows[59] + np.cumsum(speeds, axis=0))
+    assert cell.box.arm.resting and not cell.box.arm.violations
+    assert link.stopped and link.holding() and abs(link.gripper_width() - 0.04) < 0.001
+
+
+def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_is(cell):
+    link = cell.link()
+    faulted(cell, link, lambda: cell.box.push([0.0, 0.0, 40.0]))
+    link.stop()
+    with pytest.raises(RobotFault):
+        link.release()
+    assert link.stopped
+    cell.box.push([0.0, 0.0, 0.0])
+    link.recover()
+    link.release()
+    assert cell.box.recoveries == 1 and np.abs(link.joint_targets() - cell.box.arm.q_d).max() < 1e-6
+    for row in swing(link, 1.0, 0.05):
+        link.send(row)
+    assert not cell.box.arm.violations
