@@ -69,8 +69,8 @@ def _between(low: float, high: float) -> Callable[[Any], float]:
 
 
 def _up_to(low: float, high: float) -> Callable[[Any], float]:
-    """Anything faster than the fastest is the fastest."""
-    read = _between(low, math.inf)
+    """What is faster than the fastest is the fastest; numbers beyond ten were meant in another unit."""
+    read = _between(low, 10.0)
     return lambda value: min(read(value), high)
 
 

@@ -138,3 +138,15 @@ if __name__ == "__main__":  # python tests/sandbox/test_sandbox_ordinary.py: the
         print(f"{'ok ' if execution.succeeded else 'NO '} {name} {execution.error}")
     print(sum(e.succeeded for e in endings.values()), "of", len(endings))
     sys.exit(0)
+
+
+@pytest.mark.parametrize(
+    ("call", "moved"),
+    [("move_to([0.4, 0.0, 0.3], speed=2)", 1.0), ("move_until_contact([0, 0, -1], 0.1, 5.0, 2.0)", 0.2)],
+)
+def test_code_that_asks_for_more_than_the_fastest_gets_that_and_is_told(call, moved):
+    with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
+        execution = sandbox.run(call, FakeControl(), stopped=lambda: False)
+    [done] = execution.calls
+    assert done.arguments["speed"] == moved
+    assert f"2 is faster than this robot may move; it moves at its limit, {moved:g}" in execution.printed
