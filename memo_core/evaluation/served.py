@@ -15,8 +15,9 @@ import cattrs
 
 from memo_core.config import Experiment
 from memo_core.llm.kept_calls import ASK
-from memo_core.parsing import parse_json
 from memo_core.policy.memo_and_baselines import Memory
+from memo_core.runlog.json_lines import append_line, make_writable
+from memo_core.runlog.json_lines import read_lines as read_json_lines
 from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import read_history
 from memo_core.skillbook.book import Skillbook
@@ -35,27 +36,32 @@ class Question:
 
 
 class ObservedBook(Skillbook):
-    """A book that notes what it is asked and what it serves to a method with this memory."""
+    """A book that notes what it is asked and what it serves to a method with this memory: in ``questions``, and in
+    ``file`` before it answers. A run that was cut off goes on with what the file holds; nothing is noted twice."""
 
     memory: Memory = Memory()
 
-    def observe(self, memory: Memory) -> None:
-        self.memory = memory
-        self.questions: list[Question] = []
+    def observe(self, memory: Memory, file: Path) -> None:
+        self.memory, self.file = memory, file
+        self.questions = read_questions(file) if file.exists() else []
+        make_writable(file)  # a run that asks nothing has a file all the same
 
     def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
         found = super().retrieve(subtask, context, clustered)
         key = subtask if isinstance(subtask, Key) else Key.parse(subtask)
-        self.questions.append(Question(key, context or SubtaskContext(), given(found, self.memory)))
+        question = Question(key, context or SubtaskContext(), given(found, self.memory))
+        if question not in self.questions:
+            append_line(self.file, cattrs.unstructure(question))
+            self.questions.append(question)
         return found
 
 
-def observed_book(experiment: Experiment, url: str, memory: Memory) -> ObservedBook:
+def observed_book(experiment: Experiment, url: str, memory: Memory, file: Path) -> ObservedBook:
     """A read-only book of the experiment that is observed, unopened."""
     book = ObservedBook(
         url, experiment.create("embedder"), experiment.create("vectorstore"), experiment.section("retrieval"), True
     )
-    book.observe(memory)
+    book.observe(memory, file)
     return book
 
 
@@ -108,13 +114,6 @@ def programs_in(run: Path) -> int:
     return sum(one.name == ASK and one.about.startswith("code ") for one in effects)
 
 
-def write_questions(file: Path, questions: Sequence[Question]) -> None:
-    """One JSON document; on disk when this returns."""
-    from memo_core.runlog.whole_files import write_whole
-
-    write_whole(file, json.dumps(cattrs.unstructure(list(questions)), ensure_ascii=False))
-
-
 def read_questions(file: Path) -> list[Question]:
-    """Raises ``OSError``, ``ValueError``."""
-    return cattrs.structure(parse_json(file.read_text(encoding="utf-8")), list[Question])
+    """What a book was asked; a line that was cut off counts as not asked. Raises ``OSError``."""
+    return [cattrs.structure(line, Question) for _, line in read_json_lines(file) if line is not None]

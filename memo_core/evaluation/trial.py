@@ -3,7 +3,7 @@
 trials/ID/row.json        the row; missing until the trial is over
 trials/ID/run/…           the folder of the run, as of any run; missing where it shares another's
 trials/ID/recording.jsonl what the model was asked and said, where that is recorded
-trials/ID/questions.json  what the book was asked and served, where nobody watched
+trials/ID/questions.jsonl what the book was asked and served, where nobody watched
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from memo_core.evaluation.served import (
     read_questions,
     same_answers,
     served_in,
-    write_questions,
 )
 from memo_core.evaluation.settings import EMPTY, LESSONS, PRESET, EvaluationSettings
 from memo_core.interfaces.task import Task
@@ -47,7 +46,7 @@ from memo_core.study.history import public
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
 
-ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.json", "recording.jsonl", "run"
+ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.jsonl", "recording.jsonl", "run"
 PRIVATE = "skillbook.db"  # a trial's copy of a book
 NO_FILE = "sqlite://"  # a book in memory that nobody writes to
 WATCHER = "E1"  # id of who corrects in an evaluation
@@ -124,12 +123,11 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     experiment, folder = experiment_of(load, trial), place.trials / trial.id
     _remove_former(folder, place.digest(trial))
     task = task_of(experiment, trial.task)
-    observed = None
     teacher = None
     book: Skillbook
     if trial.mode == "zero-shot":
         memory = METHODS[trial.method]
-        book = observed = observed_book(experiment, place.book(trial) or NO_FILE, memory)
+        book = observed_book(experiment, place.book(trial) or NO_FILE, memory, folder / QUESTIONS)
     else:
         private = folder / PRIVATE
         if not private.exists():
@@ -144,8 +142,6 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
     if trial.mode == "corrected":
         for left in folder.glob(f"{PRIVATE}*"):
             left.unlink()  # what people said stays in the books that `forget` knows of
-    if observed is not None and summary["parts"] == 1:  # of a resumed run not all questions were put to this book
-        write_questions(folder / QUESTIONS, observed.questions)
     return _row(trial, summary, lesson, place)
 
 
@@ -223,7 +219,7 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
                 continue  # it asked nothing, which says nothing about what it would have been served
             try:
                 questions = read_questions(place.trials / other.id / QUESTIONS)
-            except (OSError, ValueError):
+            except OSError:
                 continue
             if same_answers(book, memory, questions):
                 return row | _about(trial, place) | {"same_as": other.id, "wall_s": 0.0}

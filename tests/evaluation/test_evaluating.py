@@ -70,16 +70,21 @@ def test_an_evaluation_that_was_cut_off_gives_the_same_table(tmp_path):
     taught = next(row for row in rows if (row["method"], row["hours"], row["mode"]) == ("memo", 1.0, "zero-shot"))
     assert taught["served"] > 0
 
-    # As a killed process leaves it: trials without their rows, one of them cut off in the middle of its run.
+    # As a killed process leaves it: trials without their rows, one of them cut off in the middle of its run, and none
+    # yet that shares it.
     trials = tmp_path / "evaluation" / "trials"
-    for row in (rows[0], taught):
+    sharing = [row for row in rows if row["same_as"] == rows[0]["trial"]]
+    assert len(sharing) > 1
+    for row in (*sharing, taught):
         (trials / row["trial"] / "row.json").unlink()
+    asked = trials / rows[0]["trial"] / "questions.jsonl"
+    asked.write_text(asked.read_text()[:-9])
     log = trials / rows[0]["same_as"] / "run" / "log.jsonl"
     lines = log.read_text().splitlines(keepends=True)
     log.write_text("".join(lines[: len(lines) // 2]) + '{"n": 99')
     shutil.rmtree(trials / taught["same_as"])
     evaluate(load, tmp_path, StopSwitch())
-    assert table(tmp_path) == rows
+    assert table(tmp_path) == rows  # also `same_as`: a run that was resumed can be shared
 
     # More was taught since: the book of that hour and its trials are done again, the others stay.
     book = tmp_path / "books" / "history-0" / "memo-h1.json"

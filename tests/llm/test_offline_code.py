@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from memo_llm.offline.templates import imagine
+from memo_llm.offline.templates import imagination, imagine
 from offline_prompts import ARC, MODEL, Entry, box_with_door, held_poses, request, run, scene, thing, unfenced, write
 
 from memo_core.scene.graph import Observation
@@ -199,7 +199,8 @@ def test_a_template_with_its_arc_reversed_spoils_what_is_written(edge, where):
 
 
 def imagined(template, graph):
-    return imagine(Entry(template, "OPEN(old)"), graph, ("crate",))
+    with imagination() as sandbox:
+        return imagine(Entry(template, "OPEN(old)"), graph, ("crate",), sandbox)
 
 
 def test_a_template_written_by_somebody_else_is_read_by_what_it_does():

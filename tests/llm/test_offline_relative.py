@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 
 import attrs
@@ -131,7 +132,7 @@ def test_the_other_way_round_than_an_attempt_at_another_thing_reverses_nothing_h
     arc = Entry("Lead the handle along an arc about the hinge edge.", "OPEN(microwave)")
 
     def led(*notes):
-        return held_poses(run(write([arc, *notes], graph=CRATE, subtask="OPEN(crate)"), CRATE))
+        return ast.dump(ast.parse(write([arc, *notes], graph=CRATE, subtask="OPEN(crate)")))  # without the comments
 
     for text in ("Lead the handle the other way round.", "Turn it in the opposite direction."):
         assert led(Entry(text, "OPEN(bottle)")) == led(), text
@@ -143,5 +144,5 @@ def test_of_a_note_made_of_another_thing_what_is_said_beside_the_other_way_round
     note = "Lead the handle the other way round, along an arc about the hinge edge."
     arc = Entry("Lead the handle along an arc about the hinge edge.", "OPEN(bottle)")
     codes = [write([one], graph=CRATE, subtask="OPEN(crate)") for one in (Entry(note, "OPEN(bottle)"), arc)]
-    led, plain = (held_poses(run(code, CRATE)) for code in codes)
+    led, plain = (ast.dump(ast.parse(code)) for code in codes)
     assert led == plain

@@ -13,6 +13,7 @@ from memo_llm.offline.generalising import generalise
 from memo_llm.offline.planning import plan
 from memo_llm.offline.prompt import Prompt, unreadable
 from memo_llm.offline.recipe import Habits
+from memo_llm.offline.templates import imagination
 from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.writing import write_code
 from memo_llm.settings import OfflineSettings
@@ -38,6 +39,7 @@ class OfflineModel(LanguageModel):
         self._settings = settings or OfflineSettings()
         self._vocabulary: Vocabulary | None = None
         self._habits: Habits | None = None
+        self._sandbox = imagination()
 
     def open(self) -> None:
         """Reads vocabulary and habits. Raises ``InvalidArgument`` naming what is wrong in them."""
@@ -46,6 +48,7 @@ class OfflineModel(LanguageModel):
 
     def close(self) -> None:
         self._vocabulary = self._habits = None
+        self._sandbox.close()
 
     def answer(
         self,
@@ -70,10 +73,10 @@ class OfflineModel(LanguageModel):
             planned = plan(prompt)
             return planned.answer, planned.not_understood
         if phase == "code":
-            code = write_code(prompt, self._habits, self._vocabulary)
+            code = write_code(prompt, self._habits, self._vocabulary, self._sandbox)
             return f"```python\n{code.text}```", code.not_understood
         if phase == "feedback":
-            noted = note(prompt, self._habits, self._vocabulary)
+            noted = note(prompt, self._habits, self._vocabulary, self._sandbox)
             return noted.text, noted.not_understood
         if phase == "cluster":
             condensed = condense(prompt, self._vocabulary)

@@ -15,6 +15,7 @@ from collections.abc import Iterable
 import attrs
 import numpy as np
 
+from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
 from memo_core.skills.recording_control import Command
@@ -50,9 +51,9 @@ class Attempted:
     degrees: float | None = None  # of an arc or a turn
 
 
-def attempted(code: str, habit_code: str, recipe: Recipe, scene: SceneGraph) -> Attempted:
+def attempted(code: str, habit_code: str, recipe: Recipe, scene: SceneGraph, sandbox: Sandbox) -> Attempted:
     """What an attempt's code does on a scene, beside the habit's code for the same subtask."""
-    there, usual = imagined(code, scene), imagined(habit_code, scene)
+    there, usual = imagined(code, scene, sandbox), imagined(habit_code, scene, sandbox)
     at, meant = _contact(there), _contact(usual)
     shift = None if at is None or meant is None else at - meant
     around = Surroundings.of(scene, recipe.thing, recipe.place)

@@ -14,6 +14,7 @@ import math
 import attrs
 import numpy as np
 
+from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_angle
@@ -26,6 +27,8 @@ from memo_llm.offline.surroundings import Surroundings, descendants, find, last_
 
 STRAIGHT = 0.04  # largest sideways deviation over length of a line
 TURNS = math.radians(20)
+# By the clock on the wall: what is read out of a template must not depend on what else the machine does.
+PATIENCE = Limits(seconds_between_calls=60.0, seconds_in_all=120.0)
 
 
 def hand_over(scene: SceneGraph) -> RecordingControl:
@@ -33,12 +36,20 @@ def hand_over(scene: SceneGraph) -> RecordingControl:
     return RecordingControl(scene, Pose(scene.observation.end_effector.position, (0.0, 1.0, 0.0, 0.0)))
 
 
-def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> Recipe | None:
+def imagination() -> Sandbox:
+    """The sandbox in which code is executed with a recorder in place of the robot, unopened: it opens at its first use
+    and has to be closed."""
+    return Sandbox(skill_library(BUILTIN_SKILLS), PATIENCE)
+
+
+def adopt(
+    recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...], sandbox: Sandbox
+) -> Recipe | None:
     """The recipe with the template's structure, or None if the template cannot be used."""
     around = Surroundings.of(scene, recipe.thing, recipe.place)
     if around.thing is None:
         return recipe
-    events = imagine(template, scene, objects)
+    events = imagine(template, scene, objects, sandbox)
     if not events:
         return None
     return _shaped(recipe, events, around)
@@ -47,7 +58,7 @@ def adopt(recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str
 # -- imagining -------------------------------------------------------------------------------------------------------
 
 
-def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> list[Command]:
+def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], sandbox: Sandbox) -> list[Command]:
     """The recorded motion of the hand when the template is called for the prompt's objects; empty if it cannot be
     called."""
     try:
@@ -61,15 +72,14 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...]) -> lis
     if arguments is None:
         return []
     call = f"{function.name}({', '.join(f'{k}={v!r}' for k, v in arguments.items())})"
-    return imagined(f"{template.text}\n\n{call}\n", scene)
+    return imagined(f"{template.text}\n\n{call}\n", scene, sandbox)
 
 
-def imagined(code: str, scene: SceneGraph) -> list[Command]:
+def imagined(code: str, scene: SceneGraph, sandbox: Sandbox) -> list[Command]:
     """The recorded motion of the hand when the code runs on the scene."""
     hand = hand_over(scene)
-    with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
-        # What fails half-way was still going somewhere: the events up to there count.
-        sandbox.run(code, hand, stopped=lambda: False)
+    # What fails half-way was still going somewhere: the events up to there count.
+    sandbox.run(code, hand, stopped=lambda: False)
     return hand.commands
 
 

@@ -7,6 +7,7 @@ import re
 
 import attrs
 
+from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.keys import Key
@@ -32,7 +33,7 @@ class Code:
     not_understood: tuple[str, ...]
 
 
-def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
+def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: Sandbox) -> Code:
     """Python for the prompt's subtask. Raises ``LanguageModelError`` naming what the prompt lacks."""
     scene = prompt.scene()
     action, objects = prompt.subtask
@@ -45,7 +46,7 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
         recipe = habits.recipe("push", objects)
         if recipe is None:
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
-    recipe = _adopted(recipe, prompt, scene, habits, missed)
+    recipe = _adopted(recipe, prompt, scene, habits, missed, sandbox)
     # What is only a hint and speaks of nothing here is left for when the plain way has failed.
     said = prompt.entries("corrections")
     corrections = [one for one in said if failed or not one.hint or _applies(one, prompt, habits)]
@@ -55,7 +56,7 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary) -> Code:
     for entry in [*reversed(prompt.entries("general")), *reversed(corrections)]:
         told += _told(entry, known, recipe, scene, vocabulary, missed)
     for one in reversed(prompt.corrected()):
-        told += _just_said(one, known, recipe, prompt, scene, habits, vocabulary, missed)
+        told += _just_said(one, known, recipe, prompt, scene, habits, vocabulary, missed, sandbox)
     followed: list[str] = []
     counts = not_outdated([edit for _, edit in told], habits.rough)
     for text, edit in told:
@@ -106,6 +107,7 @@ def _just_said(
     habits: Habits,
     vocabulary: Vocabulary,
     missed: list[str],
+    sandbox: Sandbox,
 ) -> list[tuple[str, Edit]]:
     """What follows from a correction of this run: from its notes, and where none were made from the words, if they are
     surely understood. What is relative is relative to that attempt's code."""
@@ -122,7 +124,7 @@ def _just_said(
     if not (relative and one.code and plain is not None):
         return told
     habit = render(plain, prompt.section("subtask"), scene, prompt.task, [])
-    attempt = attempted(one.code, habit, plain, scene)
+    attempt = attempted(one.code, habit, plain, scene, sandbox)
     return [(text, edit) for text, one_edit in told for edit in measured_from([one_edit], plain, attempt)]
 
 
@@ -166,11 +168,13 @@ def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
     return mine is None or its is None or mine.steps == its.steps or set(objects) == set(others)
 
 
-def _adopted(recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str]) -> Recipe:
+def _adopted(
+    recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str], sandbox: Sandbox
+) -> Recipe:
     """The structure of what worked before at something like this; of several templates the best ranked one has the
     last word."""
     for template in reversed([one for one in prompt.templates() if _like(one, prompt, habits)]):
-        shaped = adopt(recipe, template, scene, prompt.subtask[1])
+        shaped = adopt(recipe, template, scene, prompt.subtask[1], sandbox)
         if shaped is None:
             missed.append(f"the template of {template.key}" if template.key else "a template")
         else:
