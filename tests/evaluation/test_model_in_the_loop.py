@@ -59,6 +59,7 @@ def rows(folder: Path) -> list[dict]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # three evaluations: a loaded machine may take long
 def test_a_comparison_that_was_killed_goes_on_and_plays_back(tmp_path, offline):
     (tmp_path / "quirks.yaml").write_text(FILE)
     with Wire(offline) as wire:

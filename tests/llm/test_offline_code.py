@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
+import time
 
 import numpy as np
 import pytest
-from memo_llm.offline.templates import imagination, imagine
+from memo_llm.offline.imagination import Imagination
+from memo_llm.offline.templates import imagine
 from offline_prompts import ARC, MODEL, Entry, box_with_door, held_poses, request, run, scene, thing, unfenced, write
 
 from memo_core.scene.graph import Observation
@@ -199,8 +202,8 @@ def test_a_template_with_its_arc_reversed_spoils_what_is_written(edge, where):
 
 
 def imagined(template, graph):
-    with imagination() as sandbox:
-        return imagine(Entry(template, "OPEN(old)"), graph, ("crate",), sandbox)
+    with Imagination() as imagination:
+        return imagine(Entry(template, "OPEN(old)"), graph, ("crate",), imagination)
 
 
 def test_a_template_written_by_somebody_else_is_read_by_what_it_does():
@@ -301,3 +304,17 @@ def test_an_unknown_verb_is_said_and_a_thing_out_of_sight_is_an_error_of_the_cod
     assert "defenestrate" in answer.not_understood
     with pytest.raises(AssertionError, match="no vase"):
         run(write(graph, "PICK_UP(vase)")[0], graph)
+
+
+def test_closing_ends_what_is_being_imagined():
+    crate, *_ = box_with_door("crate")
+    imagination, imagined_commands = Imagination(), []
+    imagination.open()
+    imagining = threading.Thread(
+        target=lambda: imagined_commands.append(imagination.commands("open_gripper()\nwhile True:\n    pass\n", crate))
+    )
+    imagining.start()
+    time.sleep(0.5)  # most of the time it has begun by then
+    imagination.close()
+    imagining.join(40)
+    assert len(imagined_commands) == 1

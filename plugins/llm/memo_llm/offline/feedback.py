@@ -9,9 +9,9 @@ from collections.abc import Iterable
 import attrs
 
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
+from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
 from memo_llm.offline.reading import Edit, Reading, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
@@ -126,7 +126,7 @@ def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
     return sorted(words - own)
 
 
-def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: Sandbox) -> NotesAnswer:
+def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> NotesAnswer:
     """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
     prompt lacks."""
     words = _settled_words(prompt.quoted("what the person said"))
@@ -141,7 +141,7 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: Sandbo
     if heard.question:
         # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
         return _answer(heard, unclear=heard.question)
-    attempt = _attempt(heard, prompt, scene, sandbox)
+    attempt = _attempt(heard, prompt, scene, imagination)
     if lost := _lost(heard, attempt, scene, habits.rough, vocabulary):
         return _answer(heard, unclear=f"how would one do that here: {lost} You said: {' '.join(words.split())[:200]}")
     corrections: list[str] = []
@@ -341,7 +341,7 @@ def _opposed(edits: list[Edit], vocabulary: Vocabulary) -> str:
 # -- what is noted -----------------------------------------------------------------------------------------------------
 
 
-def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, sandbox: Sandbox) -> Attempted:
+def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, imagination: Imagination) -> Attempted:
     """What the attempt did, where a remark is relative to that."""
     if heard.recipe is None or not any(edit.kind in (*PLACES, *LENGTHS) for edit in heard.edits):
         return Attempted()
@@ -350,7 +350,7 @@ def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, sandbox: Sandbox) 
     except LanguageModelError:  # it was said of something else than code
         return Attempted()
     habit = render(heard.recipe, prompt.section("subtask"), scene, prompt.task, [])
-    return attempted(code, habit, heard.recipe, scene, sandbox)
+    return attempted(code, habit, heard.recipe, scene, imagination)
 
 
 def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:

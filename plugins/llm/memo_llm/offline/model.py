@@ -10,10 +10,10 @@ from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_llm.offline.clustering import condense
 from memo_llm.offline.feedback import note
 from memo_llm.offline.generalising import generalise
+from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.planning import plan
 from memo_llm.offline.prompt import Prompt, unreadable
 from memo_llm.offline.recipe import Habits
-from memo_llm.offline.templates import imagination
 from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.writing import write_code
 from memo_llm.settings import OfflineSettings
@@ -39,16 +39,17 @@ class OfflineModel(LanguageModel):
         self._settings = settings or OfflineSettings()
         self._vocabulary: Vocabulary | None = None
         self._habits: Habits | None = None
-        self._sandbox = imagination()
+        self._imagination = Imagination()
 
     def open(self) -> None:
         """Reads vocabulary and habits. Raises ``InvalidArgument`` naming what is wrong in them."""
+        self._imagination.open()
         self._vocabulary = Vocabulary.load(given) if (given := self._settings.vocabulary) else _built_in_vocabulary()
         self._habits = Habits.load(given) if (given := self._settings.habits) else _built_in_habits()
 
     def close(self) -> None:
         self._vocabulary = self._habits = None
-        self._sandbox.close()
+        self._imagination.close()
 
     def answer(
         self,
@@ -73,10 +74,10 @@ class OfflineModel(LanguageModel):
             planned = plan(prompt)
             return planned.answer, planned.not_understood
         if phase == "code":
-            code = write_code(prompt, self._habits, self._vocabulary, self._sandbox)
+            code = write_code(prompt, self._habits, self._vocabulary, self._imagination)
             return f"```python\n{code.text}```", code.not_understood
         if phase == "feedback":
-            noted = note(prompt, self._habits, self._vocabulary, self._sandbox)
+            noted = note(prompt, self._habits, self._vocabulary, self._imagination)
             return noted.text, noted.not_understood
         if phase == "cluster":
             condensed = condense(prompt, self._vocabulary)

@@ -15,14 +15,14 @@ from collections.abc import Iterable
 import attrs
 import numpy as np
 
-from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
 from memo_core.skills.recording_control import Command
+from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.reading import Edit
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.surroundings import Surroundings
-from memo_llm.offline.templates import imagined, path_shaped
+from memo_llm.offline.templates import path_shaped
 
 WAYS = {
     "up": (2, 1.0, "higher"),
@@ -51,9 +51,9 @@ class Attempted:
     degrees: float | None = None  # of an arc or a turn
 
 
-def attempted(code: str, habit_code: str, recipe: Recipe, scene: SceneGraph, sandbox: Sandbox) -> Attempted:
+def attempted(code: str, habit_code: str, recipe: Recipe, scene: SceneGraph, imagination: Imagination) -> Attempted:
     """What an attempt's code does on a scene, beside the habit's code for the same subtask."""
-    there, usual = imagined(code, scene, sandbox), imagined(habit_code, scene, sandbox)
+    there, usual = imagination.commands(code, scene), imagination.commands(habit_code, scene)
     at, meant = _contact(there), _contact(usual)
     shift = None if at is None or meant is None else at - meant
     around = Surroundings.of(scene, recipe.thing, recipe.place)

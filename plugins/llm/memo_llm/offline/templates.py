@@ -14,42 +14,26 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.sandbox.limits import Limits
-from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose, quaternion_angle
-from memo_core.skills.contract import BUILTIN_SKILLS
-from memo_core.skills.recording_control import Command, RecordingControl
-from memo_core.skills.skill import skill_library
+from memo_core.skills.recording_control import Command
+from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Entry
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.surroundings import Surroundings, descendants, find, last_word
 
 STRAIGHT = 0.04  # largest sideways deviation over length of a line
 TURNS = math.radians(20)
-# By the clock on the wall: what is read out of a template must not depend on what else the machine does.
-PATIENCE = Limits(seconds_between_calls=60.0, seconds_in_all=120.0)
-
-
-def hand_over(scene: SceneGraph) -> RecordingControl:
-    """A recorded hand above the scene that points down; no robot moves."""
-    return RecordingControl(scene, Pose(scene.observation.end_effector.position, (0.0, 1.0, 0.0, 0.0)))
-
-
-def imagination() -> Sandbox:
-    """The sandbox in which code is executed with a recorder in place of the robot, unopened: it opens at its first use
-    and has to be closed."""
-    return Sandbox(skill_library(BUILTIN_SKILLS), PATIENCE)
 
 
 def adopt(
-    recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...], sandbox: Sandbox
+    recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination
 ) -> Recipe | None:
     """The recipe with the template's structure, or None if the template cannot be used."""
     around = Surroundings.of(scene, recipe.thing, recipe.place)
     if around.thing is None:
         return recipe
-    events = imagine(template, scene, objects, sandbox)
+    events = imagine(template, scene, objects, imagination)
     if not events:
         return None
     return _shaped(recipe, events, around)
@@ -58,7 +42,7 @@ def adopt(
 # -- imagining -------------------------------------------------------------------------------------------------------
 
 
-def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], sandbox: Sandbox) -> list[Command]:
+def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination) -> list[Command]:
     """The recorded motion of the hand when the template is called for the prompt's objects; empty if it cannot be
     called."""
     try:
@@ -72,15 +56,7 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], sandbo
     if arguments is None:
         return []
     call = f"{function.name}({', '.join(f'{k}={v!r}' for k, v in arguments.items())})"
-    return imagined(f"{template.text}\n\n{call}\n", scene, sandbox)
-
-
-def imagined(code: str, scene: SceneGraph, sandbox: Sandbox) -> list[Command]:
-    """The recorded motion of the hand when the code runs on the scene."""
-    hand = hand_over(scene)
-    # What fails half-way was still going somewhere: the events up to there count.
-    sandbox.run(code, hand, stopped=lambda: False)
-    return hand.commands
+    return imagination.commands(f"{template.text}\n\n{call}\n", scene)
 
 
 def _arguments(

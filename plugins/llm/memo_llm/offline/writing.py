@@ -7,7 +7,6 @@ import re
 
 import attrs
 
-from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.keys import Key
@@ -15,6 +14,7 @@ from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import Terms
 from memo_llm.offline.editing import apply
 from memo_llm.offline.feedback import hear
+from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Corrected, Entry, Prompt, read_subtask, unreadable
 from memo_llm.offline.reading import Edit, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
@@ -33,7 +33,7 @@ class Code:
     not_understood: tuple[str, ...]
 
 
-def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: Sandbox) -> Code:
+def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> Code:
     """Python for the prompt's subtask. Raises ``LanguageModelError`` naming what the prompt lacks."""
     scene = prompt.scene()
     action, objects = prompt.subtask
@@ -46,7 +46,7 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: 
         recipe = habits.recipe("push", objects)
         if recipe is None:
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
-    recipe = _adopted(recipe, prompt, scene, habits, missed, sandbox)
+    recipe = _adopted(recipe, prompt, scene, habits, missed, imagination)
     # What is only a hint and speaks of nothing here is left for when the plain way has failed.
     said = prompt.entries("corrections")
     corrections = [one for one in said if failed or not one.hint or _applies(one, prompt, habits)]
@@ -56,7 +56,7 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, sandbox: 
     for entry in [*reversed(prompt.entries("general")), *reversed(corrections)]:
         told += _told(entry, known, recipe, scene, vocabulary, missed)
     for one in reversed(prompt.corrected()):
-        told += _just_said(one, known, recipe, prompt, scene, habits, vocabulary, missed, sandbox)
+        told += _just_said(one, known, recipe, prompt, scene, habits, vocabulary, missed, imagination)
     followed: list[str] = []
     counts = not_outdated([edit for _, edit in told], habits.rough)
     for text, edit in told:
@@ -107,7 +107,7 @@ def _just_said(
     habits: Habits,
     vocabulary: Vocabulary,
     missed: list[str],
-    sandbox: Sandbox,
+    imagination: Imagination,
 ) -> list[tuple[str, Edit]]:
     """What follows from a correction of this run: from its notes, and where none were made from the words, if they are
     surely understood. What is relative is relative to that attempt's code."""
@@ -124,7 +124,7 @@ def _just_said(
     if not (relative and one.code and plain is not None):
         return told
     habit = render(plain, prompt.section("subtask"), scene, prompt.task, [])
-    attempt = attempted(one.code, habit, plain, scene, sandbox)
+    attempt = attempted(one.code, habit, plain, scene, imagination)
     return [(text, edit) for text, one_edit in told for edit in measured_from([one_edit], plain, attempt)]
 
 
@@ -169,12 +169,12 @@ def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
 
 
 def _adopted(
-    recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str], sandbox: Sandbox
+    recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str], imagination: Imagination
 ) -> Recipe:
     """The structure of what worked before at something like this; of several templates the best ranked one has the
     last word."""
     for template in reversed([one for one in prompt.templates() if _like(one, prompt, habits)]):
-        shaped = adopt(recipe, template, scene, prompt.subtask[1], sandbox)
+        shaped = adopt(recipe, template, scene, prompt.subtask[1], imagination)
         if shaped is None:
             missed.append(f"the template of {template.key}" if template.key else "a template")
         else:
