@@ -81,6 +81,25 @@ class PointsSettings:
 
 
 @attrs.frozen
+class LocalSettings:
+    """Settings of the ``local`` detector."""
+
+    weights: str = attrs.field(
+        default="", metadata={"help": "folder or repository with weights of OWLv2, Grounding DINO or SAM 3"}
+    )
+    masks: str = attrs.field(
+        default="", metadata={"help": "the same for SAM 2, which cuts out boxes; empty: the finder's, or geometry"}
+    )
+    threshold: float = attrs.field(
+        default=0.2,
+        validator=and_(ge(0.0), le(1.0)),
+        metadata={"help": "least score; models differ in what they give"},
+    )
+    device: str = attrs.field(default="cpu", metadata={"help": "as torch names it: cpu, cuda, cuda:1, mps"})
+    download: bool = attrs.field(default=False, metadata={"help": "whether weights may be fetched from the hub"})
+
+
+@attrs.frozen
 class TaggedThing:
     """What carries a tag."""
 
@@ -150,6 +169,7 @@ class CamerasSettings:
     inventory: InventorySettings = InventorySettings()
     marks: MarksSettings = MarksSettings()
     points: PointsSettings = PointsSettings()
+    local: LocalSettings = LocalSettings()
     tags: TagsSettings = TagsSettings()
     realsense: RealsenseSettings = RealsenseSettings()
     orbbec: OrbbecSettings = OrbbecSettings()

@@ -23,6 +23,12 @@ DETECTORS: dict[str, Stage] = {
             "memo_perception.cameras.detectors.inventory:InventoryDetector",
         ),
         Stage(
+            "local",
+            "models on this machine that find things by name and cut them out; their weights are yours",
+            "memo_perception.cameras.detectors.local:LocalDetector",
+            extra="local",
+        ),
+        Stage(
             "tags",
             "ArUco or AprilTag markers stuck to things",
             "memo_perception.cameras.detectors.tags:TagsDetector",

@@ -30,7 +30,7 @@ _MARGIN = 0.15  # share of a box by which its surroundings are looked at to cut 
 
 
 @attrs.frozen(eq=False)
-class _Placed:
+class Placed:
     """A thing in one picture, with what was found at its place."""
 
     frame: str
@@ -53,13 +53,13 @@ class PointsDetector(ModelDetector):
         )
 
     def detect(self, request: Request) -> tuple[Detection, ...]:
-        placed: list[_Placed] = []
+        placed: list[Placed] = []
         why = ""
         for frame in request.frames:
             reading = self._read(frame, request)
             why = why or (reading.problems[0] if reading.problems and not reading.things else "")
-            placed += _exclusive(list(_placed(frame, reading, request.regions)))
-        found = _merged(placed, len(request.frames))
+            placed += exclusive(list(_placed(frame, reading, request.regions)))
+        found = merged(placed, len(request.frames))
         if not found and why:
             told = f"the model's answer could not be used: {why}"
             return tuple(unknown(region.id, told, "points") for region in request.regions)
@@ -81,14 +81,14 @@ def read_points(text: str, convention: Convention, sent: tuple[int, int], size: 
     return read_things(text, lambda said: convention.place(said, sent, size))
 
 
-def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterator[_Placed]:
+def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterator[Placed]:
     for key, thing in keyed(reading.things):
         numbers: frozenset[int] = frozenset()
         masks: dict[str, np.ndarray] = {}
         flag, area = thing.flag, 0.0
         if thing.box is not None:
             area = (thing.box[2] - thing.box[0]) * (thing.box[3] - thing.box[1])
-            numbers = _in_box(thing.box, frame, regions)
+            numbers = in_box(thing.box, frame, regions)
         elif thing.point is not None:
             numbers = _under(thing.point, frame, regions)
         if not numbers and (thing.box or thing.point):
@@ -109,10 +109,11 @@ def _placed(frame: Frame, reading: Reading, regions: Sequence[Region]) -> Iterat
             "points",
             flag,
         )
-        yield _Placed(frame.name, thing.label.lower(), detection, area)
+        yield Placed(frame.name, thing.label.lower(), detection, area)
 
 
-def _in_box(box: Box, frame: Frame, regions: Sequence[Region]) -> frozenset[int]:
+def in_box(box: Box, frame: Frame, regions: Sequence[Region]) -> frozenset[int]:
+    """Regions of which most lies in a box."""
     left, top, right, bottom = (round(side) for side in box)
     found = set()
     for region in regions:
@@ -162,7 +163,7 @@ def cut_out(rgb: np.ndarray, box: Box) -> np.ndarray:
     return result
 
 
-def _exclusive(placed: list[_Placed]) -> list[_Placed]:
+def exclusive(placed: list[Placed]) -> list[Placed]:
     """A region in several boxes of one picture belongs to the smallest of them: a cup before a fridge is no fridge."""
     owner: dict[int, int] = {}
     for number in sorted(range(len(placed)), key=lambda i: placed[i].area):
@@ -177,7 +178,7 @@ def _exclusive(placed: list[_Placed]) -> list[_Placed]:
     return kept
 
 
-def _merged(placed: list[_Placed], pictures: int) -> list[Detection]:
+def merged(placed: list[Placed], pictures: int) -> list[Detection]:
     """One detection a thing. In two pictures are one thing those of one label that share a region, or that are the only
     ones of their label. Of two names for one region the first stays, flagged."""
     found: list[tuple[str, set[str], Detection]] = []  # label, pictures, detection
