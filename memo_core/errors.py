@@ -71,6 +71,19 @@ class RobotFault(MemoError):
 
 
 @attrs.define(auto_exc=True, eq=False)
+class TaskCodeError(MemoError):
+    """A task's own code raised an error or returned the wrong thing. This ends a run: generated code is not to blame.
+    ``hook`` is the method, such as ``check()``; ``problem`` says what happened, with the author's file and line."""
+
+    task: str
+    hook: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"task {self.task!r}: {self.hook} {self.problem}"
+
+
+@attrs.define(auto_exc=True, eq=False)
 class InvalidArgument(MemoError):
     """An invalid argument; says what would be valid."""
 

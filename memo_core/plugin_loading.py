@@ -221,8 +221,9 @@ def _check_needs(needs: Any, said: str) -> None:
     for name, what in (("modules", needs.modules), ("system", needs.system)):
         if not isinstance(what, dict) or not all(isinstance(text, str) for pair in what.items() for text in pair):
             raise TypeError(f"{said}: needs.{name} must be a dict of text to text")
-    if not isinstance(needs.keys, tuple) or not all(isinstance(key, str) and key for key in needs.keys):
-        raise TypeError(f"{said}: needs.keys must be a tuple of the names of environment variables")
+    for name, keys in (("keys", needs.keys), ("optional_keys", needs.optional_keys)):
+        if not isinstance(keys, tuple) or not all(isinstance(key, str) and key for key in keys):
+            raise TypeError(f"{said}: needs.{name} must be a tuple of the names of environment variables")
 
 
 def _check_config(config: type, said: str, within: tuple[type, ...] = ()) -> None:

@@ -170,4 +170,4 @@ class FirstVerdict:
     def heard(self, event: Event) -> None:
         if isinstance(event, SubtaskEnded) and not self.asked and self.world is not None:
             self.asked = True
-            self.first = self.world.task.check_subtask(event.subtask, self.world.simulator)
+            self.first = self.world.check_subtask(event.subtask)

@@ -181,7 +181,7 @@ class _Watch:
         elif isinstance(event, SkillCalled):
             self._called(event)
         elif isinstance(event, CodeEnded) and self.world is not None:
-            verdict = self.world.task.check_subtask(event.subtask, self.world.simulator)
+            verdict = self.world.check_subtask(event.subtask)
             opened = verdict is not None and verdict.success
             self.attempts.append(Attempt(self.served, self.shape, opened))
             self.way, self.at, self.let_go, self.failed = None, None, False, None

@@ -28,6 +28,7 @@ from memo_core.runlog.json_lines import append_line, read_lines
 from memo_core.runs.demo import EMPTY
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.plugin_code import code_digest
 from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
@@ -242,10 +243,12 @@ class _Log:
 
     def _read(self, lines: list[tuple[int, Any]], mark: dict[str, Any]) -> None:
         (_, found), *rest = lines
+        if isinstance(found, dict) and "code" not in found:  # written before it was kept
+            mark = {key: value for key, value in mark.items() if key != "code"}
         if found != mark:
             differs = [key for key in mark if not isinstance(found, dict) or found.get(key) != mark[key]]
             problem = f"{self._file} is of another experiment (it differs in {', '.join(differs)})"
-            raise InvalidArgument("--out", problem, "the same settings, or a new folder")
+            raise InvalidArgument("--out", problem, "the same settings and code, or a new folder")
         for number, line in rest:
             try:
                 trial = Trial(**line)
@@ -260,11 +263,12 @@ class _Log:
 
 
 def _mark(experiments: Mapping[str, Experiment], taught: Sequence[str]) -> dict[str, Any]:
-    """What trials depend on, as far as the settings tell."""
+    """What trials depend on: the settings, and the files of MEMO and the plugins."""
     varies = ("task", "seed", "skillbook.url", "skillbook.read_only")
     settings: dict[str, Any] = {"simulators": sorted(experiments), "taught": list(taught)}
     for name, experiment in sorted(experiments.items()):
         settings[name] = {key: value for key, value in experiment.public().items() if key not in varies}
+    settings["code"] = {name: code_digest(experiment) for name, experiment in sorted(experiments.items())}
     return json.loads(json.dumps(settings, default=str))
 
 

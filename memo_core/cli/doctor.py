@@ -101,7 +101,7 @@ def _backends(registry: Registry) -> Iterator[Finding]:
                 state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"
                 yield Finding(f"{kind} {backend.name}", state, f"needs {lacking.what}", lacking.remedy)
             # Only who selects a backend needs its keys, and one of several providers' keys is enough.
-            for lacking in missing_needs(Needs(keys=backend.needs.keys)):
+            for lacking in missing_needs(Needs(keys=backend.needs.secrets)):
                 yield Finding(f"{kind} {backend.name}", "optional", f"no {lacking.what}", lacking.remedy)
 
 

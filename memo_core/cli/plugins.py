@@ -119,9 +119,12 @@ def check(
 
 
 def _missing(backend: Backend) -> str:
+    import attrs
+
     from memo_core.plugins import missing_needs
 
-    return "; ".join(f"{missing.what}: {missing.remedy}" for missing in missing_needs(backend.needs))
+    needs = attrs.evolve(backend.needs, keys=backend.needs.secrets)
+    return "; ".join(f"{missing.what}: {missing.remedy}" for missing in missing_needs(needs))
 
 
 def _as_json(backend: Backend, distribution: str) -> dict[str, Any]:
@@ -134,7 +137,7 @@ def _as_json(backend: Backend, distribution: str) -> dict[str, Any]:
         "needs": {
             "modules": backend.needs.modules,
             "system": backend.needs.system,
-            "environment": list(backend.needs.keys),
+            "environment": list(backend.needs.secrets),
         },
         "missing": _missing(backend) or None,
     }

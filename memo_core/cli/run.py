@@ -116,6 +116,7 @@ def _warn_of_reach(experiment: Experiment) -> None:
 
 def _say_of_the_teacher(experiment: Experiment) -> None:
     """Say in a line each what of the task the simulated teacher cannot see, and that it errs on purpose."""
+    from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import task_of
     from memo_core.teachers.goal_check import unseen_goal
@@ -125,7 +126,7 @@ def _say_of_the_teacher(experiment: Experiment) -> None:
     if not isinstance(settings, SimulatedTeacherSettings) or experiment.task is None:
         return
     task = task_of(experiment, experiment.task)
-    unseen = unseen_goal(task.goal, task.scene(generator(experiment.seed, "scene")))
+    unseen = unseen_goal(task.goal, scene_of(task, generator(experiment.seed, "scene")))
     if unseen:
         note(f"memo: the simulated teacher does not judge the whole of {task.name!r}: {'; '.join(unseen)}")
     if settings.misjudges:

@@ -56,10 +56,11 @@ def show(
     json: Json = False,
 ) -> None:
     """Show one task: its instruction, what stands in its scene, what watches it."""
+    from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
 
     task = _task(*load(config, _with_suite(overrides, suite)), name)
-    scene = task.scene(generator(seed, "scene"))
+    scene = scene_of(task, generator(seed, "scene"))
     bodies = [
         {"name": body.name, "label": body.label, "joint": type(body.joint).__name__.lower() if body.joint else "fixed"}
         for body, _ in scene.walk()
@@ -102,6 +103,7 @@ def verify(
     is how many seconds are simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
+    from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import tasks_of
     from memo_core.teachers.goal_check import unseen_goal
@@ -113,7 +115,7 @@ def verify(
     trials = [verification.Trial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted]
     log = verification.TrialLog(out, verification.digest_of(experiment))
     results = verification.run_trials(trials, jobs, log)
-    unseen = {task.name: unseen_goal(task.goal, task.scene(generator(wanted[0], "scene"))) for task in tasks}
+    unseen = {task.name: unseen_goal(task.goal, scene_of(task, generator(wanted[0], "scene"))) for task in tasks}
     report = [
         verification.report_of(name, [r for r in results if r["task"] == name]) | {"goal_unseen": unseen[name]}
         for name in chosen

@@ -63,8 +63,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 class TrialLog:
     """Results in a file, one JSON line per trial, written as each ends, so that an interrupted sweep can be resumed.
 
-    A line counts only for the same settings, scene, reference solution and plain attempt, of which it carries a digest.
-    Changes of a success check are not detected."""
+    A line counts only for the same settings, scene and code, of which it carries a digest."""
 
     def __init__(self, file: Path | None, digest: Callable[[str, int], str]) -> None:
         self._file, self._digest = file, digest
@@ -93,6 +92,12 @@ class TrialLog:
         found = self._done.get((trial.task, trial.seed, self._digest(trial.task, trial.seed)))
         return None if found is None or (trial.plain and "plain" not in found) else found
 
+    def outdated(self, trials: Iterable[Trial]) -> int:
+        """How many of the trials the file has, but not as scene, settings and code are now."""
+        tried = {(task, seed) for task, seed, _ in self._done}
+        old = [(one.task, one.seed) for one in trials if (one.task, one.seed) in tried]
+        return sum((*one, self._digest(*one)) not in self._done for one in old)
+
     def add(self, result: dict[str, Any]) -> None:
         if self._file is None:
             return
@@ -107,16 +112,20 @@ def _unusable(file: Path, error: OSError) -> InvalidArgument:
 
 
 def digest_of(experiment: Any) -> Callable[[str, int], str]:
-    """What a result depends on, as far as data tell: the experiment's values, the scene, the code that is run."""
+    """What a result depends on: the experiment's values, the scene, the robot code that is run, and the files of MEMO
+    and of the plugins that decide (suite, simulator, robot, drivers, perception, skills)."""
+    from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
     from memo_core.runs.factories import task_of
+    from memo_core.runs.plugin_code import WITHOUT_MODEL, code_digest
 
+    files = code_digest(experiment, WITHOUT_MODEL)
     values = {key: value for key, value in experiment.public().items() if key not in ("task", "seed")}
 
     def digest(name: str, seed: int) -> str:
         task = task_of(experiment, name)
         code = [text for text in (task.reference_solution, task.plain_attempt) if text]
-        parts = (sorted(values.items(), key=repr), task.scene(generator(seed, "scene")), *code)
+        parts = (files, sorted(values.items(), key=repr), scene_of(task, generator(seed, "scene")), *code)
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
     return digest
@@ -133,6 +142,8 @@ def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[s
             results.append(known)
     if results:
         note(f"{len(results)} of {len(trials)} trials are in the file already")
+    if outdated := log.outdated(waiting):
+        note(f"{outdated} of {len(trials)} trials are in the file with other code, settings or scenes: they run again")
     with progress_bar() as progress:
         bar = progress.add_task("verifying", total=len(trials), completed=len(results))
         for result in _run(

@@ -39,9 +39,8 @@ class Choice:
 
     def create(self) -> Any:
         """Call the backend's factory with the settings; nothing is opened. Raises ``BackendUnavailable`` if a module it
-        needs is not installed."""
-        needs = attrs.evolve(self.backend.needs, keys=())
-        missing = missing_needs(needs)
+        needs is not installed or an environment variable that it needs is not set."""
+        missing = missing_needs(self.backend.needs)
         if missing:
             what = ", ".join(one.what for one in missing)
             remedy = "; ".join(one.remedy for one in missing)
@@ -306,7 +305,7 @@ class _Assembly:
         if backend is None:
             return None
         keys = {key: value for key, value in values.items() if key != "backend"}
-        settings = self._checker.section(backend.config, keys, path, f"{kind} {backend.name!r}", backend.needs.keys)
+        settings = self._checker.section(backend.config, keys, path, f"{kind} {backend.name!r}", backend.needs.secrets)
         return None if settings is None else Choice(backend, settings)
 
     def _backend(self, kind: str, values: dict[str, Any], path: Path_, optional: bool) -> Backend | None:
@@ -346,7 +345,7 @@ class _Assembly:
             return
         meant = self._registry.get(kind, near[0])
         keys = {key: value for key, value in values.items() if key != "backend"}
-        self._checker.section(meant.config, keys, path, f"{kind} {meant.name!r}", meant.needs.keys)
+        self._checker.section(meant.config, keys, path, f"{kind} {meant.name!r}", meant.needs.secrets)
 
     # -- what people see -------------------------------------------------------------------------------------------
     def _show_choice(self, choice: Choice, path: Path_, source: Path_ | None = None) -> None:
@@ -398,5 +397,5 @@ def plain(value: Any) -> Any:
 
 
 def _secrets(registry: Registry) -> dict[str, str]:
-    names = {name for kind in KINDS for backend in registry.backends(kind) for name in backend.needs.keys}
+    names = {name for kind in KINDS for backend in registry.backends(kind) for name in backend.needs.secrets}
     return {os.environ[name]: name for name in sorted(names) if os.environ.get(name)}

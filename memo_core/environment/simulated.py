@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from memo_core.environment.task_code import monitors_of, outcome_of, scene_of, subtask_outcome_of, task_code
 from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.link import Link
@@ -46,7 +47,7 @@ class SimulatedEnvironment(TaskEnvironment):
 
     def _open(self) -> None:
         """Open the parts, build the scene of this seed and reset the monitors."""
-        self.description = self.task.scene(generator(self.seed, "scene"))
+        self.description = scene_of(self.task, generator(self.seed, "scene"))
         self.simulator.open()
         self.simulator.build(self.description, self.robot)
         self._link = link = self._make_link(self.simulator, self.robot)
@@ -63,9 +64,7 @@ class SimulatedEnvironment(TaskEnvironment):
                 scene=self.description,
             )
         )
-        self.monitors = {monitor.name: monitor for monitor in self.task.monitors()}
-        for monitor in self.monitors.values():
-            monitor.reset(self.simulator)
+        self.monitors = monitors_of(self.task, self.simulator, self.description)
         self._watching = tuple(self.monitors.values())
         if self._watching:
             self.simulator.add_tick_listener(self._update_monitors)
@@ -92,7 +91,11 @@ class SimulatedEnvironment(TaskEnvironment):
 
     def check(self) -> Outcome:
         """The result of the success check for the present state."""
-        return self.task.check(self.simulator, self.monitors)
+        return outcome_of(self.task, self.simulator, self.monitors, self.description)
+
+    def check_subtask(self, subtask: str) -> Outcome | None:
+        """The result of the task's check of a subtask for the present state; None if it has none."""
+        return subtask_outcome_of(self.task, subtask, self.simulator, self.description)
 
     def settle(self, seconds: float = 0.5) -> None:
         """Simulate without commands until released objects have come to rest. Raises ``Stopped``."""
@@ -172,7 +175,8 @@ class SimulatedEnvironment(TaskEnvironment):
 
     def _update_monitors(self) -> None:
         for monitor in self._watching:
-            monitor.update(self.simulator)
+            with task_code(self.task, f"update() of monitor {monitor.name!r}", monitor, self.description):
+                monitor.update(self.simulator)
 
 
 def find_task(suite: Iterable[Task], name: str) -> Task:

@@ -3,6 +3,7 @@
 study/                   what was taught (memo_core.study)
 books/                   the book of each method after each hour
 evaluation/config.yaml   the resolved experiment, which workers read
+evaluation/code          digest of MEMO's and the plugins' files when it was begun
 evaluation/trials/ID/    each trial
 evaluation/trials.jsonl  the table, and trials.parquet
 """
@@ -30,6 +31,7 @@ from memo_core.evaluation.trial import Place, experiment_of
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.folder import nested
+from memo_core.runs.plugin_code import code_digest
 from memo_core.runs.resuming import check_config
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.journal import Journal
@@ -39,6 +41,7 @@ from memo_core.study.study import CONFIG, journals_of
 _GRID = ("study.", "books.", "evaluation.", "report.")  # sections whose values may change: the grid may grow
 _GOES_ON = "evaluating; the same command goes on"
 POLL_S = 1.0
+CODE = "code"  # file with the digest
 
 
 @attrs.frozen
@@ -90,6 +93,7 @@ def evaluate(
     place = Place(folder)
     _check(load, experiment, trials)
     _keep_config(experiment, folder / "evaluation")
+    _keep_code(experiment, folder / "evaluation", note)
     make_books(experiment, journals, place.books, trials, stop, note)
     note_evaluation(experiment, journals, trials, folder / "evaluation")
     problems: list[Problem] = []
@@ -178,6 +182,16 @@ def _keep_config(experiment: Experiment, folder: Path) -> None:
         fixed = {path: value for path, value in values.items() if not path.startswith(_GRID)}
         _check_same(folder, fixed)
     write_whole(folder / CONFIG, yaml.safe_dump(nested(values), sort_keys=False, allow_unicode=True))
+
+
+def _keep_code(experiment: Experiment, folder: Path, note: Callable[[str], None]) -> None:
+    """Keep what code the evaluation began with, and say so where it is another now: trials that are over stay."""
+    file, now = folder / CODE, code_digest(experiment)
+    if not file.exists():
+        write_whole(file, now)
+    elif file.read_text(encoding="utf-8") != now:
+        said = "trials that are over stay as they are; use a new folder to do them again"
+        note(f"MEMO or a plugin has changed since {folder} was begun: {said}")
 
 
 def _check_same(folder: Path, fixed: dict[str, Any]) -> None:

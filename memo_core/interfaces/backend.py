@@ -30,12 +30,20 @@ class Needs:
     """What a backend needs beyond its distribution, for ``memo doctor`` and error messages.
 
     ``modules``: importable modules and the distribution that provides each; ``system``: system packages and their
-    purpose; ``keys``: environment variables that hold secrets.
+    purpose; ``keys``: environment variables that hold secrets, all required: the backend is not made without them;
+    ``optional_keys``: those of which its settings decide which is needed, such as one key per provider; the backend
+    itself says which is missing.
     """
 
     modules: dict[str, str] = attrs.field(factory=dict)
     system: dict[str, str] = attrs.field(factory=dict)
     keys: tuple[str, ...] = ()
+    optional_keys: tuple[str, ...] = ()
+
+    @property
+    def secrets(self) -> tuple[str, ...]:
+        """All environment variables that hold secrets."""
+        return (*self.keys, *self.optional_keys)
 
 
 @attrs.frozen

@@ -175,7 +175,7 @@ class Narrator:
         verdict = {
             True: "[bold green]success[/] by the task's own check",
             False: "[bold red]no success[/] by the task's own check",
-            None: "[bold]not judged[/]: there is no check",
+            None: "[bold]not judged[/]",
         }[event.success]
         self.console.print(f"\n{verdict} ({event.wall_s:.1f} s). Why the run ended: {escape(event.reason)}")
 

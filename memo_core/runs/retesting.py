@@ -135,7 +135,7 @@ class Retesting:
             raise Stopped("retesting")
         if not execution.succeeded:
             return False, execution.error or execution.ended
-        outcome = world.task.check_subtask(subtask, world.simulator)
+        outcome = world.check_subtask(subtask)
         if outcome is None:
             raise CannotRetest(f"the task {world.task.name} has no check of {subtask}")
         return outcome.success, "" if outcome.success else outcome.reason

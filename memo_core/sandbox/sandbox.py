@@ -26,7 +26,7 @@ from pydantic_monty import (
     NameLookupSnapshot,
 )
 
-from memo_core.errors import InvalidArgument, MemoError, RobotFault, Stopped, UnknownName
+from memo_core.errors import InvalidArgument, MemoError, RobotFault, Stopped, TaskCodeError, UnknownName
 from memo_core.events import SkillCalled
 from memo_core.sandbox import prelude
 from memo_core.sandbox.check_process import Checker
@@ -125,8 +125,8 @@ class Sandbox:
         it is called before and after every skill call and, from another thread, every few milliseconds while the code
         computes. ``on_call`` receives every finished call, ``on_print`` every piece of output; ``clock`` (s) is the
         robot's clock and the code's ``time.time()``; ``wall_seconds`` is the remainder of a longer limit, if less than
-        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, or any other exception (a bug in
-        MEMO), kills the worker and is raised here."""
+        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, a ``TaskCodeError``, or any
+        other exception (a bug in MEMO), kills the worker and is raised here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:
@@ -294,7 +294,7 @@ class _Run:
         except Stopped:
             self._note(SkillCalled(name, arguments, error="stopped"))
             raise
-        except RobotFault as fault:
+        except (RobotFault, TaskCodeError) as fault:
             self._note(SkillCalled(name, arguments, error=" ".join(str(fault).split())))
             self._watch.kill()
             raise

@@ -19,7 +19,7 @@ import attrs
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.config.experiment import DRIVERS, plain
 from memo_core.config.fields import field_types
-from memo_core.errors import BackendUnavailable, MemoError, UnknownName
+from memo_core.errors import BackendUnavailable, MemoError, TaskCodeError, UnknownName
 from memo_core.interfaces.backend import KINDS, Backend
 from memo_core.plugins import Registry, missing_needs
 from memo_core.testing.rules import Limited, Rules
@@ -120,8 +120,12 @@ def check_backend(
     if backend.kind == "robot":
         yield from check_robot(registry, name, make, trials)
         return
-    for rule, conforms in _rules_of(suite, backend.kind).items():
-        yield _run(name, rule, functools.partial(conforms, make))
+    checks = {rule: functools.partial(conforms, make) for rule, conforms in _rules_of(suite, backend.kind).items()}
+    if backend.kind == "suite":  # one mistake in a scene breaks nearly every rule, with the same words
+        yield from _in_turn(name, checks, {})
+        return
+    for rule, check in checks.items():
+        yield _run(name, rule, check)
 
 
 def check_robot(
@@ -205,6 +209,8 @@ def _run(name: str, rule: str, check: Callable[[], None]) -> Result:
         return Result(name, rule, outcome, " ".join(str(error).split()) or "the assertion says no more")
     except BackendUnavailable as error:
         return Result(name, rule, "skipped", str(error))
+    except TaskCodeError as error:
+        return Result(name, rule, "broken", " ".join(str(error).split()))
     except Exception as error:
         return Result(name, rule, "broken", f"raised {type(error).__name__}: {' '.join(str(error).split())}")
     return Result(name, rule, "kept")

@@ -5,13 +5,18 @@ Nothing is simulated here; whether a reference solution solves its task is asked
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.task import Outcome, Task
+from memo_core.environment.task_code import monitors_of, outcome_of, scene_of, task_code
+from memo_core.interfaces.task import Task
 from memo_core.scene.description import SceneDescription
 from memo_core.teachers.goal_check import is_named, labels_of
 from memo_core.teachers.visible_goal import read_goal
@@ -34,7 +39,7 @@ def check_suite(make: Make) -> None:
 
 
 def _scene(task: Task, seed: int) -> SceneDescription:
-    return task.scene(np.random.default_rng(seed))
+    return scene_of(task, np.random.default_rng(seed))
 
 
 @rule
@@ -94,14 +99,39 @@ def nothing_is_done_at_the_start(make: Make) -> None:
     """The success check says no at the start, with a reason, whatever the seed."""
     for task in make():
         for seed in SEEDS:
-            world = StillWorld(_scene(task, seed))
-            monitors = {monitor.name: monitor for monitor in task.monitors()}
-            for monitor in monitors.values():
-                monitor.reset(world)
-            outcome = task.check(world, monitors)
-            assert isinstance(outcome, Outcome), f"{task.name}: check returned {type(outcome).__name__}"
+            scene = _scene(task, seed)
+            world = StillWorld(scene)
+            outcome = outcome_of(task, world, monitors_of(task, world, scene), scene)
             assert not outcome.success, f"{task.name}: seed {seed} is done before anybody moved"
             assert outcome.reason.strip(), f"{task.name}: no reason"
+
+
+@rule
+def checks_return_outcomes(make: Make) -> None:
+    """Each ``return`` of ``check`` gives an ``Outcome``: also those that are not reached at the start give no bare
+    ``True``, ``False``, comparison or nothing."""
+    for task in make():
+        for line, given in _bare_returns(type(task).check):
+            raise AssertionError(f"{task.name}: check returns {given} in line {line}, not an Outcome(success, reason)")
+
+
+def _bare_returns(function: Any) -> Iterator[tuple[int, str]]:
+    """Line and text of what a function returns that can be no ``Outcome``; nothing where there is no source."""
+    try:
+        lines, first = inspect.getsourcelines(function)
+        tree = ast.parse(textwrap.dedent("".join(lines)))
+    except (OSError, TypeError, SyntaxError):
+        return
+    waiting: list[ast.AST] = list(getattr(tree.body[0], "body", ()))
+    while waiting:
+        node = waiting.pop(0)
+        if isinstance(node, ast.Return):
+            value = node.value
+            negated = isinstance(value, ast.UnaryOp) and isinstance(value.op, ast.Not)
+            if value is None or negated or isinstance(value, (ast.Constant, ast.Compare)):
+                yield first + node.lineno - 1, ast.unparse(value) if value is not None else "nothing"
+        elif not isinstance(node, (ast.FunctionDef, ast.Lambda, ast.ClassDef)):
+            waiting.extend(ast.iter_child_nodes(node))
 
 
 @rule
@@ -112,11 +142,13 @@ def monitors_are_new_and_remember(make: Make) -> None:
         assert not {id(m) for m in one} & {id(m) for m in other}, f"{task.name}: one monitor serves two worlds"
         names = [monitor.name for monitor in one]
         assert len(set(names)) == len(names), f"{task.name}: two monitors share a name"
-        world = StillWorld(_scene(task, 0))
+        scene = _scene(task, 0)
+        world = StillWorld(scene)
         for monitor, fresh in zip(one, other, strict=True):
-            monitor.reset(world)
-            fresh.reset(world)
-            monitor.update(world)
+            with task_code(task, f"monitor {monitor.name!r}", monitor, scene):
+                monitor.reset(world)
+                fresh.reset(world)
+                monitor.update(world)
             memory = json.loads(json.dumps(monitor.memory()))
             fresh.recall(memory)
             kept = json.loads(json.dumps(fresh.memory()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 
@@ -23,6 +24,27 @@ RESULT = {
     "sim_s": 30.0,
     "cpu_s": 1.5,
 }
+OWN_TASKS = """
+from memo_core.hooks import hookimpl
+from memo_core.interfaces.backend import Backend
+from memo_core.interfaces.task import Outcome, Task
+from memo_core.scene.description import SceneDescription
+
+
+class Lift(Task):
+    name, instruction, reference_solution = "lift", "lift it", "wait(1)"
+
+    def scene(self, rng):
+        return SceneDescription(())
+
+    def check(self, world, monitors):
+        return Outcome(world.tool_pose().position[2] > 0.1, "up")
+
+
+@hookimpl
+def memo_task_suites():
+    return [Backend("suite", "own", "own tasks", lambda settings: (Lift(),))]
+"""
 TRIAL = Trial(None, (), "lift", 3)
 
 
@@ -88,6 +110,44 @@ def test_the_digest_depends_on_scene_solution_and_settings():
     assert one("open-the-fridge", 0) != one("open-the-fridge", 1)
     other = digest_of(load(None, ["simulator.timestep=0.001"])[1])
     assert one("open-the-fridge", 0) != other("open-the-fridge", 0)
+
+
+def test_the_digest_depends_on_the_files_of_the_plugins_that_decide(tmp_path):
+    """An edited success check, or a data file beside it, makes kept results stale; a process sees its own code."""
+    (tmp_path / "own_tasks").mkdir()
+    (tmp_path / "own_tasks" / "__init__.py").write_text(OWN_TASKS)
+    asks = "from memo_core.cli.options import load; from memo_core.cli.verification import digest_of; "
+    asks += "from memo_core.plugins import Registry; import own_tasks, memo_core.cli.options as options; "
+    asks += (
+        "from memo_core.testing.fake_entry_point import FakeEntryPoint; from memo_core.entry_points import installed; "
+    )
+    asks += "own = FakeEntryPoint('own', 'own', memo_task_suites=own_tasks.memo_task_suites); "
+    asks += "options.load_registry = lambda: Registry([*installed('memo')[0], own]); "
+    asks += "print(digest_of(load(None, ['suite.backend=own'])[1])('lift', 0))"
+
+    def digest() -> str:
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        done = subprocess.run(
+            [sys.executable, "-c", asks], capture_output=True, text=True, timeout=120, env=environment, check=True
+        )
+        return done.stdout.strip()
+
+    first = digest()
+    assert digest() == first
+    (tmp_path / "own_tasks" / "__init__.py").write_text(OWN_TASKS.replace("0.1", "0.2"))
+    second = digest()
+    assert second != first
+    (tmp_path / "own_tasks" / "limits.yaml").write_text("width: 0.06")
+    assert digest() not in (first, second)
+
+
+def test_results_of_other_code_are_run_again_and_that_is_said(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "out.jsonl"
+    TrialLog(file, same).add(RESULT)
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: RESULT | {"sim_s": 31.0})
+    [result] = run_trials([TRIAL], 1, TrialLog(file, lambda name, seed: "edited"))
+    assert result["sim_s"] == 31.0
+    assert "1 of 1 trials are in the file with other code, settings or scenes" in capsys.readouterr().err
 
 
 def test_nineteen_of_twenty_hold_and_eighteen_do_not():

@@ -231,6 +231,15 @@ class Done(Lift):
         return Outcome(world.body_pose("cube").position[2] >= 0.0, "the cube is there")
 
 
+class Bare(Lift):
+    """Wrong only where the start does not get to."""
+
+    def check(self, world, monitors):
+        if monitors["height"].highest > 0.1:
+            return True
+        return Outcome(False, "the cube is on the table")
+
+
 class Shared(Lift):
     watching = (Height(),)
 
@@ -250,6 +259,7 @@ WRONG_SUITES = {
     "a_scene_depends_on_its_seed_only": lambda: [Always()],
     "a_scene_does_not_draw_from_elsewhere": lambda: [Elsewhere()],
     "nothing_is_done_at_the_start": lambda: [Done()],
+    "checks_return_outcomes": lambda: [Bare()],
     "monitors_are_new_and_remember": lambda: [Shared()],
     "reference_solutions_are_code": lambda: [Unwritten()],
 }

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from memo_core import hooks
-from memo_core.errors import UnknownName
+from memo_core.config import Choice
+from memo_core.errors import BackendUnavailable, UnknownName
 from memo_core.events import Problem
 from memo_core.hooks import hookimpl
-from memo_core.interfaces.backend import KINDS, Backend
+from memo_core.interfaces.backend import KINDS, Backend, Needs
 from memo_core.plugin_loading import HOOK_OF_KIND, HOOKS
 from memo_core.plugins import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
@@ -152,3 +153,17 @@ def test_a_name_can_be_qualified_by_its_kind():
         find_backends(registry, "no-such-backend")
     with pytest.raises(UnknownName):
         find_backends(registry, "metod/memo")
+
+
+def test_a_backend_is_not_made_without_the_secrets_it_needs(monkeypatch):
+    """One line that names the variable, before anything begins; keys of which one suffices are the backend's matter."""
+    needs = Needs(keys=("IMAGINARY_KEY",), optional_keys=("OTHER_KEY",))
+    choice = Choice(Backend("llm", "imaginary", "x", lambda settings: "made", needs=needs), None)
+    monkeypatch.delenv("OTHER_KEY", raising=False)
+    monkeypatch.delenv("IMAGINARY_KEY", raising=False)
+    with pytest.raises(BackendUnavailable) as raised:
+        choice.create()
+    missing = "missing environment variable IMAGINARY_KEY (export IMAGINARY_KEY=…)"
+    assert str(raised.value) == f"llm 'imaginary' cannot be used: {missing}"
+    monkeypatch.setenv("IMAGINARY_KEY", "x")
+    assert choice.create() == "made"

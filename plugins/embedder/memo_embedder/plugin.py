@@ -46,6 +46,6 @@ def memo_embedders() -> Iterable[Backend]:
             summary="embeddings of any provider or OpenAI-compatible server",
             factory=_litellm,
             config=LiteLLMEmbedderSettings,
-            needs=Needs(modules={"litellm": "litellm"}, keys=("OPENAI_API_KEY", "GEMINI_API_KEY")),
+            needs=Needs(modules={"litellm": "litellm"}, optional_keys=("OPENAI_API_KEY", "GEMINI_API_KEY")),
         ),
     )

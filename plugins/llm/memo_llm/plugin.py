@@ -56,7 +56,7 @@ def memo_language_models() -> list[Backend]:
             config=LiteLLMSettings,
             needs=Needs(
                 modules={"litellm": "litellm"},
-                keys=("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY"),
+                optional_keys=("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY"),
             ),
         ),
     ]
