@@ -80,6 +80,7 @@ class EveryEntry:
             np.vecdot(self._key_words, meant).astype(np.float64)[rows],
             np.zeros(len(mine)),
             np.zeros(len(mine), bool),
+            keys.exchanged[rows],
         )
         limit = settings.corrections
         without = found.scores(settings)  # no overlap can lift an entry by more than its weight

@@ -140,7 +140,8 @@ def why(
         if settings.ranking == "key-and-text":
             print(
                 f"s also counts the text ({settings.text_weight:g}), terms in common ({settings.overlap_weight:g}) "
-                f"and, where a scene is seen, how alike the things are built ({settings.built_weight:g})"
+                f"and, where a scene is seen, how alike the things are built ({settings.built_weight:g}); "
+                "text and terms count less where the objects' roles are exchanged"
             )
         print("of equal s: likeness of the text to the subtask, then approved uses, then the newest")
         columns = ("rank", "s", "r", "action", "objects", "text", "terms", "approved", "when", "id", "key", "entry")
@@ -282,6 +283,7 @@ def _retrieval(found: Retrieval) -> dict[str, Any]:
             {"rank": s.rank, "entry": s.entry.id, "key": s.key, "text": s.text, "score": s.score}
             | {"key_score": s.key_score, "action_cosine": s.action_cosine, "objects_cosine": s.objects_cosine}
             | {"text_similarity": s.text_similarity, "overlap": s.overlap, "passes": s.passes, "built": s.built}
+            | {"exchanged": s.exchanged}
             | {"uses": s.entry.uses, "confirmed_uses": s.entry.confirmed_uses}
             | {"created": s.entry.created}
             for s in getattr(found, name)

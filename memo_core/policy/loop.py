@@ -314,6 +314,11 @@ class Loop:
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
         scene = self._effects.look()
+        corrections, general = retrieving.shown(
+            [one for one in served.corrections if one.entry.id not in noted],
+            [one for one in served.general if one.entry.id not in noted],
+            self._extensions,
+        )
         code, asked = self._questions.ask(
             "code",
             scene,
@@ -325,9 +330,9 @@ class Loop:
             skills=documentation(self._session.skills),
             subset=f"{self._session.sandbox.subset()}\n{_SUBTASK_LIMIT.format(self._settings.subtask_limit_s)}",
             corrected=before,
-            corrections=retrieving.shown([o for o in served.corrections if o.entry.id not in noted], self._extensions),
+            corrections=corrections,
             competing=self._extensions.competing,
-            general=[one for one in served.general if one.entry.id not in noted],
+            general=general,
             templates=served.templates,
             attempts=tried,
             restart=self._restarts,

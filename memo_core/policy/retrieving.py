@@ -93,22 +93,40 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 @attrs.frozen
 class Shown:
     """An entry as shown in a prompt. ``origin``: who said it, when in relation to the others, how similar its key is,
-    and whether it is only a hint."""
+    what else the same words were said of, and whether it is only a hint."""
 
     key: str
     text: str
     origin: str = ""
 
 
-def shown(served: Sequence[retrieval.Served], teaching: TeachingSettings) -> list[Shown]:
-    """Corrections for the code prompt. Those of one person under one key are sorted newest first, within the positions
-    that the ranking gave them."""
-    ordered = _newer_first(served) if teaching.newer_first else list(served)
-    if not teaching.competing:
-        return [Shown(one.key, one.text) for one in ordered]
+def shown(
+    corrections: Sequence[retrieval.Served], general: Sequence[retrieval.Served], teaching: TeachingSettings
+) -> tuple[list[Shown], list[Shown]]:
+    """Corrections and general statements for the code prompt. Corrections of one person under one key are sorted newest
+    first, within the positions that the ranking gave them. The same words are shown once, with all that they were said
+    of, at their best position and as a correction if they are one."""
+    ordered = _newer_first(corrections) if teaching.newer_first else list(corrections)
+    said: dict[str, list[retrieval.Served]] = {}
+    for one in (*ordered, *general):
+        said.setdefault(_words(one.text), []).append(one)
+    of_keys = [[one for one in same if one.entry.kind == "correction"] for same in said.values()]
+    # Of several the one that is about the subtask stands for all: its key is the one to compare with.
+    chosen = [next((one for one in same if one.passes), same[0]) for same in of_keys if same]
     moments = sorted({one.provenance.when for one in ordered})
     people = list(dict.fromkeys(name for one in ordered for name in one.provenance.who))
-    return [Shown(one.key, one.text, _origin(one, people, moments)) for one in ordered]
+    lines = []
+    for one in chosen:
+        same = said[_words(one.text)]
+        origin = _origin(one, same, people, moments) if teaching.competing else _also(one, same)
+        lines.append(Shown(one.key, one.text, origin))
+    told = {_words(one.text) for one in chosen}
+    return lines, [Shown(one.key, one.text) for one in general if _words(one.text) not in told]
+
+
+def _words(text: str) -> str:
+    """What is compared of two texts: neither case, spaces nor a final full stop."""
+    return " ".join(text.casefold().split()).rstrip(".!")
 
 
 def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
@@ -124,12 +142,25 @@ def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
     return ordered
 
 
-def _origin(one: retrieval.Served, people: Sequence[str], moments: Sequence[float]) -> str:
-    """Without names and dates: the model does not need them, and recordings are replayed on other days."""
-    who = ", ".join(f"person {people.index(name) + 1}" for name in one.provenance.who)
-    when = f"remark {moments.index(one.provenance.when) + 1} of {len(moments)}"
-    hint = "" if one.passes else "only a hint"
-    return ", ".join(part for part in (who, when if one.provenance.when else "", one.alike, hint) if part)
+def _origin(
+    one: retrieval.Served, same: Sequence[retrieval.Served], people: Sequence[str], moments: Sequence[float]
+) -> str:
+    """Of all who said the ``same``; the newest time counts. Without names and dates: the model does not need them, and
+    recordings are replayed on other days."""
+    corrections = [other for other in same if other.entry.kind == "correction"]
+    names = dict.fromkeys(name for other in corrections for name in other.provenance.who)
+    who = ", ".join(f"person {people.index(name) + 1}" for name in names)
+    newest = max(other.provenance.when for other in corrections)
+    when = f"remark {moments.index(newest) + 1} of {len(moments)}" if newest else ""
+    hint = "" if any(other.passes for other in same) else "only a hint"
+    return ", ".join(part for part in (who, when, one.alike, _also(one, same), hint) if part)
+
+
+def _also(one: retrieval.Served, same: Sequence[retrieval.Served]) -> str:
+    """What else the same words were said of."""
+    keys = dict.fromkeys("everything" if other.entry.kind == "general" else other.key for other in same)
+    others = [key for key in keys if key != one.key]
+    return f"also said of {' and '.join(others)}" if others else ""
 
 
 # -- in the run's log: entries by their ids ----------------------------------------------------------------------------

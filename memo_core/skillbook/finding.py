@@ -206,7 +206,7 @@ class Finder:
             by_key = self._key_similar(question, state, different)[place]
         terms = (scores.scores[rows], scores.action_cosines[rows], scores.objects_cosines[rows])
         numbers = (*terms, similar.astype(np.float64), by_key, nothing)
-        return Candidates(np.asarray(ids, np.int64), *numbers, np.zeros(len(ids), bool))
+        return Candidates(np.asarray(ids, np.int64), *numbers, np.zeros(len(ids), bool), scores.exchanged[rows])
 
     def _key_similar(self, question: Question, state: Contents, rows: np.ndarray) -> np.ndarray:
         """Cosines of keys' words with the subtask's, float64."""

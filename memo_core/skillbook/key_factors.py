@@ -33,15 +33,19 @@ class KeyParts:
     def __len__(self) -> int:
         return len(self.action_of)
 
-    def cosines(self, action: np.ndarray, objects: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cosines(self, action: np.ndarray, objects: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Cosines of all keys' actions with ``action``, shape (d,), of their objects with ``objects``, shape (2 d,),
-        both unit vectors, and of the moved objects alone; float64, shape (keys,)."""
+        both unit vectors, of the moved objects alone, and of the objects in exchanged roles, what is moved compared
+        with the destination (0 where one of both has no destination); float64, shape (keys,)."""
         half = len(objects) // 2
         by_action = np.vecdot(self.actions, action).astype(np.float64)[self.action_of]
         by_moved = np.vecdot(self.moved, objects[:half]).astype(np.float64)[self.moved_of]
         by_place = np.vecdot(self.places, objects[half:]).astype(np.float64)[self.place_of]
         length = float(np.linalg.norm(objects[:half])) or 1.0
-        return by_action, (by_moved + by_place) * self.share, by_moved / length
+        as_place = np.vecdot(self.moved, objects[half:]).astype(np.float64)[self.moved_of]
+        as_moved = np.vecdot(self.places, objects[:half]).astype(np.float64)[self.place_of]
+        crossed = np.where(as_place * as_moved != 0, (as_place + as_moved) * self.share, 0.0)
+        return by_action, (by_moved + by_place) * self.share, by_moved / length, crossed
 
     def vectors(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Unit vectors of the actions, shape (len(rows), d), and of the objects, shape (len(rows), 2 d), float32."""

@@ -12,7 +12,7 @@ import numpy as np
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_factors import KeyParts
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval_score import key_score
+from memo_core.skillbook.retrieval_score import TIE, key_score
 
 
 @attrs.frozen(eq=False)
@@ -23,6 +23,7 @@ class KeyScores:
     action_cosines: np.ndarray
     objects_cosines: np.ndarray
     moved_cosines: np.ndarray  # of what is moved alone, without where to
+    exchanged: np.ndarray  # share of what the objects have in common that they have in exchanged roles only, 0 to 1
 
     def best_first(self, count: int) -> np.ndarray:
         """Rows of the ``count`` keys with the largest r, and of all that tie with the last, in order; int64."""
@@ -56,7 +57,8 @@ class KeyIndex:
         """r and its terms of all keys, for unit vectors of a subtask's action, shape (d,), and objects, (2 d,)."""
         if self._parts is None:
             nothing = np.zeros(0)
-            return KeyScores(nothing, nothing, nothing, nothing)
-        by_action, by_objects, by_moved = self._parts.cosines(action, objects)
+            return KeyScores(nothing, nothing, nothing, nothing, nothing)
+        by_action, by_objects, by_moved, crossed = self._parts.cosines(action, objects)
         scores = key_score(by_action, by_objects, *weights)
-        return KeyScores(scores, by_action, by_objects, by_moved)
+        exchanged = np.clip((crossed - by_objects) / np.maximum(1 - by_objects, TIE), 0.0, 1.0)
+        return KeyScores(scores, by_action, by_objects, by_moved, exchanged)

@@ -171,6 +171,7 @@ class Retriever:
                 float(found.overlap[i]),
                 passes=bool(passing[i]),
                 built=None if np.isnan(found.built[i]) else float(found.built[i]),
+                exchanged=float(found.exchanged[i]),
             )
             for entry, i in _first(ranked, limit, found.must)
         )

@@ -43,6 +43,7 @@ class Served:
     provenance: Provenance = Provenance()  # who said it, when, and of which subtask
     passes: bool = True  # whether its key passes the cut; False: a hint from something else, see above
     built: float | None = None  # how alike the things are built, 0 to 1; None: not known, or not compared
+    exchanged: float = 0.0  # how far its key has the subtask's objects in exchanged roles; words count so much less
     alike: str = ""  # how the key compares with the subtask, in words: one of ``ALIKE``; "" for general statements
 
     @property

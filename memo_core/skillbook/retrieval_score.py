@@ -33,6 +33,7 @@ class Candidates:
     key_similar: np.ndarray  # cosine of the key's words and the subtask's
     overlap: np.ndarray  # share of the subtask's terms that the text has
     must: np.ndarray  # bool, served whatever the score
+    exchanged: np.ndarray  # how far the key has the subtask's objects in exchanged roles, 0 to 1
     built: np.ndarray = attrs.field()  # likeness of the things as they are built, 0 to 1; nan: not known
 
     @built.default
@@ -42,7 +43,7 @@ class Candidates:
     @classmethod
     def none(cls) -> Candidates:
         none = np.zeros(0)
-        return cls(none.astype(np.int64), none, none, none, none, none, none, none.astype(bool))
+        return cls(none.astype(np.int64), none, none, none, none, none, none, none.astype(bool), none)
 
     @classmethod
     def joined(cls, several: Sequence[Candidates]) -> Candidates:
@@ -55,13 +56,18 @@ class Candidates:
     def only(self, chosen: np.ndarray) -> Candidates:
         return Candidates(*(getattr(self, field.name)[chosen] for field in attrs.fields(Candidates)))
 
+    @property
+    def likeness(self) -> np.ndarray:
+        """Of the subtask's words to the entry's, text and key."""
+        return (self.similar + self.key_similar) / 2
+
     def scores(self, settings: RetrievalSettings) -> np.ndarray:
         """What they are ranked by."""
         if settings.ranking == "key":
             return self.key_scores
         by_text, by_terms = settings.text_weight, settings.overlap_weight
-        likeness = (self.similar + self.key_similar) / 2
-        said = (1 - by_text - by_terms) * self.key_scores + by_text * likeness + by_terms * self.overlap
+        said = (by_text * self.likeness + by_terms * self.overlap) * (1 - self.exchanged)
+        said += (1 - by_text - by_terms) * self.key_scores
         known = self.built[~np.isnan(self.built)]
         if not len(known):
             return said
@@ -79,8 +85,7 @@ class Candidates:
         if settings.ranking == "key" or not len(self.ids):
             return passing | self.must
         scores = self.scores(settings)
-        likeness = (self.similar + self.key_similar) / 2
-        speaking = (self.overlap > 0) | (likeness >= settings.text_floor)
+        speaking = (self.overlap > 0) | (self.likeness >= settings.text_floor)
         beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
         chosen = passing | self.must
         left = max(0, room - int(passing.sum()))

@@ -98,6 +98,40 @@ def test_the_prompt_says_who_said_what_in_which_order_and_how_alike_it_is_withou
     assert "in turn" not in told and "remark 3 of 3" not in told
 
 
+def test_the_same_words_are_shown_once_with_all_that_they_were_said_of(sandbox, book):
+    for who, key, text in (
+        ("ana", PICK, "Be slow and steady."),
+        ("bo", "PICK_UP(blue cube)", "be slow and  steady"),
+        ("bo", "PICK_UP(green cube)", "Be slow and steady, twice."),
+    ):
+        book.add_lessons(book.record_feedback(text, who, subtask=key), key, [text])
+    book.add_lessons(book.record_feedback("always", "cy", subtask=PICK), PICK, [], ["Be slow and steady!", "Be slow."])
+    for competing in (True, False):
+        bench = Bench(sandbox, book, {"plan": [PICK, "DONE"], "code": [GRASP]}, None, teaching={"competing": competing})
+        bench.run()
+        prompt = bench.llm.prompts("code")[0]
+        lines = section(prompt, "Corrections from people").splitlines()
+        assert [line for line in lines if "steady" in line] == [
+            f"- [{PICK}] Be slow and steady.",
+            "- [PICK_UP(green cube)] Be slow and steady, twice.",
+        ]
+        of_both = lines[lines.index(f"- [{PICK}] Be slow and steady.") + 1]
+        assert "also said of PICK_UP(blue cube) and everything" in of_both
+        assert ("person 1, person 2" in of_both) is competing
+        assert section(prompt, "General guidance from people").count("slow") == 1
+
+
+def test_words_said_of_this_subtask_are_no_hint_though_they_were_said_of_something_else_as_well(sandbox):
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings(cut=0.99, reach=1.0)) as book:
+        for key in ("WASH(window)", PICK):
+            book.add_lessons(book.record_feedback("no", "ana", subtask=key), key, ["Pick up the red cube from above."])
+        bench = Bench(sandbox, book, {"plan": [PICK, "DONE"], "code": [GRASP]}, None)
+        bench.run()
+    told = section(bench.llm.prompts("code")[0], "Corrections from people").splitlines()
+    of_both = told[told.index(f"- [{PICK}] Pick up the red cube from above.") + 1]
+    assert "also said of WASH(window)" in of_both and "hint" not in of_both
+
+
 def test_the_prompt_says_which_notes_are_only_hints(sandbox):
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings(cut=0.99)) as book:
         for key, text in ((PICK, "Slowly."), ("WASH(window)", "Pick up the red cube from above.")):

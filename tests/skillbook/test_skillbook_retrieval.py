@@ -101,7 +101,8 @@ def test_s_is_made_of_the_terms_that_are_told(book: Skillbook, by_text: float, b
     for one in found:
         text, key = embed.embed([one.text, as_text(one.entry.key)]) @ asked
         assert one.text_similarity == pytest.approx(text, abs=1e-5) and 0 <= one.overlap <= 1
-        wanted = (1 - by_text - by_terms) * one.key_score + by_text * (text + key) / 2 + by_terms * one.overlap
+        words = by_text * (text + key) / 2 + by_terms * one.overlap
+        wanted = (1 - by_text - by_terms) * one.key_score + (1 - one.exchanged) * words
         assert one.score == pytest.approx(wanted, abs=1e-5)
     scores = [served.score for served in found]
     assert all(later <= earlier + 1e-6 for earlier, later in itertools.pairwise(scores))
@@ -203,6 +204,19 @@ def test_roles_are_told_apart() -> None:
     assert found[0].text == "cup on plate" and cosines["cup on plate"] == pytest.approx(1.0, abs=1e-5)
     assert max(cosines["plate on cup"], cosines["cup on shelf"], cosines["cup anywhere"]) < 0.95
     assert cosines["cup on shelf"] > cosines["plate on cup"], "what is moved is the same"
+
+
+def test_what_was_said_of_exchanged_roles_has_no_words_in_common_with_the_subtask() -> None:
+    by_words = RetrievalSettings(cut=-1.0, text_weight=0.5, overlap_weight=0.5)
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), by_words) as book:
+        for key in ("PUT(lid, pan)", "PUT(pan, lid)", "PUT(egg, box)", "PUT(pan, box)", "PUT(lid)"):
+            teach(book, key, "Put the lid and the pan close together.")
+        found = {one.key: one for one in book.retrieve("PUT(lid, pan)").corrections}
+    assert found["PUT(pan, lid)"].score == pytest.approx(0.0, abs=1e-6), "the weights leave words alone to decide"
+    assert found["PUT(lid, pan)"].score > max(one.score for key, one in found.items() if key != "PUT(lid, pan)")
+    assert found["PUT(pan, lid)"].exchanged == pytest.approx(1.0, abs=1e-5)
+    assert 0 < found["PUT(pan, box)"].exchanged < 1, "what goes in is where the other goes"
+    assert found["PUT(lid)"].exchanged == found["PUT(egg, box)"].exchanged == 0
 
 
 def test_the_event_says_what_was_served_and_why(book: Skillbook) -> None:
