@@ -48,9 +48,10 @@ class RetrievalSettings:
                   + (1 - x(q, v)) (w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)) + w_b (b(q, e) - 0.5)
 
     where the cosines are those of the plain words of subtask, text and key, the overlap is the share of the subtask's
-    terms that the text has (``memo_core.skillbook.shared_terms``), x, 0 to 1, says how far the objects of q and v agree
-    in exchanged roles only (words do not tell roles), and b, 0 to 1, how alike the things are built that the two are about (``memo_core.scene.structure``). Where the scene of one entry is not known, b is the mean
-    of the others'; where none is, that term is left out. It decides only in which order entries are served.
+    terms that the text has (``memo_core.skillbook.shared_terms``), and x, 0 to 1, says how far the objects of q and v
+    agree in exchanged roles only: words do not tell roles. b, 0 to 1, says how alike the things are built that the two
+    are about (``memo_core.scene.structure``). Where the scene of one entry is not known, b is the mean of the others';
+    where none is, that term is left out. It decides only in which order entries are served.
     """
 
     lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})
