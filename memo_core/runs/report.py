@@ -19,6 +19,7 @@ from memo_core.runs.story import Story, Try, read_story
 
 STRIP = 5  # pictures of an attempt
 STRIP_WIDTH = 320  # pixels
+LOOK_WIDTH = 480  # pixels, of what perception saw in a look: its names must be legible
 
 
 def write_demo_report(report: DemoReport) -> Path:
@@ -76,6 +77,10 @@ class _Pictures:
         chosen = [frames[round(i)] for i in np.linspace(0, len(frames) - 1, min(STRIP, len(frames)))] if frames else []
         return [_jpeg(frame) for frame in chosen]
 
+    def looks(self, story: Story) -> list[list[str]]:
+        """What perception saw in each look, with boxes and names."""
+        return [[_scaled(picture) for picture in pictures] for pictures in story.looks]
+
     def last(self, story: Story) -> str:
         """The last frame."""
         for act in reversed(story.acts):
@@ -97,6 +102,18 @@ def _frames(video: Path) -> list[np.ndarray]:
         return [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
     except Exception:  # a video that ends early, no ffmpeg: the page has fewer pictures
         return []
+
+
+def _scaled(picture: Path) -> str:
+    """A picture in a file; empty if it cannot be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(picture) as opened:
+            opened.thumbnail((LOOK_WIDTH, LOOK_WIDTH))
+            return _jpeg(np.asarray(opened.convert("RGB")))
+    except (OSError, ValueError):
+        return ""
 
 
 def _jpeg(frame: np.ndarray) -> str:

@@ -52,6 +52,7 @@ class Story:
     folder: Path
     instruction: str = ""
     acts: list[Act] = attrs.field(factory=list)
+    looks: list[tuple[Path, ...]] = attrs.field(factory=list)  # of each look, its pictures with boxes and names
     problems: list[str] = attrs.field(factory=list)
     summary: dict[str, Any] = attrs.field(factory=dict)
 
@@ -72,6 +73,10 @@ def read_story(folder: Path) -> Story:
             _note(story, event)
         except (KeyError, TypeError) as error:
             story.problems.append(f"events.jsonl: a damaged {event['event']} is left out ({error!r})")
+    looks: dict[str, list[Path]] = {}
+    for picture in sorted((folder / "looks").glob("[0-9][0-9][0-9][0-9]-*.png")):
+        looks.setdefault(picture.name[:4], []).append(picture)
+    story.looks = [tuple(pictures) for pictures in looks.values()]
     for act in story.acts:
         for one in act.tries:
             name = f"{act.number:02d}-{file_name(act.subtask)}-{attempt_name(one.number, one.take)}"
