@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import attrs
 import numpy as np
 import pytest
 from memo_perception.cameras.backend import Cameras
+from memo_perception.cameras.geometry.fitting import Seen, extents
 from memo_perception.cameras.memory import HIDDEN
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
@@ -112,3 +115,18 @@ def test_wrong_settings_are_named():
             eyes.look()
     with pytest.raises(ValueError, match="source"):
         CamerasSettings(source="telescope")
+
+
+def test_a_picture_in_which_a_thing_is_half_covered_does_not_say_how_long_it_is():
+    def seen_from(place):
+        return SimpleNamespace(view=SimpleNamespace(frame=SimpleNamespace(pose=Pose(place))))
+
+    rng = np.random.default_rng(0)
+    whole = rng.uniform((0.3, -0.1, 0.0), (0.4, 0.1, 0.03), (600, 3))
+    half = whole[whole[:, 1] > 0.06]
+    # The first camera looks across y, where it would tell best how long the thing is, and sees a fifth of it.
+    eyes = (seen_from((-0.6, 0.0, 0.6)), seen_from((0.35, -0.9, 0.5)))
+    points, cameras = np.concatenate([half, whole]), np.repeat([0, 1], [len(half), len(whole)])
+    for noise in (0.0005, 0.003):
+        low, high = extents(Seen(points, cameras, eyes, noise), np.eye(3))
+        assert (low[1], high[1]) == pytest.approx((-0.1, 0.1), abs=0.006 if noise < 0.001 else 0.015)

@@ -11,6 +11,7 @@ import numpy as np
 
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import Node, SceneGraph
+from memo_core.scene.pose import Pose
 
 GROUPS = ("object", "fixture", "door", "handle", "part", "inside", "heap")
 NEAR_M = 0.05  # a thing this near to the truth's place is that one, whatever it is called
@@ -146,15 +147,23 @@ def _between(a: Node, b: Node, axis: int, other: int) -> float:
 
 
 def _is_round(node: Node, scene: SceneDescription) -> bool:
-    """Whether a thing looks the same from all sides: no box of it fills most of its outline from above."""
+    """Whether a thing looks the same from all sides: no box of it fills most of its outline from above, or its walls
+    face six ways or more."""
     try:
         body = scene.body(node.id)
     except KeyError:
         return False
+    walls = {round(math.degrees(_yaw(geom.pose)) / 10) % 9 for geom in body.geoms if geom.shape == "box"}
+    if len(walls) >= 3 and abs(node.size[0] - node.size[1]) < 0.15 * max(node.size[:2]):
+        return True
     outline = node.size[0] * node.size[1]
     flat = [geom.size[0] * geom.size[1] for geom in body.geoms if geom.shape == "box"]
     level = abs(node.size[0] - node.size[1]) < 0.02 * max(node.size[:2])
     return level and max(flat, default=0.0) < 0.6 * outline
+
+
+def _yaw(pose: Pose) -> float:
+    return math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
 
 
 def _spread(values: Sequence[float]) -> dict[str, float] | None:

@@ -25,6 +25,7 @@ _STEP = 1e-5  # of the numerical Jacobian, m or rad
 _SUNK = 0.015  # m: a shape that reaches this far below what the thing stands on is wrong
 _NOT_THE_SHAPE = 0.0028  # m: outlines that miss by more are of something else
 _CROSSWISE = 0.2  # sine of the angle by which a camera may look less across a direction than the best one
+_COVERED = 0.005  # m, besides noise, by which an extent in one picture may exceed that in another that sees it better
 _INSIDE_LIMIT = 0.004  # m: points deeper inside a shape than this (of a hollow thing) count as this deep
 
 
@@ -123,10 +124,15 @@ def extents(seen: Seen, base: Array) -> tuple[Array, Array]:
         return trimmed_extents(local, seen.noise)
     for axis in range(3):
         least = min(float(leaks[axis]) for _, leaks in groups)
-        for own, leaks in groups:
-            if leaks[axis] <= least + _CROSSWISE:
-                one_low, one_high = trimmed_extents(own[:, axis : axis + 1], seen.noise * float(leaks[axis]))
-                low[axis], high[axis] = min(low[axis], one_low[0]), max(high[axis], one_high[0])
+        for own, leaks in sorted(groups, key=lambda group: float(group[1][axis])):
+            one_low, one_high = trimmed_extents(own[:, axis : axis + 1], seen.noise * float(leaks[axis]))
+            crosswise = leaks[axis] <= least + _CROSSWISE
+            # What those pictures do not show, since something covers it, others do: by more than noise explains.
+            slack = 0.0 if crosswise else _COVERED + 3 * seen.noise * float(leaks[axis])
+            if one_low[0] < low[axis] - slack:
+                low[axis] = one_low[0]
+            if one_high[0] > high[axis] + slack:
+                high[axis] = one_high[0]
     return low, high
 
 
