@@ -19,7 +19,7 @@ from memo_core.policy.memo_and_baselines import Memory
 from memo_core.runlog.json_lines import append_line, make_writable
 from memo_core.runlog.json_lines import read_lines as read_json_lines
 from memo_core.runlog.log_file import read_lines
-from memo_core.runlog.log_history import read_history
+from memo_core.runlog.log_history import Entry, read_history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval_result import ALIKE, Retrieval, Served
@@ -95,22 +95,25 @@ def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question])
 _NOTHING = Retrieval(Key("", ()), (), (), (), (), 0)
 
 
-def served_in(run: Path) -> dict[str, int]:
-    """How many entries a run was served, by its log, and how many of these were made at something else: another action
-    on other things, which is called irrelevant here (general statements are about everything and count as neither)."""
-    effects = read_history(run, read_lines(run).records).replayed
+def effects_of(run: Path) -> tuple[Entry, ...]:
+    """What the log of a run in this folder holds."""
+    return read_history(run, read_lines(run).records).replayed
+
+
+def served_in(effects: Sequence[Entry]) -> dict[str, int]:
+    """How many entries a run was served, and how many of these were made at something else: another action on other
+    things, which is called irrelevant here (general statements are about everything and count as neither)."""
     rows = [row for one in effects if one.name == "retrieve" and one.value for row in one.value["served"]]
     return {"served": len(rows), "irrelevant": sum(row["alike"] == ALIKE[3] for row in rows)}
 
 
-def executed_in(run: Path) -> int:
+def executed_in(effects: Sequence[Entry]) -> int:
     """How many programs were executed in a run."""
-    return sum(one.name == "execute" for one in read_history(run, read_lines(run).records).replayed)
+    return sum(one.name == "execute" for one in effects)
 
 
-def programs_in(run: Path) -> int:
+def programs_in(effects: Sequence[Entry]) -> int:
     """How many programs were written in a run: one for each subtask that went well at once."""
-    effects = read_history(run, read_lines(run).records).replayed
     return sum(one.name == ASK and one.about.startswith("code ") for one in effects)
 
 

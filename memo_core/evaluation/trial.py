@@ -23,6 +23,7 @@ from memo_core.evaluation.books import LESSON_BOOK, book_key, lesson_digest, tol
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesson_book import LessonServed, lesson_served
 from memo_core.evaluation.served import (
+    effects_of,
     executed_in,
     observed_book,
     programs_in,
@@ -243,10 +244,10 @@ def _about(trial: Trial, place: Place) -> dict[str, Any]:
 
 
 def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Place) -> dict[str, Any]:
-    run = place.trials / trial.id / RUN
+    effects = effects_of(place.trials / trial.id / RUN)
     at, why = _failure(summary)
     subtasks = [one["subtask"] for one in summary["subtasks"]]
-    at_once = executed_in(run) == len(subtasks) == len(set(subtasks))
+    at_once = executed_in(effects) == len(subtasks) == len(set(subtasks))
     kept = ("reason", "ended", "corrections", "planning_remarks", "wall_s", "robot_s", "calls")
     tokens = {name: summary[name] for name in ("prompt_tokens", "completion_tokens", "cost")}
     return (
@@ -257,13 +258,13 @@ def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Pla
         | {
             "attempts": sum(one["attempts"] for one in summary["subtasks"]),
             "subtasks": len(summary["subtasks"]),
-            "programs": programs_in(run),
+            "programs": programs_in(effects),
             "failed_at": at,
             "why": why,
             "problem": summary["problem"] or "",
             "same_as": trial.id,  # the trial whose run this is: its own, or one that it would repeat
         }
-        | served_in(run)
+        | served_in(effects)
         | {"lesson_needed": lesson.needed, "lesson_served": lesson.served}
     )
 

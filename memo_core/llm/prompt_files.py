@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import attrs
 
 from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.interfaces.llm import Message
-from memo_core.llm.prompt_language import prompt_environment
+from memo_core.llm.prompt_language import compiled, prompt_environment
 from memo_core.llm.prompt_values import prepared
 from memo_core.parsing import read_at_most
 from memo_core.robot.description import GripperDescription, RobotDescription
@@ -217,7 +217,7 @@ class PromptText:
         given = {**OPTIONAL.get(self.name, {}), **context}
         known = {name: prepared(name, value) for name, value in given.items() if name in PLACEHOLDERS[self.name]}
         try:
-            return _compiled(self.text).render(known)
+            return compiled(self.text).render(known)
         except jinja2.TemplateError as error:
             raise BadPrompt(self.source, _line_of(error, self.line), f"{error}") from None
         except Exception as error:  # a filter or an expression of the file's own
@@ -253,12 +253,6 @@ class PromptText:
 
     def _known(self) -> str:
         return "placeholders: " + ", ".join(PLACEHOLDERS[self.name])
-
-
-@lru_cache(maxsize=32)
-def _compiled(text: str) -> jinja2.Template:
-    """Compiling a prompt's text takes longer than all else that a run does between two motions."""
-    return prompt_environment().from_string(text)
 
 
 _MOST_BYTES = 4 << 20  # of one file

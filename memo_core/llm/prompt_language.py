@@ -6,7 +6,7 @@ without Jinja's global functions). Time and memory are not limited: a file can s
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from memo_core.llm.prompt_values import one_line, quoted, unfenced
@@ -48,3 +48,9 @@ def prompt_environment() -> jinja2.Environment:
     environment.filters["quoted"] = quoted
     environment.filters["unfenced"] = unfenced
     return environment
+
+
+@lru_cache(maxsize=32)
+def compiled(text: str) -> jinja2.Template:
+    """A prompt's text, ready to be filled in. Compiling it takes longer than what a run does between two motions."""
+    return prompt_environment().from_string(text)
