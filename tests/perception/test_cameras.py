@@ -13,6 +13,7 @@ from memo_perception.cameras.memory import HIDDEN
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
 from memo_core.errors import InvalidArgument
+from memo_core.scene.description import Geom
 from memo_core.scene.pose import Pose
 from memo_core.testing.perception import check_perception
 from tests.perception.small_scene import looking_at, scene
@@ -130,3 +131,16 @@ def test_a_picture_in_which_a_thing_is_half_covered_does_not_say_how_long_it_is(
     for noise in (0.0005, 0.003):
         low, high = extents(Seen(points, cameras, eyes, noise), np.eye(3))
         assert (low[1], high[1]) == pytest.approx((-0.1, 0.1), abs=0.006 if noise < 0.001 else 0.015)
+
+
+def test_a_thick_wall_that_is_seen_belongs_to_no_inside():
+    described = scene(1.2)
+    panel = Geom("box", (0.24, 0.12, 0.26), Pose((0.12, -0.21, 0.13)), (0.8, 0.8, 0.75, 1))
+
+    def with_panel(body):
+        return attrs.evolve(body, geoms=(*body.geoms, panel)) if body.name == "cupboard" else body
+
+    graph = look_at_scene(ORACLE, attrs.evolve(described, bodies=tuple(map(with_panel, described.bodies))))
+    (room,) = [node for node in graph.nodes if node.kind == "space"]
+    assert np.linalg.norm(np.subtract(room.pose.position, (0.734, 0.05, 0.13))) < 0.02
+    assert graph.node("cupboard").size[1] == pytest.approx(0.42, abs=0.01)

@@ -12,6 +12,8 @@ LEAST_POINTS = 25  # of the lining
 _LINING = 0.012  # m from the outside of a container beyond which a place is in its room, not its wall
 _BEFORE = 0.02  # m
 _VOTE = 0.5  # share of the lining that must be seen through one side
+_AT_WALL = 0.004  # m from the end of a lining in which the points of a wall lie
+_CROWDED = 0.03  # share of the points there, besides twice the usual one, that makes a wall of them
 _WALL = (0.002, 0.04)  # m, thinnest and thickest wall that is assumed where one is not seen
 _FACES = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
 
@@ -53,7 +55,8 @@ def fit_inside(lining: Seen, container: Fit) -> Inside | None:
     axis, sign = _FACES[face]
     low, high = extents(lining, container.pose.rotation)
     centre = container.pose.rotation.T @ np.asarray(container.pose.position)
-    low, high = _walls(low - centre, high - centre, half, axis, sign)
+    low, high = low - centre, high - centre
+    low, high = _walls(low, high, half, axis, sign, _seen_walls(local, low, high, lining.noise))
     if container.shape == "cylinder" and axis == 2:
         low, high = _square_in_circle(local, low, high, lining.noise)
     pose = container.pose * Pose(tuple((low + high) / 2))
@@ -71,9 +74,18 @@ def _exits(points: Array, eye: Array, half: Array) -> Array:
     return np.bincount(np.argmin(reach, axis=1), minlength=6).astype(float)
 
 
-def _walls(low: Array, high: Array, half: Array, axis: int, sign: float) -> tuple[Array, Array]:
+def _seen_walls(local: Array, low: Array, high: Array, noise: float) -> np.ndarray:
+    """Whether the lining (N, 3) ends at a wall, at each end of each axis, (3, 2) bool: many of its points lie there.
+    Where something covers the rest, it ends without one."""
+    near = _AT_WALL + 2 * noise
+    shares = [(np.mean(local < low + near, axis=0)), (np.mean(local > high - near, axis=0))]
+    usual = near / np.maximum(high - low, near)  # of points that lie evenly
+    return np.stack(shares, axis=1) > _CROWDED + 2 * usual[:, None]
+
+
+def _walls(low: Array, high: Array, half: Array, axis: int, sign: float, seen: np.ndarray) -> tuple[Array, Array]:
     """Lowest and highest corner (3,) of the room in the container's frame, from those of the lining. A wall that is not
-    seen is as thick as the one opposite."""
+    ``seen`` (3, 2) is as thick as the one opposite."""
     low, high = np.maximum(low, -half), np.minimum(high, half)
     gaps = np.stack([low + half, half - high], axis=1)  # (axis, side)
     gaps[axis, int(sign > 0)] = np.inf
@@ -83,6 +95,7 @@ def _walls(low: Array, high: Array, half: Array, axis: int, sign: float) -> tupl
         if i == axis:  # opposite the opening: as thick as the walls around it
             thin = float(np.clip(np.delete(gaps, axis, axis=0).min(), *_WALL))
             unseen = gaps[i] > 4 * thin + 0.01
+        unseen &= ~seen[i]
         if unseen[0]:
             low[i] = -half[i] + thin
         if unseen[1]:
