@@ -23,7 +23,8 @@ class MemoError(Exception):
 
 def close_match(name: str, valid: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` when something valid is close to ``name``, else an empty string."""
-    found = difflib.get_close_matches(name, list(valid), n=1, cutoff=0.5)
+    spelt = {one.lower(): one for one in valid}
+    found = [spelt[one] for one in difflib.get_close_matches(name.lower(), list(spelt), n=1, cutoff=0.5)]
     return f"; did you mean {found[0]!r}?" if found else ""
 
 

@@ -49,6 +49,7 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
+    from memo_core.config.layers import FromOption
     from memo_core.runs.narration import Narrator
     from memo_core.runs.record_replay import recorded, replayed
     from memo_core.runs.resuming import run_config
@@ -59,7 +60,8 @@ def command(
             "--record, --replay, --resume", "more than one", "one of them; a resumed run keeps its own"
         )
     typed = {"teacher": teacher, "skillbook.url": book}
-    short = [f"{key}={dumps(value)}" for key, value in typed.items() if value is not None]
+    options = {"teacher": "--teacher", "skillbook.url": "--book"}
+    short = [FromOption(f"{key}={dumps(value)}", options[key]) for key, value in typed.items() if value is not None]
     if seeds is not None:
         if seed is not None or record or replay or resume or view:
             problem = "goes with none of --seed, --record, --replay, --resume and --view"

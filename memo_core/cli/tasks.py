@@ -209,7 +209,9 @@ def _task(registry: Registry, experiment: Experiment, name: str) -> Task:
 
 
 def _with_suite(overrides: list[str] | None, suite: str | None) -> list[str]:
-    return [*(overrides or ()), *([f"suite.backend={suite}"] if suite else ())]
+    from memo_core.config.layers import FromOption
+
+    return [*(overrides or ()), *([FromOption(f"suite.backend={suite}", "--suite")] if suite else ())]
 
 
 def _summary(task: Any) -> dict[str, Any]:

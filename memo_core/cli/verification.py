@@ -13,7 +13,6 @@ from typing import Any
 
 import attrs
 
-from memo_core.cli.options import load
 from memo_core.cli.output import note, progress_bar
 from memo_core.errors import InvalidArgument
 from memo_core.runlog.json_lines import append_line, make_writable, read_lines
@@ -34,11 +33,15 @@ class Trial:
 
 def run_trial(trial: Trial) -> dict[str, Any]:
     """Verify one task on one seed (also the entry of a worker process)."""
+    from memo_core.config import load_experiment
     from memo_core.environment.task_verification import verify_task
+    from memo_core.plugins import Registry
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
+    from memo_core.runs.sections import SECTIONS
 
     started = time.monotonic()
-    _, experiment = load(trial.config, list(trial.overrides))
+    # Not ``load``: what it says of plugins and settings has been said once, before the first trial.
+    experiment = load_experiment(Registry(), trial.config, trial.overrides, SECTIONS)
     task = task_of(experiment, trial.task)
     [found] = verify_task(
         lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed], trial.plain

@@ -15,7 +15,7 @@ import attrs
 
 from memo_core.config.errors import ConfigErrors, Issue, Origin, dotted
 from memo_core.config.fields import Checker, key_of
-from memo_core.config.layers import Merged, merge
+from memo_core.config.layers import FromOption, Merged, merge
 from memo_core.config.source import Path_
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_match
 from memo_core.interfaces.backend import KINDS, Backend
@@ -142,7 +142,9 @@ def load_experiment(
     and take precedence over the file. Raises ``ConfigErrors`` with all errors.
     """
     typed = {"task": task, "seed": seed}
-    given = [f"{name}={json.dumps(value)}" for name, value in typed.items() if value is not None]
+    given = [
+        FromOption(f"{name}={json.dumps(value)}", f"--{name}") for name, value in typed.items() if value is not None
+    ]
     merged = merge(file, [*overrides, *given], SCALAR_DEFAULTS)
     return _Assembly(registry, sections or {}, merged).experiment()
 

@@ -20,6 +20,7 @@ from memo_core.config.source import Path_, read_value
 from memo_core.errors import InvalidArgument, MemoError, close_match
 
 _URL_WITH_PASSWORD = re.compile(r"^[A-Za-z][\w+.-]*://[^/\s:@]*:(?!\$\{)[^/\s@]+@")
+_PERCENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 MISSING = "???"  # OmegaConf's word for a value that another layer must give
 
 
@@ -69,7 +70,11 @@ class Checker:
         """An instance of ``cls`` from plain ``values``, or None if there are errors. ``owner`` names the owner of the
         keys in messages; ``secrets`` names the environment variables that hold its secrets."""
         if not isinstance(values, dict):
-            self.wrong(path, f"{shown_value(values, str(path[-1]))} is not a section; expected keys of {owner}")
+            keys = field_types(cls)
+            example = next((key for key, wanted in keys.items() if wanted is type(values)), "")
+            shown = shown_value(values, str(path[-1]))
+            said = f"{shown} is not a section; expected keys of {owner} ({', '.join(sorted(keys))})"
+            self.wrong(path, said + (f", such as {example}: {shown}" if example else ""))
             return None
         before = len(self.issues)
         hints = field_types(cls)
@@ -97,6 +102,7 @@ class Checker:
             except _Wrong:
                 continue
         if len(self.issues) > before:
+            self._failed_validators(cls, arguments, path)  # of the values that can be read: all mistakes at once
             return None
         return self._build(cls, arguments, path)
 
@@ -201,6 +207,8 @@ class Checker:
     # -- reporting -------------------------------------------------------------------------------------------------
     def _type_error(self, value: Any, wanted: Any, path: Path_, hint: str = "") -> typing.NoReturn:
         name = next((part for part in reversed(path) if isinstance(part, str)), "")
+        if wanted is float and isinstance(value, str) and (share := _PERCENT.fullmatch(value)):
+            hint = f"; write {float(share[1]) / 100:g}"
         self.wrong(path, f"{self._told(value, name, path)} is not {describe(wanted)}{hint}")
         raise _Wrong
 

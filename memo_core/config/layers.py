@@ -44,6 +44,17 @@ class Merged:
         return self.origins.get((), Origin("default"))
 
 
+class FromOption(str):
+    """An override that another option than ``--set`` stands for; messages name that option."""
+
+    option: str
+
+    def __new__(cls, text: str, option: str = "--set") -> FromOption:
+        made = super().__new__(cls, text)
+        made.option = option
+        return made
+
+
 def merge(file: Path | None, overrides: Sequence[str] = (), defaults: dict[str, Any] | None = None) -> Merged:
     """Merge ``defaults`` of the top level, the preset, the extended files, the file, and ``--set``
     (``run.attempts=2``)."""
@@ -124,9 +135,9 @@ def _overrides(overrides: Sequence[str]) -> Source:
     for override in overrides:
         name, equals, text = override.partition("=")
         parts = tuple(part.strip() for part in name.split("."))
-        origin = Origin("--set")
+        origin = Origin(getattr(override, "option", "--set"))
         if not equals or not all(parts):
-            source.issues.append(Issue(Origin("--set"), "", f"{name!r} is not of the form section.key=value"))
+            source.issues.append(Issue(origin, "", f"{name!r} is not of the form section.key=value"))
             continue
         try:
             value = read_value(text)

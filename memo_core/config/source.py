@@ -114,11 +114,22 @@ def read_value(text: str) -> Any:
         raise ValueError(getattr(error, "problem", None) or str(error)) from None
 
 
+# Pieces of PyYAML's messages for the mistakes that people make most, and what to look for.
+_IN_PLAIN_WORDS = {
+    "mapping values are not allowed": "a second `key:` in one line, or a line indented further than its section",
+    "expected <block end>": "this line is not indented as the lines of its section are, or a bracket or quote is open",
+    "could not find expected ':'": "a line without `key: value`, or this line is indented less than its section",
+    "cannot start any token": "a tab or a character that means something in YAML: indent with spaces, quote such text",
+}
+
+
 def _syntax_issue(error: yaml.YAMLError, shown: str) -> Issue:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or " ".join(str(error).split())
     context = getattr(error, "context", None)
     said = f"not YAML: {problem}" + (f" {context}" if context else "")
+    if plain := next((words for piece, words in _IN_PLAIN_WORDS.items() if piece in said), ""):
+        said = f"not YAML: {plain}"
     return Issue(Origin(shown, mark.line + 1 if mark else None), "", said)
 
 

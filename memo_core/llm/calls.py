@@ -14,7 +14,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import WHILE, Stopped
+from memo_core.errors import WHILE, BackendUnavailable, Stopped
 from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
@@ -159,6 +159,9 @@ class ModelCalls:
             except Exception as error:  # whose plugin it is must be said, whatever it raises
                 error.add_note(f"{WHILE} llm {self._llm.name!r} answered")
                 raise
+            if not isinstance(answer, Answer):
+                said = f"its answer() returned {type(answer).__name__}, not an Answer(text, …)"
+                raise BackendUnavailable("llm", self._llm.name, said, "a bug in its plugin")
             if shown is not None:
                 shown.end()
             return attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text)))

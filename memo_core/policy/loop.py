@@ -530,7 +530,8 @@ class Loop:
         if self._corrected_enough():
             return self._enough
         if len(self._results) >= settings.subtasks:
-            return f"{settings.subtasks} subtasks were tried and the task is still not done"
+            tried = f"{settings.subtasks} subtasks were tried, the most that run.subtasks allows"
+            return f"{tried}, and the planner had not called the task done"
         if self._robot_s > settings.time_limit_s:
             return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
         if self._effects.time - began > self._session.time_limit_s:

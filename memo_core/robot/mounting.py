@@ -7,6 +7,7 @@ fixed to it at the base pose, so that kinematics, collision checks and simulator
 
 from __future__ import annotations
 
+import math
 from typing import Any
 from xml.etree import ElementTree
 
@@ -20,6 +21,8 @@ from memo_core.robot.urdf import read_urdf
 from memo_core.robot.urdf_text import Solid, joint_text, link_text
 from memo_core.scene.pose import Pose
 
+_FARTHEST = 3.0  # m from the origin of scenes to the base: farther, no arm reaches a table
+_TURN = 6.3  # rad, a little more than a whole turn
 MOUNT = "memo_mount"  # the new root link
 
 
@@ -31,11 +34,22 @@ def _finite(count: int) -> Any:
     return check
 
 
+def _in_metres(instance: object, attribute: attrs.Attribute[list[float]], value: list[float]) -> None:
+    if max(map(abs, value), default=0.0) > _FARTHEST:
+        raise InvalidArgument(attribute.name, f"{value} looks like millimetres", f"metres, {_FARTHEST:g} at most")
+
+
+def _in_radians(instance: object, attribute: attrs.Attribute[list[float]], value: list[float]) -> None:
+    if max(map(abs, value), default=0.0) > _TURN:
+        right = ", ".join(f"{math.radians(one):.5g}" for one in value)
+        raise InvalidArgument(attribute.name, f"{value} looks like degrees", f"radians: [{right}]")
+
+
 def turned_by(roll: float, pitch: float, yaw: float) -> Any:
     """The field ``base_rpy`` (rad) with this default, for the settings of a robot that usually stands otherwise."""
     return attrs.field(
         factory=lambda: [roll, pitch, yaw],
-        validator=_finite(3),
+        validator=[_finite(3), _in_radians],
         metadata={"help": "how it is turned: roll, pitch, yaw, rad; [0, 1.5708, 0] on a wall, [3.1416, 0, 0] hanging"},
     )
 
@@ -45,7 +59,9 @@ class Mounting:
     """Settings of a robot's base; for the config class of a robot plugin to inherit from."""
 
     base_position: list[float] = attrs.field(
-        factory=lambda: [0.0, 0.0, 0.0], validator=_finite(3), metadata={"help": "where the base stands: x, y, z, m"}
+        factory=lambda: [0.0, 0.0, 0.0],
+        validator=[_finite(3), _in_metres],
+        metadata={"help": "where the base stands: x, y, z, m"},
     )
     base_rpy: list[float] = turned_by(0.0, 0.0, 0.0)
     mount_length: float = attrs.field(

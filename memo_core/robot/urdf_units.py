@@ -16,7 +16,7 @@ from memo_core.robot.urdf import Urdf, UrdfLink
 
 _ANGLE = 4 * math.pi  # rad, the largest limit of a turning joint
 _TURN = 2 * math.pi + 1e-3  # rad, the largest angle of an <origin>
-_SPEED = 30.0  # rad/s of an arm joint
+_SPEED = 25.0  # rad/s of an arm joint
 _STROKE, _SLIDE = 1.0, 20.0  # m, of a finger, of a slide of the arm
 _LENGTH = 10.0  # m, of all links in a row
 _CENTRE = 5.0  # m from a link's frame to its centre of mass
@@ -93,7 +93,7 @@ def _angles(text: str, urdf: Urdf, fingers: Collection[str]) -> list[str]:
     if speeds:
         values = _some(_of(speeds, "rad/s"))
         right = "URDF velocities are in rad/s (0 is taken as not stated)"
-        found.append(f"velocity of joint {values}: looks like deg/s; {right}")
+        found.append(f"velocity of joint {values}: looks like deg/s or rpm; {right}")
     turned = []
     for element in ElementTree.fromstring(text):
         for origin in element.iter("origin"):

@@ -16,7 +16,10 @@ from collections.abc import Callable, Sequence
 import attrs
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Message, Request, Usage
-from memo_core.testing.rules import Rules
+from memo_core.policy.prompting import messages
+from memo_core.scene.graph import Node, Observation, SceneGraph
+from memo_core.scene.pose import Pose
+from memo_core.testing.rules import Limited, Rules
 
 Make = Callable[[], LanguageModel]
 RULES: Rules[Callable[[Make], None]] = Rules()
@@ -75,6 +78,20 @@ def answers_or_says_why_not(make: Make) -> None:
         for text in ("Say one word.", "", "⟂ ∄ \x00 \u202e", "word " * 3000):
             answer = _answer(model, question(text))
             assert answer is None or answer.finish in FINISHES, f"finish {answer.finish!r}" if answer else ""
+
+
+@rule
+def answers_a_question_of_memo(make: Make) -> None:
+    """It answers the prompt with which MEMO asks for the next subtask. One that cannot (no key, no server, a bug that
+    turns every answer into an error) is limited: the other rules have seen no answer of it."""
+    cube = Node("red cube", "red cube", Pose((0.45, 0.1, 0.02)), (0.04, 0.04, 0.04), None, "object")
+    scene = SceneGraph((cube,), (), Observation(Pose((0.4, 0.0, 0.4), (0.0, 1.0, 0.0, 0.0)), 0.08, False), 0.0, "table")
+    prompt = messages("plan", None, scene, task="pick up the red cube", done=[])
+    with _Open(make) as model:
+        try:
+            model.answer(Request("plan", prompt, seed=0))
+        except LanguageModelError as error:
+            raise Limited(f"it never answered, so the other rules saw no answer: {error.problem}") from None
 
 
 @rule

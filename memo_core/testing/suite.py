@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import math
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
@@ -17,11 +18,11 @@ import numpy as np
 
 from memo_core.environment.task_code import monitors_of, outcome_of, scene_of, task_code
 from memo_core.interfaces.task import Task
-from memo_core.scene.description import SceneDescription
+from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.teachers.goal_check import is_named, labels_of
 from memo_core.teachers.visible_goal import read_goal
 from memo_core.testing.perception import StillWorld
-from memo_core.testing.rules import Rules
+from memo_core.testing.rules import Limited, Rules
 
 Make = Callable[[], Sequence[Task]]
 RULES: Rules[Callable[[Make], None]] = Rules()
@@ -78,6 +79,55 @@ def a_scene_depends_on_its_seed_only(make: Make) -> None:
         for seed in SEEDS:
             assert repr(_scene(first, seed)) == repr(_scene(second, seed)), f"{first.name}: seed {seed} gave two scenes"
         assert len({repr(_scene(first, seed)) for seed in SEEDS}) > 1, f"{first.name}: all seeds give one scene"
+
+
+@rule
+def scenes_are_in_metres(make: Make) -> None:
+    """No shape measures more than 5 m, nothing that can be carried stands 5 m away or more than 1 cm in the table: such
+    a scene can be built, and is rarely meant."""
+    for task in make():
+        scene = _scene(task, 0)
+        for body, parent in scene.walk():
+            largest = max((max(_extents(geom)) for geom in body.geoms if geom.shape != "mesh"), default=0.0)
+            if largest > 5.0:
+                raise Limited(f"{task.name}: {body.name!r} measures {largest:g} m; lengths are in metres")
+            if parent is not None or not isinstance(body.joint, Free):
+                continue
+            away = float(np.linalg.norm(body.pose.position))
+            if away > 5.0:
+                raise Limited(f"{task.name}: {body.name!r} stands {away:g} m away; positions are in metres")
+            sunk = scene.table_height - _lowest(body)
+            if sunk > 0.01 and _above_table(scene, body):
+                raise Limited(f"{task.name}: {body.name!r} starts {100 * sunk:.1f} cm inside the table; {_STANDS}")
+
+
+_STANDS = "a body's pose is that of its frame, so half its height above the table"
+
+
+def _extents(geom: Geom) -> tuple[float, float, float]:
+    """Of the box around a shape that is no mesh, in the shape's own frame."""
+    if geom.shape == "box":
+        return (geom.size[0], geom.size[1], geom.size[2])
+    across = 2 * geom.size[0]
+    along = {"sphere": across, "cylinder": geom.size[-1], "capsule": geom.size[-1] + across}[geom.shape]
+    return (across, across, along)
+
+
+def _lowest(body: Body) -> float:
+    """The height of a body's lowest point in the scene (m); infinite without shapes but meshes."""
+    lowest = math.inf
+    for geom in body.geoms:
+        if geom.shape != "mesh" and geom.collides:
+            pose = body.pose * geom.pose
+            lowest = min(lowest, pose.position[2] - float(np.abs(pose.rotation[2]) @ np.array(_extents(geom))) / 2)
+    return lowest
+
+
+def _above_table(scene: SceneDescription, body: Body) -> bool:
+    """Whether a body stands where simulators add their table."""
+    x, y, _ = body.pose.position
+    own = any(one.name == "table" for one, _ in scene.walk())
+    return not own and -0.35 < x < 1.25 and abs(y) < 0.8
 
 
 @rule

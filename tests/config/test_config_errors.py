@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,9 @@ from hypothesis import strategies as st
 
 from memo_core.cli.main import main
 from memo_core.config import ConfigErrors, load_experiment
+from memo_core.config.layers import FromOption
+from memo_core.plugins import Registry
+from memo_core.runs.sections import SECTIONS
 
 
 def issues(text: str | None, *overrides: str, folder: Path | None = None) -> list[tuple[int | None, str, str]]:
@@ -243,3 +247,64 @@ def test_the_file_of_a_study_is_told_with_the_command_for_it(tmp_path):
         ("study", "memo study run FILE, or memo reproduce FILE for all of it"),
         ("evaluation", "memo evaluate FILE, or memo reproduce FILE for all of it"),
     ]
+
+
+def real(*overrides: str, **typed: str) -> list[str]:
+    """What is said of overrides of the installed backends, a line each."""
+    with pytest.raises(ConfigErrors) as caught:
+        load_experiment(Registry(), None, overrides, SECTIONS, **typed)
+    return str(caught.value).splitlines()
+
+
+def test_a_misspelt_key_hides_no_wrong_value_beside_it():
+    said = real("teacher.backend=simulated", "teacher.misjudge=0.1", "teacher.misjudges=3")
+    assert len(said) == 2
+    assert any("teacher.misjudge: unknown key" in line for line in said)
+    assert any(line.startswith("--set: teacher.misjudges: ") for line in said)
+
+
+def test_a_share_in_per_cent_is_told_as_a_number():
+    [said] = real("teacher.backend=simulated", "teacher.misjudges='10%'")
+    assert said.endswith("'10%' is not a number; write 0.1")
+
+
+def test_a_backend_in_capitals_is_meant():
+    [said] = real("method=MEMO")
+    assert "did you mean 'memo'?" in said
+
+
+def test_a_file_in_the_place_of_a_section_is_told_with_the_key_it_belongs_to():
+    [said] = real("skillbook=lab.db")
+    assert "'lab.db' is not a section" in said and said.endswith("such as url: 'lab.db'")
+
+
+def test_a_mistake_in_another_option_than_set_names_that_option():
+    [said] = real(task="open-the-frigde")
+    assert said.startswith("--task: task: unknown task 'open-the-frigde'")
+    [said] = real(pickle.loads(pickle.dumps(FromOption("suite.backend=tabeltop", "--suite"))))
+    assert said.startswith("--suite: suite.backend: ")
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("robot.base_rpy=[0, 0, 90]", "[0.0, 0.0, 90.0] looks like degrees; expected radians: [0, 0, 1.5708]"),
+        ("robot.base_position=[0, 0, 100]", "[0.0, 0.0, 100.0] looks like millimetres; expected metres, 3 at most"),
+    ],
+)
+def test_a_base_in_other_units_is_told_with_what_is_meant(setting, said):
+    [line] = real("robot.backend=panda", setting)
+    assert line.endswith(f": {said}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        ("seed: 1\n  llm: local", 2, "indented further"),
+        ("llm:\n  backend: local\n seed: 1", 3, "not indented as the lines of its section"),
+        ("llm:\n\tbackend: local", 2, "indent with spaces"),
+    ],
+)
+def test_wrong_indentation_is_told_in_plain_words(text, line, said, tmp_path):
+    found = one_issue(text, folder=tmp_path)
+    assert found[0] == line and said in found[2]

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from memo_core.cli.main import main
-from memo_core.errors import InvalidArgument, Stopped
+from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.events import ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModelError, Message, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded, Limit, UnknownPrice
@@ -116,6 +116,19 @@ def test_an_error_of_a_kind_of_its_own_is_told_with_the_name_of_the_model(monkey
     assert ended.value.code == 70
     said = "unexpected KeyError: 'choices' (raised while llm 'scripted' answered; memo --debug shows where)"
     assert said in capsys.readouterr().err
+
+
+def test_an_answer_that_is_only_text_is_told_as_the_plugins_mistake():
+    class Broken(ScriptedModel):
+        def answer(self, request, on_text=None, cancelled=None):
+            return "OPEN(door)"
+
+    bench = Bench(Broken({}))
+    with pytest.raises(BackendUnavailable) as raised:
+        bench.calls.answer(QUESTION)
+    said = r"llm 'scripted' cannot be used: its answer() returned str, not an Answer(text, …) (a bug in its plugin)"
+    assert str(raised.value) == said
+    assert bench.budget.under_way == 0 and len(bench.kept) == 1
 
 
 def test_it_is_asked_again_so_often_and_no_more():

@@ -240,6 +240,14 @@ class Bare(Lift):
         return Outcome(False, "the cube is on the table")
 
 
+class Giant(Lift):
+    """40 and no unit thought of."""
+
+    def scene(self, rng):
+        body = attrs.evolve(super().scene(rng).bodies[0], geoms=(Geom("box", (40.0, 40.0, 40.0)),))
+        return SceneDescription((body,))
+
+
 class Shared(Lift):
     watching = (Height(),)
 
@@ -259,6 +267,7 @@ WRONG_SUITES = {
     "a_scene_depends_on_its_seed_only": lambda: [Always()],
     "a_scene_does_not_draw_from_elsewhere": lambda: [Elsewhere()],
     "nothing_is_done_at_the_start": lambda: [Done()],
+    "scenes_are_in_metres": lambda: [Giant()],
     "checks_return_outcomes": lambda: [Bare()],
     "monitors_are_new_and_remember": lambda: [Shared()],
     "reference_solutions_are_code": lambda: [Unwritten()],
@@ -303,6 +312,13 @@ class Unnamed(Echo):
 class Choosy(Echo):
     def text(self, request) -> str:
         return request.messages[-1].text.split()[0]  # IndexError where there is no word
+
+
+class Unreachable(Echo):
+    """Every answer is an error, with a reason: no rule but one sees anything wrong."""
+
+    def text(self, request) -> str:
+        raise LanguageModelError(self.name, "connection refused")
 
 
 class Free(Echo):
@@ -362,6 +378,7 @@ class OpensOnce(Echo):
 WRONG_MODELS = {
     "has_a_name": Unnamed,
     "answers_or_says_why_not": Choosy,
+    "answers_a_question_of_memo": Unreachable,
     "reports_what_a_call_cost": Free,
     "the_phase_is_for_logs_only": Peeks,
     "pieces_add_up_to_the_answer": Garbles,
