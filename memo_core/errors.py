@@ -21,6 +21,9 @@ class MemoError(Exception):
     exit_code = 1
 
 
+_LONGEST_NAME = 500  # characters of an unknown name that are shown
+
+
 def close_match(name: str, valid: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` when something valid is close to ``name``, else an empty string."""
     spelt = {one.lower(): one for one in valid}
@@ -40,7 +43,8 @@ class UnknownName(MemoError):
 
     def __str__(self) -> str:
         known = ", ".join(sorted(self.available)) or "none"
-        return f"unknown {self.kind} {self.name!r}{close_match(self.name, self.available)} (available: {known})"
+        name = self.name if len(self.name) <= _LONGEST_NAME else f"{self.name[:_LONGEST_NAME]}…"
+        return f"unknown {self.kind} {name!r}{close_match(name, self.available)} (available: {known})"
 
 
 @attrs.define(auto_exc=True, eq=False)

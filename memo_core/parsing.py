@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,6 +22,21 @@ def read_at_most(file: Path, most: int) -> bytes:
     if len(data) > most:
         raise ValueError(f"is larger than {most >> 20} MiB")
     return data
+
+
+def encodable(text: str) -> bool:
+    """Whether a text can be written to a file or database. An argument that is not UTF-8 cannot: Python spells its
+    bytes as halves of surrogate pairs."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def resolved(path: Path) -> Path:
+    """``path.resolve()``, which fails on a symbolic link that leads to itself; here, opening the file tells that."""
+    return Path(os.path.realpath(path))
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -63,6 +78,6 @@ def _exactly(value: Any, kind: type) -> Any:
 
 
 def _finite(value: Any, _: type) -> float:
-    if type(value) not in (int, float) or not math.isfinite(value) or abs(value) > 1e300:
+    if type(value) not in (int, float) or not abs(value) <= 1e300:  # also NaN, and whole numbers that no float holds
         raise ValueError(f"a {type(value).__name__}, expected a finite number")
     return float(value)

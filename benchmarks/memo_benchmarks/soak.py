@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,7 @@ class Broken(LanguageModel):
 def bench_soak(minutes: float, seed: int = 0, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Use one book for so long. ``kept`` says that no invariant was broken; the slopes are told beside it."""
     adopt_orphans("bench soak")
+    get_temp_dir()  # of multiprocessing, which removes it at its end: not in the folder that is removed before
     started, acts, faults = time.monotonic(), Counter[str](), list[str]()
     with tempfile.TemporaryDirectory(prefix="memo-bench-") as place:
         soak = _Soak(Path(place), random.Random(seed))

@@ -12,6 +12,7 @@ from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, progress_bar
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
+from memo_core.parsing import resolved
 
 if TYPE_CHECKING:
     from memo_core.evaluation.evaluating import Evaluated
@@ -65,7 +66,7 @@ def command(
     if book:
         given.append(f"evaluation.books={dumps([_book(one) for one in book])}")
     given += ["evaluation.record=true", "evaluation.reuse=false"] if model_in_the_loop else []
-    given += [f"evaluation.replay={dumps(str(replay.resolve()))}"] if replay else []
+    given += [f"evaluation.replay={dumps(str(resolved(replay)))}"] if replay else []
     given += [f"evaluation.engine={engine}"] if engine else []
     given += [f"evaluation.jobs={jobs}"] if jobs else []
     folder = experiment_folder(file, out)
@@ -83,7 +84,7 @@ def command(
 def _book(named: Path) -> str:
     from memo_core.evaluation.settings import EMPTY, LESSONS
 
-    return str(named) if str(named) in (EMPTY, LESSONS) else str(named.resolve())
+    return str(named) if str(named) in (EMPTY, LESSONS) else str(resolved(named))
 
 
 def run_evaluation(load: Load, folder: Path) -> Evaluated:

@@ -23,6 +23,7 @@ Overrides = Annotated[
     typer.Option("--set", "-s", metavar="KEY=VALUE", help="Override one value, e.g. run.attempts=2."),
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the scene and of everything drawn.")]
+MOST_NUMBER = 2**63 - 1  # of an entry or a revision: a database counts no further
 Book = Annotated[
     str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook; without it, the experiment's.")
 ]

@@ -18,9 +18,10 @@ from memo_core.cli import (
     skillbook_retest,
     skillbook_transfer,
 )
-from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.errors import InvalidArgument, MemoError, close_match
+from memo_core.parsing import encodable, resolved
 from memo_core.runlog.whole_files import CannotWrite, whole_file
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def list_entries(
 
 @app.command()
 def show(
-    entry: Annotated[int, typer.Argument(metavar="ID", help="The entry's number.")],
+    entry: Annotated[int, typer.Argument(metavar="ID", max=MOST_NUMBER, help="The entry's number.")],
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -95,7 +96,9 @@ def show(
 @app.command()
 def search(
     words: Annotated[str, typer.Argument(help="What to look for; a subtask such as 'OPEN(oven)' is retrieved for.")],
-    count: Annotated[int, typer.Option("--count", "-n", min=1, help="Largest number of results.")] = 10,
+    count: Annotated[
+        int, typer.Option("--count", "-n", min=1, max=MOST_NUMBER, help="Largest number of results.")
+    ] = 10,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -104,6 +107,8 @@ def search(
     """Find entries: those that would be retrieved for a subtask and why, or those with the most similar text."""
     from memo_core.runs.factories import book_of
 
+    if not encodable(words):
+        raise InvalidArgument("WORDS", f"{words!r} is not UTF-8 text", "what to look for")
     with book_of(load(config, overrides)[1], book, read_only=True) as opened:
         if "(" in words:
             found = opened.retrieve(words)
@@ -159,7 +164,7 @@ def export(
             return
         count = 0
         try:
-            with whole_file(out.resolve()) if out.is_file() or not out.exists() else out.open("wb") as file:
+            with whole_file(resolved(out)) if out.is_file() or not out.exists() else out.open("wb") as file:
                 for line in lines:
                     file.write(line.encode("utf-8", "surrogatepass"))
                     count += 1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json
 from memo_core.errors import InvalidArgument
 from memo_core.parsing import read_at_most
@@ -16,7 +16,9 @@ from memo_core.parsing import read_at_most
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
 
-Number = Annotated[int, typer.Argument(metavar="ENTRY", help="The entry's number (memo skillbook list).")]
+Number = Annotated[
+    int, typer.Argument(metavar="ENTRY", max=MOST_NUMBER, help="The entry's number (memo skillbook list).")
+]
 Who = Annotated[
     str | None, typer.Option("--who", help="Your name in the book, so that you can withdraw; default: your login name.")
 ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
-from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
@@ -32,7 +32,9 @@ def history(
     key: Annotated[
         str | None, typer.Argument(metavar="[KEY]", help="Only this key, e.g. 'OPEN(oven)'; * for general statements.")
     ] = None,
-    last: Annotated[int | None, typer.Option("--last", min=1, help="Only this many of the latest revisions.")] = None,
+    last: Annotated[
+        int | None, typer.Option("--last", min=1, max=MOST_NUMBER, help="Only this many of the latest revisions.")
+    ] = None,
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -69,9 +71,10 @@ def history(
 
 
 def diff(
-    revision: Annotated[int, typer.Argument(metavar="REV", help="What this revision changed.")],
+    revision: Annotated[int, typer.Argument(metavar="REV", max=MOST_NUMBER, help="What this revision changed.")],
     other: Annotated[
-        int | None, typer.Argument(metavar="[REV]", help="From the book after REV to the book after this one.")
+        int | None,
+        typer.Argument(metavar="[REV]", max=MOST_NUMBER, help="From the book after REV to the book after this one."),
     ] = None,
     book: Book = None,
     config: ConfigFile = None,
@@ -94,7 +97,9 @@ def diff(
 
 
 def rollback(
-    revision: Annotated[int, typer.Argument(metavar="REV", help="The revision to take back (memo skillbook history).")],
+    revision: Annotated[
+        int, typer.Argument(metavar="REV", max=MOST_NUMBER, help="The revision to take back (memo skillbook history).")
+    ],
     book: Book = None,
     config: ConfigFile = None,
     overrides: Overrides = None,

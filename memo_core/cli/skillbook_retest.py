@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import attrs
 import typer
 
-from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
+from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, print_table, progress_bar
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ def register(app: typer.Typer) -> None:
 
 def retest(
     entries: Annotated[
-        list[int] | None, typer.Argument(metavar="[ENTRY]…", help="Templates by number; none: all that are served.")
+        list[int] | None,
+        typer.Argument(metavar="[ENTRY]…", max=MOST_NUMBER, help="Templates by number; none: all that are served."),
     ] = None,
     seeds: Annotated[
         str, typer.Option("--seeds", metavar="A-B", help="Fresh scenes beside the stored start, e.g. 1001-1003.")

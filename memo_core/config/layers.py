@@ -19,6 +19,7 @@ from memo_core.config.references import MOST_REFERENCES, too_entangled
 from memo_core.config.source import Path_, Source, read_file, read_text, read_value
 from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
+from memo_core.parsing import resolved
 
 _ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
 
@@ -116,14 +117,14 @@ def _with_bases(file: Path, shown: str, above: tuple[Path, ...]) -> list[Source]
         source.issues.append(Issue(at, "extends", "must be the path of a file, or a list of paths"))
         bases = []
     layers: list[Source] = []
-    chain = (*above, file.resolve())
+    chain = (*above, resolved(file))
     for index, base in enumerate(bases):
         here = source.origins.pop(("extends", index), at)
         path = file.parent / os.path.expanduser(base)
         if not os.path.isfile(path):  # also of names that the system cannot have, where pathlib raises
             source.issues.append(Issue(here, "extends", f"there is no file {str(path)!r}"))
-        elif path.resolve() in chain:
-            names = " -> ".join(p.name for p in (*chain, path.resolve()))
+        elif resolved(path) in chain:
+            names = " -> ".join(p.name for p in (*chain, resolved(path)))
             source.issues.append(Issue(here, "extends", f"files extend each other in a circle: {names}"))
         else:
             layers += _with_bases(path, str(path), chain)

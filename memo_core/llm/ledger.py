@@ -18,6 +18,7 @@ import attrs
 from memo_core.errors import MemoError
 from memo_core.interfaces.llm import Usage
 from memo_core.llm.spending import Spent
+from memo_core.parsing import resolved
 
 _WAIT_S = 30.0  # for other processes that write
 _SCHEMA = """
@@ -162,7 +163,7 @@ def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
     another kind of file."""
     by_run = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
     try:
-        address = f"{path.resolve().as_uri()}?mode=ro"
+        address = f"{resolved(path).as_uri()}?mode=ro"
         with contextlib.closing(sqlite3.connect(address, _WAIT_S, isolation_level=None, uri=True)) as connection:
             connection.execute("BEGIN")  # both queries see the same calls
             runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]

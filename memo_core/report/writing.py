@@ -11,6 +11,7 @@ from typing import Any
 import attrs
 import jinja2
 
+from memo_core.parsing import resolved
 from memo_core.plugins import Registry
 from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
@@ -78,7 +79,7 @@ def _figures(findings: Findings, out: Path) -> tuple[list[Figure], str]:
 
 
 def _title(folder: Path) -> str:
-    return f"Experiment {folder.resolve().name}"
+    return f"Experiment {resolved(folder).name}"
 
 
 def _clock(findings: Findings) -> str:

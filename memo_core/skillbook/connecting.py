@@ -17,6 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy.pool import StaticPool
 
 from memo_core.errors import InvalidArgument
+from memo_core.parsing import encodable
 from memo_core.skillbook.book_errors import SkillbookError
 
 _NETWORK = """
@@ -33,6 +34,8 @@ def parse_url(url: str) -> sa.URL:
     """A database URL, or the path of a file, as a URL. Raises ``InvalidArgument``, also for one with a password."""
     if "\0" in url:
         raise InvalidArgument("skillbook", f"{url!r} holds a null character", _URL_FORMS)
+    if not encodable(url):
+        raise InvalidArgument("skillbook", f"{url!r} is not UTF-8 text", _URL_FORMS)
     if "://" not in url:
         return sa.URL.create("sqlite", database=url)
     try:
@@ -77,6 +80,12 @@ def sqlite_engine(name: str, path: Path | None, read_only: bool) -> sa.Engine:
 
 
 def _check_path(name: str, path: Path, read_only: bool) -> None:
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        pass
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise SkillbookError(name, f"{path} cannot be opened: {error.strerror}", "name a file") from error
     if path.is_dir():
         raise SkillbookError(name, f"{path} is a folder", "name a file, e.g. sqlite:///book.db")
     if path.exists() and not _may_be_sqlite(path):

@@ -24,6 +24,12 @@ def test_what_was_found_once_is_mended(folder, child):
     assert replay(child, folder) == []
 
 
+@pytest.mark.parametrize("kind", ["programs", "recordings", "run-folders"])
+def test_runs_with_stand_ins_do_what_real_ones_do(kind):
+    with Child(kind) as child:
+        assert child.run(child.draw(0))["faults"] == []
+
+
 @pytest.mark.parametrize(
     ("code", "out", "err"),
     [

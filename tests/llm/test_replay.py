@@ -220,6 +220,14 @@ def test_a_file_that_is_no_recording_is_named_with_its_line(tmp_path, content, s
         player(tmp_path / "none.jsonl")
 
 
+@pytest.mark.parametrize("name", ["zero", "zero.gz"])
+def test_a_device_is_no_recording_and_is_not_read_for_ever(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail("it has no end"))
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(BadRecording, match="not a file"):
+        read_recording(tmp_path / name)
+
+
 def test_a_damaged_compressed_recording_is_named(tmp_path):
     packed = bytearray(gzip.compress(b"x" * 1000 + bytes(range(256)) * 9))
     packed[20:60] = b"z" * 40

@@ -7,19 +7,22 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
+from unittest.mock import NonCallableMock, patch
 
 from typer.main import get_command
 
 from memo_core.entry_points import installed
+from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.perception import Perception, PerceptionContext
+from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
+from memo_core.interfaces.teacher import Sighting
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.testing.fake_embedder import FakeEmbedder
-from memo_core.testing.fake_environment import FakeEnvironment
+from memo_core.testing.fake_environment import FakeEnvironment, fake_robot
 
 
 class NoPerception(Perception):
@@ -31,27 +34,45 @@ class NoPerception(Perception):
         raise NotImplementedError("the kinematic environment looks by itself")
 
 
-class QuickEnvironment(FakeEnvironment):
-    """The kinematic environment in the place of a simulated one."""
+class QuickEnvironment(SimulatedEnvironment):
+    """A simulated environment of which everything moves kinematically, as in ``FakeEnvironment``. What is not told
+    here is that of the real class, so that no part of it can be missing."""
 
     def __init__(self, task: Task) -> None:
-        super().__init__(task.instruction)
-        self.task = task
-        self.perception = NoPerception()
-        self.time_limit = task.time_limit
-        self.description = SimpleNamespace(table_height=0.0, cameras=())
-        self.simulator = SimpleNamespace(control_period=1.0, tick=lambda: None)
+        simulator: Simulator = NonCallableMock(spec=Simulator, control_period=1.0)
+        super().__init__(task, 0, simulator, fake_robot(), NoPerception())
+        self._fake = FakeEnvironment(task.instruction)
+        self.description = SceneDescription(bodies=())
+        self.monitors = {}
 
-    def __enter__(self) -> QuickEnvironment:
-        return self
+    def _open(self) -> None:
+        self._link, self.control = self._fake.link, self._fake.control
 
-    def __exit__(self, *_: object) -> None: ...
+    def _close(self) -> None: ...
 
     def check(self) -> Outcome:
         return Outcome(False, "nothing is checked here")
 
-    def conclude(self, verdict: str) -> Outcome:
-        return self.check()
+    def settle(self, seconds: float = 0.5) -> None:
+        self._fake.settle(seconds)
+
+    def checkpoint(self) -> bytes:
+        return self._fake.checkpoint()
+
+    def restore(self, checkpoint: bytes) -> None:
+        self._fake.restore(checkpoint)
+
+    def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:
+        self._fake.start_watching(seen)
+
+    def sightings(self) -> tuple[Sighting, ...]:
+        return self._fake.sightings()
+
+    def stop_watching(self) -> tuple[Sighting, ...]:
+        return self._fake.stop_watching()
+
+    def glance(self) -> SceneGraph:
+        return self._fake.glance()
 
 
 @contextmanager

@@ -82,6 +82,8 @@ def read_recording(path: Path) -> list[Call]:
 
 
 def _lines(path: Path) -> list[bytes]:
+    if path.exists() and not path.is_file():
+        raise BadRecording(str(path), 0, "it is not a file")  # a device may have no end
     try:
         data = _decompressed(path) if path.suffix == ".gz" else path.read_bytes()
     except (OSError, EOFError, zlib.error) as error:

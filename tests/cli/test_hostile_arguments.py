@@ -1,0 +1,60 @@
+"""Names, numbers and paths that no command can use are refused in one line: no bug and no traceback."""
+
+from __future__ import annotations
+
+import pytest
+from memo_benchmarks.fuzz.child import faults_of, run
+from memo_benchmarks.fuzz.example_book import write_example
+from memo_benchmarks.fuzz.stand_ins import stood_in
+
+BOOK = ["--book", "book.db"]
+NOT_UTF8 = "\udcff"  # how Python spells a byte of an argument that is not UTF-8
+HUGE = "9" * 30  # beyond what a database counts to
+
+COMMANDS = [
+    ["config", "check", "loop"],
+    ["evaluate", "loop", "--replay", "loop"],
+    ["report", "loop"],
+    ["budget", "loop"],
+    ["skillbook", "list", "--book", "loop"],
+    ["skillbook", "list", "--book", f"{NOT_UTF8}.db"],
+    ["skillbook", "list", "--book", "x" * 300],
+    ["skillbook", "stats", "--book", f"sqlite:///{NOT_UTF8}.db"],
+    ["skillbook", "search", NOT_UTF8, *BOOK],
+    ["skillbook", "search", f"OPEN({NOT_UTF8})", *BOOK],
+    ["skillbook", "search", "an arc", "--count", HUGE, *BOOK],
+    ["skillbook", "show", HUGE, *BOOK],
+    ["skillbook", "edit", HUGE, "words", *BOOK],
+    ["skillbook", "remove", HUGE, *BOOK],
+    ["skillbook", "rollback", HUGE, *BOOK],
+    ["skillbook", "diff", HUGE, *BOOK],
+    ["skillbook", "diff", "1", HUGE, *BOOK],
+    ["skillbook", "history", "--last", HUGE, *BOOK],
+    ["skillbook", "forget", "x" * 30_000, "--yes", *BOOK],
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly():
+    with stood_in():
+        yield
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_example(tmp_path / "book.db", notes=2)
+    (tmp_path / "loop").symlink_to("loop")
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command)[:60].replace(NOT_UTF8, "NOT_UTF8"))
+def test_an_argument_that_cannot_be_used_is_refused_in_one_line(command, place):
+    code, out, err = run(command)
+    assert list(faults_of(code, out, err)) == [] and code != 0, (code, err[-500:])
+
+
+def test_an_export_replaces_a_link_that_leads_to_itself(place):
+    code, out, err = run(["skillbook", "export", "--out", "loop", *BOOK])
+    assert (code, list(faults_of(code, out, err))) == (0, [])
+    assert (place / "loop").read_text().startswith('{"record": "book"')
