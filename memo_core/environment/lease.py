@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import re
@@ -22,21 +23,30 @@ class Lease:
 
     def take(self) -> None:
         """Raises ``BackendUnavailable``, which names the process that has it."""
-        handle = self._open()
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.pread(handle, 20, 0).decode(errors="replace").strip()
-            os.close(handle)
-            who = f"process {holder}" if holder.isdecimal() else "another process"
-            problem = f"{who} moves the robot at {self.address} (lock {self.file})"
-            raise BackendUnavailable("robot", self.address, problem, "wait for it, or end it") from None
+        handle = self._locked()
         try:
             os.ftruncate(handle, 0)
             os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
         except OSError:
             pass  # another user's file, opened for reading: the lock counts, not what is written
         self._handle = handle
+
+    def _locked(self) -> int:
+        """The lock file, opened and locked: the one that has the name, not one whose holder removed it meanwhile."""
+        while True:
+            handle = self._open()
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = os.pread(handle, 20, 0).decode(errors="replace").strip()
+                os.close(handle)
+                who = f"process {holder}" if holder.isdecimal() else "another process"
+                problem = f"{who} moves the robot at {self.address} (lock {self.file})"
+                raise BackendUnavailable("robot", self.address, problem, "wait for it, or end it") from None
+            with contextlib.suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(handle), os.stat(self.file)):
+                    return handle
+            os.close(handle)
 
     def _open(self) -> int:
         """Also where the file is another user's, which a folder for everybody may forbid to write to."""
@@ -46,7 +56,10 @@ class Lease:
             return os.open(self.file, os.O_RDONLY | os.O_CLOEXEC)
 
     def give_back(self) -> None:
-        """Idempotent."""
+        """Idempotent. The file is removed before its lock is given back, so that whoever waits for it sees that it has
+        gone (``_locked``)."""
         handle, self._handle = self._handle, None
         if handle is not None:
-            os.close(handle)  # the file stays: removing it would let two processes lock different files of one name
+            with contextlib.suppress(OSError):  # another user's file in a folder for everybody stays
+                self.file.unlink()
+            os.close(handle)

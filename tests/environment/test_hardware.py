@@ -368,6 +368,21 @@ def test_one_process_at_a_time_moves_a_robot(tmp_path):
         Lease("10.0.0.2", tmp_path).take()
 
 
+def test_a_lease_given_back_leaves_no_file_and_its_former_file_is_no_lease(tmp_path):
+    first, second = Lease("10.0.0.2", tmp_path), Lease("10.0.0.2", tmp_path)
+    first.take()
+    opened = second._open
+    late = iter([opened(), None])  # opened before the holder gave it back, and removed since
+    second._open = lambda: next(late) or opened()
+    first.give_back()
+    assert not list(tmp_path.iterdir())
+    second.take()
+    with pytest.raises(BackendUnavailable, match="moves the robot"):
+        Lease("10.0.0.2", tmp_path).take()
+    second.give_back()
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_driver_may_be_configured_beside_its_robot(person, tmp_path):
     registry = registry_with(person, ScriptedModel({}))
     chosen = experiment(registry, tmp_path, "robot.address=10.1.1.1")
