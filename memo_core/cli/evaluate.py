@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -88,16 +89,20 @@ def _book(named: Path) -> str:
 
 
 def run_evaluation(load: Load, folder: Path) -> Evaluated:
-    """The evaluation with a progress bar. Exits with 130 when it was stopped."""
+    """The evaluation with a progress bar, which a person at a real robot, who is asked there, does not get. Exits with
+    130 when it was stopped."""
     from memo_core.evaluation.evaluating import Standing, evaluate
+    from memo_core.evaluation.on_hardware import is_hardware
     from memo_core.study.lock import working_in
 
-    with working_in(folder), progress_bar() as bar, stopping() as stop:
-        task: Any = bar.add_task("trials", total=None)
+    shown: AbstractContextManager[Any] = nullcontext() if is_hardware(load()) else progress_bar()
+    with working_in(folder), shown as bar, stopping() as stop:
+        task: Any = None if bar is None else bar.add_task("trials", total=None)
 
         def show(standing: Standing) -> None:
             left = "" if standing.left_s is None else f", about {standing.left_s / 60:.0f} min left"
-            bar.update(task, total=standing.planned, completed=standing.done, description=f"trials{left}")
+            if bar is not None:
+                bar.update(task, total=standing.planned, completed=standing.done, description=f"trials{left}")
 
         try:
             return evaluate(load, folder, stop, note, show)

@@ -25,14 +25,17 @@ from memo_core.errors import InvalidArgument, Stopped
 from memo_core.evaluation.books import contents, make_books, note_evaluation
 from memo_core.evaluation.engines import Group, Problem, do_here, on_joblib, on_ray
 from memo_core.evaluation.grid import Trial, trials_of
+from memo_core.evaluation.on_hardware import check_settings, in_random_order, is_hardware
 from memo_core.evaluation.settings import EvaluationSettings
 from memo_core.evaluation.table import rows_of, write_table
-from memo_core.evaluation.trial import Place, experiment_of
+from memo_core.evaluation.trial import Place, do_on_robot, experiment_of
+from memo_core.plugins import Registry
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.factories import environment_of, task_of
+from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.folder import nested
 from memo_core.runs.plugin_code import code_digest
 from memo_core.runs.resuming import check_config
+from memo_core.runs.run import check_release
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.journal import Journal
 from memo_core.study.participants import Load
@@ -90,7 +93,8 @@ def evaluate(
     settings: EvaluationSettings = experiment.section("evaluation")
     journals = _journals(experiment, settings, folder, note)
     trials = trials_of(experiment, len(journals))
-    place = Place(folder)
+    hardware = is_hardware(experiment)
+    place = Place(folder, hidden=hardware)
     _check(load, experiment, trials)
     _keep_config(experiment, folder / "evaluation")
     _keep_code(experiment, folder / "evaluation", note)
@@ -98,6 +102,8 @@ def evaluate(
     note_evaluation(experiment, journals, trials, folder / "evaluation")
     problems: list[Problem] = []
     try:
+        if hardware:
+            do_on_robot(load, Registry(), place, in_random_order(trials, experiment.seed), stop)
         with _watched(place, trials, progress):
             for problem in _done(experiment, settings, folder, place, trials, stop, note):
                 if problem is not None:
@@ -170,9 +176,12 @@ def _check(load: Load, experiment: Experiment, trials: Sequence[Trial]) -> None:
         raise InvalidArgument("evaluation", "no trials", "hours, books, or a method without memory")
     if twice := len(trials) - len({trial.id for trial in trials}):
         raise InvalidArgument("evaluation", f"{twice} trials twice", "each method, task, hour and book once")
+    if is_hardware(experiment):
+        check_settings(experiment.section("evaluation"))
+        check_release(experiment, experiment.create("teacher"))
     for trial in {(trial.mode, trial.ablation): trial for trial in trials}.values():
         checked = experiment_of(load, trial)
-        environment_of(checked, task_of(checked, trial.task), trial.scene)
+        world_of(checked, task_of(checked, trial.task), trial.scene)
 
 
 def _keep_config(experiment: Experiment, folder: Path) -> None:

@@ -22,6 +22,7 @@ from memo_core.config import Experiment
 from memo_core.evaluation.books import LESSON_BOOK, book_key, lesson_digest, told_of
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesson_book import LessonServed, lesson_served
+from memo_core.evaluation.on_hardware import Judge, hidden_name, is_hardware, judged, set_up
 from memo_core.evaluation.served import (
     effects_of,
     executed_in,
@@ -33,16 +34,19 @@ from memo_core.evaluation.served import (
 )
 from memo_core.evaluation.settings import EMPTY, LESSONS, PRESET, EvaluationSettings
 from memo_core.interfaces.task import Task
+from memo_core.interfaces.teacher import Teacher
 from memo_core.parsing import parse_json
 from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.factories import book_of, environment_of, task_of
+from memo_core.runs.factories import book_of, environment_of, task_of, world_of
 from memo_core.runs.folder import json_text
 from memo_core.runs.one_of_many import do_one
 from memo_core.runs.record_replay import recorded, replayed
-from memo_core.runs.run import components_of
+from memo_core.runs.run import check_release, components_of
+from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.skillbook.book import Skillbook
+from memo_core.stop_switch import StopSwitch
 from memo_core.study.history import public
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
@@ -58,10 +62,15 @@ class Place:
     """Where an evaluation's files are: the experiment's folder."""
 
     folder: Path
+    hidden: bool = False  # whether the folders of trials have names that do not tell the method
 
     @property
     def trials(self) -> Path:
         return self.folder / "evaluation" / "trials"
+
+    def of(self, trial: Trial) -> Path:
+        """The folder of a trial."""
+        return self.trials / (hidden_name(trial) if self.hidden else trial.id)
 
     @property
     def books(self) -> Path:
@@ -69,7 +78,7 @@ class Place:
 
     def row(self, trial: Trial) -> dict[str, Any] | None:
         """The row of a trial that is over, with the book as it is now."""
-        file = self.trials / trial.id / ROW
+        file = self.of(trial) / ROW
         row = parse_json(file.read_text(encoding="utf-8")) if file.exists() else None
         return row if row is not None and row["book"] == self.digest(trial) else None
 
@@ -103,8 +112,21 @@ def do_group(
     for trial in trials:
         if place.row(trial) is None:
             row = _shared(load, place, trial, trials) or _done(load, registry, place, trial)
-            write_whole(place.trials / trial.id / ROW, json_text(row))
+            write_whole(place.of(trial) / ROW, json_text(row))
             report(f"{trial.id}: {'done' if row['success'] else 'not done'}")
+
+
+def do_on_robot(load: Load, registry: Registry, place: Place, trials: Sequence[Trial], stop: StopSwitch) -> None:
+    """Trials on a real robot, in this order and in the main thread, which asks the person; what is over already is not
+    done again. Raises ``Stopped`` when a person pauses or ends a run, ``MemoError``."""
+    experiment = load()
+    first = experiment.section("evaluation").first_scene
+    for number, trial in enumerate(trials, start=1):
+        if place.row(trial) is None:
+            if not (place.of(trial) / RUN).exists():
+                set_up(experiment.create("teacher"), trial, first, task_of(experiment, trial.task), number, len(trials))
+            stop.check("evaluating")
+            write_whole(place.of(trial) / ROW, json_text(_done(load, registry, place, trial)))
 
 
 def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
@@ -115,18 +137,26 @@ def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
         given.append("preset=paper")
     if trial.mode == "corrected":
         limit = settings.corrected.corrections
-        given += [f"teacher={json.dumps(settings.corrected.teacher)}", f"run.max_feedback={limit}"]
-        given.append(f"run.attempts={limit + 1}")
+        given += [f"run.max_feedback={limit}", f"run.attempts={limit + 1}"]
+        if not is_hardware(load()):  # beside a real robot is the experiment's own teacher
+            given.append(f"teacher={json.dumps(settings.corrected.teacher)}")
     return load(*given, *further, task=trial.task, seed=trial.model_seed)
 
 
 def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[str, Any]:
-    experiment, folder = experiment_of(load, trial), place.trials / trial.id
+    experiment, folder = experiment_of(load, trial), place.of(trial)
     _remove_former(folder, place.digest(trial))
     task = task_of(experiment, trial.task)
-    teacher = None
+    teacher: Teacher | None = None
+    judge: Judge | None = None
+    hardware = is_hardware(experiment)
     book: Skillbook
+    if hardware:
+        teacher = experiment.create("teacher")
+        check_release(experiment, teacher)
     if trial.mode == "zero-shot":
+        if teacher is not None:
+            teacher = judge = Judge(teacher, folder)
         memory = METHODS[trial.method]
         book = observed_book(experiment, place.book(trial) or NO_FILE, memory, folder / QUESTIONS)
     else:
@@ -134,11 +164,18 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
         if not private.exists():
             _copy(place.book(trial), private)
         book = book_of(experiment, str(private), read_only=False)
-        watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
-        teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
+        if teacher is None:
+            watcher = Participant(WATCHER, load().section("evaluation").corrected.teacher)
+            teacher = teacher_of(load, watcher, task, trial.scene, knows_lessons=True)
     experiment = _transcribed(experiment, registry, place, trial)
-    components = components_of(experiment, lambda: environment_of(experiment, task, trial.scene), book, teacher)
+    environment = world_of if hardware else environment_of
+    components = components_of(experiment, lambda: environment(experiment, task, trial.scene), book, teacher)
+    if judge is not None:
+        components = attrs.evolve(components, time_is_up=judge.over)
     summary = do_one(components, task, trial.model_seed, folder / RUN, registry, public(experiment))
+    if judge is not None:
+        summary = judged(summary, judge.outcome(task, summary["ended"]))
+    write_trial_sheet(experiment, summary, folder / RUN)
     lesson = _lesson(experiment, task, place, trial)
     if trial.mode == "corrected":
         for left in folder.glob(f"{PRIVATE}*"):
@@ -147,10 +184,10 @@ def _done(load: Load, registry: Registry, place: Place, trial: Trial) -> dict[st
 
 
 def _lesson(experiment: Experiment, task: Task, place: Place, trial: Trial) -> LessonServed:
-    """Whether the lesson of a task with a trick was served."""
-    if not task.trick or not METHODS[trial.method].any:
+    """Whether the lesson of a task with a trick was served; not known on a real robot, which has no other scenes."""
+    if is_hardware(experiment) or not task.trick or not METHODS[trial.method].any:
         return LessonServed()
-    folder = place.trials / trial.id
+    folder = place.of(trial)
     url = place.book(trial) or NO_FILE
     with book_of(experiment, str(folder / PRIVATE) if trial.mode == "corrected" else url, read_only=True) as book:
         return lesson_served(experiment, task, folder / RUN, book)
@@ -160,11 +197,11 @@ def _transcribed(experiment: Experiment, registry: Registry, place: Place, trial
     """The experiment with its model recorded, or played back, as the settings say."""
     settings: EvaluationSettings = experiment.section("evaluation")
     if settings.replay:
-        kept = Place(Path(settings.replay)).trials / trial.id / RECORDING
+        kept = Place(Path(settings.replay)).of(trial) / RECORDING
         packed = kept.with_name(f"{RECORDING}.gz")
         file = packed if packed.exists() and not kept.exists() else kept
         return replayed(experiment, registry, file, match=settings.replay_match)
-    return recorded(experiment, registry, place.trials / trial.id / RECORDING) if settings.record else experiment
+    return recorded(experiment, registry, place.of(trial) / RECORDING) if settings.record else experiment
 
 
 def _remove_former(folder: Path, digest: str) -> None:
@@ -219,7 +256,7 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
             if not METHODS[other.method].any:
                 continue  # it asked nothing, which says nothing about what it would have been served
             try:
-                questions = read_questions(place.trials / other.id / QUESTIONS)
+                questions = read_questions(place.of(other) / QUESTIONS)
             except OSError:
                 continue
             if same_answers(book, memory, questions):
@@ -244,7 +281,7 @@ def _about(trial: Trial, place: Place) -> dict[str, Any]:
 
 
 def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Place) -> dict[str, Any]:
-    effects = effects_of(place.trials / trial.id / RUN)
+    effects = effects_of(place.of(trial) / RUN)
     at, why = _failure(summary)
     subtasks = [one["subtask"] for one in summary["subtasks"]]
     at_once = executed_in(effects) == len(subtasks) == len(set(subtasks))

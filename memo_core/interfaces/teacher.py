@@ -75,6 +75,17 @@ class Program:
 
 
 @attrs.frozen
+class Arrangement:
+    """The scene of one trial of an evaluation on a real robot. It is the same whenever task and ``scene`` are; which
+    method is tried is hidden."""
+
+    task: str  # instruction
+    scene: int  # which arrangement of it, from 1
+    number: int  # which trial this is, from 1
+    of: int
+
+
+@attrs.frozen
 class Verdict:
     """``approve``: it worked. ``correct``: ``words`` say what was wrong. ``silent``: nobody watched.
 
@@ -168,6 +179,11 @@ class Teacher(ABC):
     def put_back(self, episode: Episode) -> bool:
         """Asked if the environment cannot restore the scene (hardware): put the objects back as they were in
         ``episode.before``. Returns True when that was done. False by default."""
+        return False
+
+    def set_up(self, arrangement: Arrangement) -> bool:
+        """Asked before each trial of an evaluation on a real robot: arrange the scene and leave the workspace. Returns
+        True when that was done; the evaluation pauses otherwise. False by default."""
         return False
 
     def confirm(self, episode: Episode) -> bool:

@@ -224,7 +224,7 @@ def components_of(
 
 def _components(experiment: Experiment, task: Task) -> RunComponents:
     teacher = experiment.create("teacher")
-    _check_release(experiment, teacher)
+    check_release(experiment, teacher)
     return components_of(
         experiment,
         lambda: world_of(experiment, task, experiment.seed),
@@ -234,7 +234,7 @@ def _components(experiment: Experiment, task: Task) -> RunComponents:
     )
 
 
-def _check_release(experiment: Experiment, teacher: Teacher) -> None:
+def check_release(experiment: Experiment, teacher: Teacher) -> None:
     """Raises ``InvalidArgument`` where programs for a real robot would wait for a person who is not there."""
     hardware = not experiment.create("robot_driver").simulated
     if hardware and experiment.section("hardware").release == "ask" and not teacher.permits:

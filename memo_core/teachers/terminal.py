@@ -13,7 +13,17 @@ from typing import TypeVar
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.interfaces.teacher import (
+    Arrangement,
+    Episode,
+    Noted,
+    Program,
+    Proposal,
+    ReadBack,
+    TaskEpisode,
+    Teacher,
+    Verdict,
+)
 from memo_core.scene.graph import Node
 from memo_core.teachers.answers import NO, YES, Meaning, meaning_of
 from memo_core.teachers.typed_line import TypedLine
@@ -211,6 +221,13 @@ class TerminalTeacher(Teacher):
         seen = [f"  see {recording}" for recording in episode.recordings]
         asked = f"The robot cannot undo what it did. Please put back as it was before {episode.subtask}: {names}."
         return self._yes_or_no((asked, *stood, *seen), "y = done, n = cannot")
+
+    def set_up(self, arrangement: Arrangement) -> bool:
+        asked = (
+            f'Trial {arrangement.number} of {arrangement.of}: "{arrangement.task}". Please set up arrangement '
+            f"{arrangement.scene} of this task, and leave the workspace."
+        )
+        return self._yes_or_no((asked,), "y = done, n = pause the evaluation here")
 
     def confirm(self, episode: Episode) -> bool:
         asked = (
