@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import attrs
 from attrs.validators import ge, gt, le
@@ -12,13 +13,19 @@ from memo_core.errors import InvalidArgument, close_match
 from memo_core.robot.description import JointDescription, RobotDescription
 from memo_core.robot.mounting import Mounting
 from memo_core.scene.pose import Pose
-from memo_franka.description import fr3, panda
+from memo_franka.description import UMI, fr3, panda
 
 
 @attrs.frozen
 class PandaSettings(Mounting):
     """Settings of a Panda. The names matter only together with ``urdf``; the defaults are Franka's own."""
 
+    hand: Literal["franka", "umi"] = attrs.field(
+        default="franka",
+        metadata={
+            "help": "franka: the arm's own hand; umi: a WSG-50 with UMI's soft fingers, driven by gripper_driver"
+        },
+    )
     urdf: str | None = attrs.field(
         default=None, metadata={"help": "path of a URDF to use instead of our own description"}
     )
@@ -70,10 +77,15 @@ class FR3Settings(PandaSettings):
 
 def configured(settings: PandaSettings) -> RobotDescription:
     """The description for these settings. Raises ``InvalidArgument`` naming the key that is wrong."""
-    description = fr3() if isinstance(settings, FR3Settings) else panda()
+    hand = UMI if settings.hand == "umi" else None
+    description = fr3(hand) if isinstance(settings, FR3Settings) else panda(hand)
+    if settings.urdf is not None and hand is not None:
+        raise InvalidArgument("robot.hand", "'umi' beside robot.urdf, which has a hand of its own", "one of the two")
     if settings.urdf is not None:
         description = _with_urdf(description, settings)
-    gripper = attrs.evolve(description.gripper, pad_friction=settings.pad_friction, max_force=settings.max_force)
+    gripper = description.gripper
+    if hand is None:
+        gripper = attrs.evolve(gripper, pad_friction=settings.pad_friction, max_force=settings.max_force)
     home = description.home if settings.home is None else tuple(settings.home)
     if len(home) != len(description.joints):
         raise InvalidArgument("robot.home", f"has {len(home)} values", f"{len(description.joints)}, one a joint")

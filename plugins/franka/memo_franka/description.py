@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
+from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf_text import (
     Inertia,
     Solid,
@@ -217,21 +218,52 @@ _FINGER_VISUALS = (
 )
 
 
-def panda() -> RobotDescription:
-    """The Panda with its base at the world's origin. Tool frame: the link ``panda_tool``."""
-    return _described("panda", _PANDA_JOINTS, _PANDA_INERTIAS)
+# UMI's gripper: a WSG-50 with soft fingers. Its length is that of UMI's own controller for a Franka (247 mm from the
+# flange to the fingertips); fingers, masses and friction are estimated. The fingers' softness is not modelled.
+UMI = ParallelHand(
+    stroke=0.08,
+    length=0.232,
+    palm_distance=0.09,
+    fingertip_reach=0.015,
+    width=0.146,
+    thickness=0.05,
+    mass=1.2,
+    finger_mass=0.08,
+    force=80.0,
+    pad_friction=1.3,
+)
 
 
-def fr3() -> RobotDescription:
-    """The Research 3 with its base at the world's origin. Tool frame: the link ``fr3_tool``."""
-    return _described("fr3", _FR3_JOINTS, _FR3_INERTIAS)
+def panda(hand: ParallelHand | None = None) -> RobotDescription:
+    """The Panda with its base at the world's origin, with its own hand (tool frame: the link
+    ``panda_tool``) or another (``umi_tool``)."""
+    return _described("panda", _PANDA_JOINTS, _PANDA_INERTIAS, hand)
 
 
-def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[Inertia]) -> RobotDescription:
+def fr3(hand: ParallelHand | None = None) -> RobotDescription:
+    """The Research 3 with its base at the world's origin, with its own hand (tool frame: the
+    link ``fr3_tool``) or another (``umi_tool``)."""
+    return _described("fr3", _FR3_JOINTS, _FR3_INERTIAS, hand)
+
+
+def _described(
+    name: str, limits: Sequence[_Limits], inertias: Sequence[Inertia], hand: ParallelHand | None
+) -> RobotDescription:
     joints = tuple(
         JointDescription(f"{name}_joint{number}", lower, upper, velocity, acceleration, jerk, effort, kp=kp, kv=kp / 10)
         for number, (lower, upper, velocity, acceleration, jerk, effort, kp) in enumerate(limits, start=1)
     )
+    if hand is not None:
+        urdf = with_parallel_hand(_urdf(name, joints, inertias, own_hand=False), f"{name}_flange", hand, "umi_")
+        return RobotDescription(
+            name=name,
+            urdf=urdf,
+            joints=joints,
+            gripper=hand.gripper("umi_"),
+            tool_link="umi_tool",
+            home=HOME,
+            allowed_contacts=hand.allowed_contacts("umi_"),
+        )
     return RobotDescription(
         name=name,
         urdf=_urdf(name, joints, inertias),
@@ -251,8 +283,8 @@ def _described(name: str, limits: Sequence[_Limits], inertias: Sequence[Inertia]
     )
 
 
-def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[Inertia]) -> str:
-    """The URDF's text."""
+def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[Inertia], own_hand: bool = True) -> str:
+    """The URDF's text, which ends in the hand or, without it, in the link NAME_flange."""
     parts = ['<?xml version="1.0"?>', f'<robot name="{name}">']
     parts.append(materials_text(COLOURS))
     for number, inertia in enumerate(inertias):
@@ -265,6 +297,11 @@ def _urdf(name: str, joints: Sequence[JointDescription], inertias: Sequence[Iner
                 joint.name, "revolute", f"{name}_link{number - 1}", f"{name}_link{number}", xyz, rpy, "0 0 1", limit
             )
         )
+    if not own_hand:
+        at = ((0, 0, FLANGE), (0, 0, -math.pi / 4))
+        parts.append(link_text(f"{name}_flange"))
+        parts.append(joint_text(f"{name}_flange_joint", "fixed", f"{name}_link7", f"{name}_flange", *at))
+        return "\n".join([*parts, "</robot>"]) + "\n"
     parts.append(link_text(f"{name}_hand", _HAND_INERTIA, _HAND_VISUALS, _HAND_COLLISIONS))
     parts.append(
         joint_text(f"{name}_hand_joint", "fixed", f"{name}_link7", f"{name}_hand", (0, 0, FLANGE), (0, 0, -math.pi / 4))
