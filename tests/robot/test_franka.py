@@ -13,6 +13,7 @@ from memo_franka.configured import FR3Settings, PandaSettings, configured
 from memo_franka.description import fr3, panda
 from memo_sim_mujoco.simulator import MujocoSimulator
 
+from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.robot.urdf import read_urdf
 from memo_core.scene.description import SceneDescription
@@ -305,3 +306,18 @@ def test_the_fr3_is_configured_like_a_panda():
     assert robot.name == "fr3" and robot.gripper.max_force == 60.0
     with pytest.raises(InvalidArgument, match="fr3_joint6"):
         configured(FR3Settings(home=[0.0, -0.7, 0.0, -2.3, 0.0, 0.3, 0.7]))
+
+
+def test_umis_gripper_is_a_description_of_its_own():
+    own, umi = configured(FR3Settings()), configured(FR3Settings(hand="umi"))
+    assert umi.gripper.pads == ("umi_finger1", "umi_finger2") and umi.joints == own.joints
+    tips = {}
+    for robot in (own, umi):
+        kinematics = Kinematics(robot)
+        tips[robot.tool_link] = (
+            kinematics.forward(np.array(robot.home)[:, None])[1][2, 0] - robot.gripper.fingertip_reach
+        )
+    # At home the hand points down: its fingertips are lower by what UMI's gripper is longer, 247 mm instead of 113 mm.
+    assert tips["fr3_tool"] - tips["umi_tool"] == pytest.approx(0.247 - 0.1134, abs=1e-6)
+    with pytest.raises(InvalidArgument, match=r"robot\.hand"):
+        configured(FR3Settings(hand="umi", urdf="mine.urdf"))

@@ -12,7 +12,7 @@ import attrs
 import pytest
 
 from memo_core.errors import InvalidArgument
-from memo_core.interfaces.teacher import Program
+from memo_core.interfaces.teacher import Arrangement, Program
 from memo_core.teachers.answers import meaning_of
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 from memo_core.testing.teacher import episodes, noted, proposals, task_episodes
@@ -188,6 +188,13 @@ def test_read_back_can_be_switched_off():
 def test_only_a_yes_lets_a_robot_that_cannot_undo_go_on(monkeypatch, ask, typed, agreed):
     teacher = typing(monkeypatch, *typed)
     assert getattr(teacher, ask)(episodes()[0]) is agreed
+
+
+def test_a_scene_is_asked_for_without_the_method(monkeypatch, capsys):
+    asked = Arrangement("put the cube away", scene=2, number=3, of=12)
+    assert typing(monkeypatch, "", "y").set_up(asked) and not typing(monkeypatch, "n").set_up(asked)
+    assert not typing(monkeypatch).set_up(asked), "nobody there"
+    assert 'Trial 3 of 12: "put the cube away". Please set up arrangement 2' in capsys.readouterr().err
 
 
 PROGRAM = Program("put the cube away", "LIFT(cube)", 1, "move_to([0.4, 0.0, 0.3])")
