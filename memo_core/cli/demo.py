@@ -28,6 +28,7 @@ def command(
     replay: Annotated[
         bool, typer.Option("--replay", help="Play back what a real language model said: the shipped recording.")
     ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show the code that is written, too.")] = False,
     json: Json = False,
 ) -> None:
     """Teach the simulated arm once by language and test whether the lesson transfers to a task that was never
@@ -57,7 +58,7 @@ def command(
             raise InvalidArgument("--seed", f"the recording was made on seed {recorded_on}", f"--seed {recorded_on}")
         # Another machine may round a digit the other way; what was answered loosely is said at each call.
         experiment = replayed(attrs.evolve(experiment, seed=recorded_on), registry, file, match="situation")
-    narrator = Narrator()
+    narrator = Narrator(code=verbose)
     report = run_demo(experiment, registry, out, listener=narrator, chapter=narrator.heading, on_text=narrator.on_text)
     if json:
         print_json(report.summary())

@@ -194,3 +194,11 @@ def test_a_note_from_elsewhere_is_followed_only_where_it_concerns_the_step():
     assert taught(held, put)[0] == "PLACE(pear, pantry)"
     assert taught(held, put, notes=["Open the pantry's door before putting something there."])[0] == "OPEN(pantry)"
     assert taught(graph, PUT, notes=["Set a napkin at each place."])[1] == ("Set a napkin at each place.",)
+
+
+@pytest.mark.parametrize(("opening", "done"), [((0.0, 0.0, 1.0), True), ((-1.0, 0.0, 0.0), False)])
+def test_what_lies_in_a_rimmed_tray_is_on_it_and_what_is_in_a_cabinet_is_not(opening, done):
+    tray = thing("holder", (0.6, 0.1, 0.02), (0.3, 0.3, 0.04), "fixture")
+    inside = thing("holder inside", (0.6, 0.1, 0.03), (0.28, 0.28, 0.03), "space", "holder", opening=opening)
+    graph = scene(tray, inside, thing("peg", (0.6, 0.1, 0.04)), relations=[("peg", "in", "holder inside")])
+    assert (plan(graph, "put the peg on the holder") == "DONE") is done

@@ -21,6 +21,7 @@ _INTO = r"in|into|inside|inside of|on|onto|on top of|to|at"
 _PARTICLES = "on|off|up|down|out|in|away|over|back|open|shut"
 _WITH = "with|into|onto|in|on|to|over|from|at|against"
 _ALWAYS_THERE = ("table", "floor", "robot", "arm", "hand", "gripper")
+_UPWARD = 0.7  # z of the direction of an opening, from which on it faces up
 MOST_LOOKS = 6  # closed things opened in search of something
 
 
@@ -348,8 +349,13 @@ def _is_at(thing: Node, place: Node, relation: str, scene: SceneGraph) -> bool:
     family = {place.id, *(n.id for n in descendants(scene, place))}
     if place.part_of and place.kind == "space":
         family.add(place.part_of)
-    hollow = space_of(scene, place) is not None
-    wanted = ("in",) if hollow and relation != "on" else ("on",) if relation == "on" else ("in", "on")
+    inside = space_of(scene, place)
+    if relation != "on":
+        wanted: tuple[str, ...] = ("in",) if inside is not None else ("in", "on")
+    elif inside is not None and inside.opening is not None and inside.opening[2] > _UPWARD:
+        wanted = ("in", "on")  # what lies on a rimmed tray is seen in it
+    else:
+        wanted = ("on",)
     return any(r.subject == thing.id and r.predicate in wanted and r.object in family for r in scene.relations)
 
 
