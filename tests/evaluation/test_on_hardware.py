@@ -21,7 +21,10 @@ from tests.environment.test_hardware import UP, Person, registry_with
 from tests.franka_cell import running_cell
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
-pytestmark = pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
+    pytest.mark.usefixtures("real_time"),
+]
 
 FILE = """
 llm: scripted
