@@ -162,7 +162,7 @@ def test_what_carries_the_hand_about_a_pivot_keeps_its_distance(bench):
         (("move_until_contact", DOWN, 0.1, 90.0), InvalidArgument, r"move_until_contact\(force\)"),
         (("move_until_contact", [0, 0, 0], 0.1), InvalidArgument, r"direction\): it has no length"),
         (("move_until_contact", [1, 0, 0], 0.9), MotionError, "workspace"),
-        (("move_until_contact", DOWN, 0.1, 5.0, 0.5), InvalidArgument, "m/s, 0.005 to 0.2"),
+        (("move_until_contact", DOWN, 0.1, 5.0, 50.0), InvalidArgument, "m/s, 0.005 to 0.2"),
         (("press_along", [[0.5, 0.0, -0.2]], DOWN, 5.0), MotionError, "below the table"),
         (("turn_about", [0.5, 0, 0], [0, 0, 0], 0.5), InvalidArgument, r"turn_about\(axis\)"),
     ],
