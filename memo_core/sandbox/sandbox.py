@@ -220,17 +220,18 @@ class _Run:
         self._position = -1  # of the last call, for limits that strike where the interpreter cannot say
 
     def execute(self, session: MontySession, program: _Program) -> Execution:
-        session.feed_run(prelude.source("base"))
-        if program.arrays:
-            session.feed_run(prelude.source("arrays") + prelude.source("array_functions"))
         self._line = program.line
         self._filename = f"<python-input-{2 if program.arrays else 1}>"
         with watching(session, self._stopped) as self._watch:
-            return self._ended(session, program.source)
+            return self._ended(session, program)
 
-    def _ended(self, session: MontySession, source: str) -> Execution:
+    def _ended(self, session: MontySession, program: _Program) -> Execution:
         try:
-            self._drive(session, source)
+            with self._watch.computing():
+                session.feed_run(prelude.source("base"))
+                if program.arrays:
+                    session.feed_run(prelude.source("arrays") + prelude.source("array_functions"))
+            self._drive(session, program.source)
         except Stopped as stop:
             self._watch.kill()
             return self._execution("stopped", "stop", str(stop))

@@ -11,7 +11,7 @@ from timing import shortest
 
 from memo_core.errors import MotionError, Stopped
 from memo_core.events import SkillCalled
-from memo_core.sandbox import Limits, Sandbox, Workspace, interpreter_process
+from memo_core.sandbox import Limits, Sandbox, Workspace, interpreter_process, prelude
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.control import Control
 from memo_core.skills.skill import skill, skill_library
@@ -199,3 +199,12 @@ def test_threads_that_open_a_sandbox_at_once_share_one_pool(monkeypatch):
         thread.join()
     pool.close()
     assert len(started) == 1
+
+
+def test_a_worker_that_stalls_before_the_code_begins_has_reached_the_limit(monkeypatch):
+    """On a starved computer even our own first lines may take longer than the code is allowed."""
+    own = prelude.source
+    monkeypatch.setattr(prelude, "source", lambda name: own(name) + "\nwhile True:\n    pass\n")
+    with Sandbox(skill_library(BUILTIN_SKILLS), Limits(seconds_between_calls=0.3, seconds_in_all=0.6)) as sandbox:
+        execution = sandbox.run("print(1)", FakeControl(), stopped=lambda: False)
+    assert (execution.ended, execution.kind) == ("limit", "time limit")
