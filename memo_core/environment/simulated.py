@@ -12,7 +12,14 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from memo_core.environment.task_code import monitors_of, outcome_of, scene_of, subtask_outcome_of, task_code
+from memo_core.environment.task_code import (
+    NOT_THE_AUTHORS,
+    author_error,
+    monitors_of,
+    outcome_of,
+    scene_of,
+    subtask_outcome_of,
+)
 from memo_core.environment.task_environment import ControlFactory, TaskEnvironment, generator
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.interfaces.link import Link
@@ -175,8 +182,13 @@ class SimulatedEnvironment(TaskEnvironment):
 
     def _update_monitors(self) -> None:
         for monitor in self._watching:
-            with task_code(self.task, f"update() of monitor {monitor.name!r}", monitor, self.description):
+            try:
                 monitor.update(self.simulator)
+            except NOT_THE_AUTHORS:
+                raise
+            except Exception as error:
+                hook = f"update() of monitor {monitor.name!r}"
+                raise author_error(error, self.task, hook, monitor, self.description) from error
 
 
 def find_task(suite: Iterable[Task], name: str) -> Task:

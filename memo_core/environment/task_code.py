@@ -19,7 +19,7 @@ from memo_core.plugin_loading import one_line
 from memo_core.scene.description import SceneDescription
 
 Expected = TypeVar("Expected")
-_NOT_THE_AUTHORS = (Stopped, RobotFault, BackendUnavailable, TaskCodeError)
+NOT_THE_AUTHORS = (Stopped, RobotFault, BackendUnavailable, TaskCodeError)
 
 
 def scene_of(task: Task, rng: np.random.Generator) -> SceneDescription:
@@ -65,12 +65,19 @@ def task_code(task: Task, hook: str, owner: Any = None, scene: SceneDescription 
     the author's; with a ``scene``, an unknown name is answered with those that exist."""
     try:
         yield
-    except _NOT_THE_AUTHORS:
+    except NOT_THE_AUTHORS:
         raise
     except Exception as error:
-        where = _place(error.__traceback__, type(owner or task).__module__)
-        known = _known(scene) if scene is not None and isinstance(error, KeyError) else ""
-        raise TaskCodeError(task.name, hook, f"raised {one_line(error)}{where}{known}") from error
+        raise author_error(error, task, hook, owner, scene) from error
+
+
+def author_error(
+    error: Exception, task: Task, hook: str, owner: Any = None, scene: SceneDescription | None = None
+) -> TaskCodeError:
+    """What ``task_code`` raises for an error. For calls in the physics loop, where even an empty block costs."""
+    where = _place(error.__traceback__, type(owner or task).__module__)
+    known = _known(scene) if scene is not None and isinstance(error, KeyError) else ""
+    return TaskCodeError(task.name, hook, f"raised {one_line(error)}{where}{known}")
 
 
 def _place(trace: TracebackType | None, module: str) -> str:
