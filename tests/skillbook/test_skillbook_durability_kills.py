@@ -13,6 +13,8 @@ import signal
 import sqlite3
 import time
 from collections import Counter
+from multiprocessing.sharedctypes import Synchronized
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import attrs
@@ -165,12 +167,13 @@ def _write_some(path: str, writer: int, count: int, start: float) -> None:
                 book.retrieve("OPEN(box)")
 
 
-def _condense_on(path: str, stop: object, done: object) -> None:
+def _condense_on(path: str, stop: Event, done: Synchronized[int]) -> None:
+    """Until ``stop`` and at least once: on a busy machine the writers may end first."""
     rng = random.Random(1)
     with open_book(path) as book:
-        while not stop.is_set() or not done.value:  # type: ignore[attr-defined]  # on a busy machine the writers end first
+        while not stop.is_set() or not done.value:
             if condense_something(book, rng) is not None:
-                done.value += 1  # type: ignore[attr-defined]
+                done.value += 1
 
 
 @pytest.mark.parametrize(("writers", "clusters"), [(2, False), (8, False), (8, True)])
