@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from base64 import b85decode, b85encode
-
-import numpy as np
-
 from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.link_checkpoint import LinkCheckpoint
 from memo_core.arm.wrench import WrenchEstimate
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
@@ -85,28 +81,18 @@ class SimulatorLink(Link):
         return self.simulator.time
 
     def checkpoint(self) -> bytes:
-        state = {
-            "targets": [float(v) for v in self._targets],
-            "felt": self._wrench.state(),
-            "world": b85encode(self.simulator.checkpoint()).decode(),
-        }
-        return json.dumps(state).encode()
+        return LinkCheckpoint(self._targets, self._wrench.state(), self.simulator.checkpoint()).packed()
 
     def restore(self, checkpoint: bytes) -> None:
         """Raises ``InvalidArgument`` for bytes that are not a checkpoint of this link."""
+        then = LinkCheckpoint.unpacked(checkpoint, self.description)
         try:
-            state = json.loads(checkpoint)
-            targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])
-            self._wrench.recall([float(v) for v in state["felt"]])
-        except (ValueError, KeyError, TypeError) as error:
+            self._wrench.recall(then.felt)
+        except ValueError as error:
             raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
-        if targets.shape != (len(self.description.joints),):
-            raise InvalidArgument(
-                "checkpoint", f"is of an arm with {targets.size} joints", f"one of {self.description.name!r}"
-            )
-        self.simulator.restore(world)
-        self._targets = targets
-        self._command(targets)
+        self.simulator.restore(then.world)
+        self._targets = then.targets
+        self._command(then.targets)
 
 
 class SimulatedDriver(RobotDriver):

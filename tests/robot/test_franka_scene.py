@@ -7,6 +7,7 @@ import pytest
 from memo_franka.settings import DoubleSettings
 from memo_franka.testing.rehearsal import FrankaDouble, RehearsalLink
 
+from memo_core.arm.link_checkpoint import LinkCheckpoint
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.config import load_experiment
 from memo_core.environment.task_verification import run_code, verify_task
@@ -49,6 +50,8 @@ def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
         assert not link.box.arm.violations and link.box.recoveries == 0
         assert not world.check().success, "a cube in the hand is no tower"
         assert world.time() > start + 5 and link.gripper_width() < 0.06
+        with pytest.raises(InvalidArgument, match="joints"):
+            link.restore(LinkCheckpoint(np.zeros(6), [0.0] * 6, b"", [0.0] * 9).packed())
         world.restore(before)
         assert np.abs(link.joint_positions() - joints).max() < 1e-3
         assert 0 <= world.time() - start < 1, "more than the reading of states on a busy computer"

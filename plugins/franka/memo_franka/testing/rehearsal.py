@@ -10,12 +10,10 @@ simulator is used by one thread, and the robot's clock stands still while nobody
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import queue
 import threading
 import time
-from base64 import b85decode, b85encode
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
@@ -23,6 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from memo_core.arm.guarded_link import GuardedLink
+from memo_core.arm.link_checkpoint import LinkCheckpoint
 from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.driver import GripperDriver, RobotDriver
@@ -235,28 +234,18 @@ class RehearsalLink(Link):
 
     # -- restoring -----------------------------------------------------------------------------------------------------
     def checkpoint(self) -> bytes:
-        state = {
-            "targets": [float(v) for v in self.joint_targets()],
-            "hand": self.hand.state(),
-            "felt": self._body.state(),
-            "world": b85encode(self.simulator.checkpoint()).decode(),
-        }
-        return json.dumps(state).encode()
+        world = self.simulator.checkpoint()
+        return LinkCheckpoint(self.joint_targets(), self._body.state(), world, self.hand.state()).packed()
 
     def restore(self, checkpoint: bytes) -> None:
         """Raises ``InvalidArgument`` for bytes that are not a checkpoint of this link, ``RobotFault``."""
-        try:
-            state = json.loads(checkpoint)
-            targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])
-            hand, felt = state["hand"], [float(v) for v in state["felt"]]
-        except (ValueError, KeyError, TypeError) as error:
-            raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
+        then = LinkCheckpoint.unpacked(checkpoint, self.description, hand=len(self.hand.state()))
         nothing = np.empty((0, len(self.description.joints)))
         self.halt(nothing)
-        self.simulator.restore(world)
-        self.hand.recall(hand)
-        self._body.recall(felt)
-        self.box.place(targets)
+        self.simulator.restore(then.world)
+        self.hand.recall(then.hand)
+        self._body.recall(then.felt)
+        self.box.place(then.targets)
         self._through(self._begin)
         self.halt(nothing)
 

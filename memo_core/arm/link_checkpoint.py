@@ -1,0 +1,45 @@
+"""The checkpoint of a link that moves a simulator."""
+
+from __future__ import annotations
+
+import json
+from base64 import b85decode, b85encode
+
+import attrs
+import numpy as np
+
+from memo_core.errors import InvalidArgument
+from memo_core.robot.description import RobotDescription
+from memo_core.scene.pose import Array
+
+
+@attrs.frozen(eq=False)
+class LinkCheckpoint:
+    """``targets``: joint targets (n,), rad or m; ``felt``: state of the force's estimate; ``world``: the simulator's
+    checkpoint; ``hand``: state of a gripper that is not the simulator's, if there is one."""
+
+    targets: Array
+    felt: list[float]
+    world: bytes
+    hand: list[float] = attrs.field(factory=list)
+
+    def packed(self) -> bytes:
+        """As JSON."""
+        state = {"targets": [float(v) for v in self.targets], "felt": self.felt, "hand": self.hand}
+        return json.dumps(state | {"world": b85encode(self.world).decode()}).encode()
+
+    @classmethod
+    def unpacked(cls, checkpoint: bytes, robot: RobotDescription, hand: int = 0) -> LinkCheckpoint:
+        """``hand``: how many numbers the gripper's state has. Raises ``InvalidArgument`` for bytes that are not a
+        checkpoint of such a link of this robot."""
+        try:
+            state = json.loads(checkpoint)
+            targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])
+            felt, gripper = ([float(v) for v in state.get(name, [])] for name in ("felt", "hand"))
+            if len(gripper) != hand:
+                raise ValueError(f"{len(gripper)} numbers of a hand")
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InvalidArgument("checkpoint", f"is not one of this link ({error})", "bytes of checkpoint()") from None
+        if targets.shape != (len(robot.joints),):
+            raise InvalidArgument("checkpoint", f"is of an arm with {targets.size} joints", f"one of {robot.name!r}")
+        return cls(targets, felt, world, gripper)
