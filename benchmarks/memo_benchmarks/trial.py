@@ -26,6 +26,7 @@ from memo_core.study.study import loader
 
 SAMPLE_S = 0.004
 POLICY_THREAD = "memo-policy"
+WORKING_THREADS = ("memo-moving", "memo-retrieval")
 # Part of a file's path -> what a thread that is in there does. The first that fits counts.
 PLACES = (
     ("memo_sim_", "physics"),
@@ -60,8 +61,8 @@ def place_of(frame: FrameType | None) -> str:
 
 
 class Sampler:
-    """Counts where the policy's thread is while the block runs; ``shares`` when it is over. What the thread that
-    prepares and closes a run does counts as ``start and end``."""
+    """Counts where the policy's thread is while the block runs, or the thread that it waits for; ``shares`` when it is
+    over. What the thread that prepares and closes a run does counts as ``start and end``."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
@@ -81,11 +82,12 @@ class Sampler:
             names = {one.ident: one.name for one in threading.enumerate()}
             frames = sys._current_frames()
             policy = next((ident for ident, name in names.items() if name == POLICY_THREAD), None)
-            # Programs move the arm in a thread of their own, for which the policy's waits.
-            others = [place_of(frame) for ident, frame in frames.items() if ident in names and ident != policy]
-            moving = next((place for place in others if place in MOTION), None)
-            waiting = place_of(frames.get(policy)) if policy is not None else "start and end"
-            self.counts[moving or waiting] += 1
+            # Programs and retrievals run in threads of their own, for which the policy's waits.
+            working = next((frames.get(ident) for ident, name in names.items() if name in WORKING_THREADS), None)
+            if working is None and policy is None:
+                self.counts["start and end"] += 1
+            else:
+                self.counts[place_of(working or frames.get(policy))] += 1
 
     @property
     def shares(self) -> dict[str, float]:

@@ -176,7 +176,8 @@ class Effects:
     def execute(self, code: str, wall_seconds: float) -> Executed:
         """Run code in the sandbox, for at most ``wall_seconds`` of wall-clock time. A stop is a normal result here:
         ``Executed.stopped``."""
-        kind: Effect[Executed] = Effect("execute", self._keep_executed, self._read_executed, outside=True, world=True)
+        outside = not self.exact  # a simulated motion is repeated after a power failure
+        kind: Effect[Executed] = Effect("execute", self._keep_executed, self._read_executed, outside, world=True)
         return self._log.effect(kind, str(len(code)), lambda _: self._execute(code, wall_seconds))
 
     def settle(self, seconds: float) -> None:
@@ -282,7 +283,7 @@ class Effects:
             name,
             lambda heard: self._keep_heard(heard, after_a_stop),
             lambda record: self._read_heard(record, words),
-            outside=True,
+            outside=self._session.teacher is not None,
             answers_stop=after_a_stop,
         )
 

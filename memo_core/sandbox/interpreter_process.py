@@ -40,7 +40,7 @@ class WorkerPool:
             binary = self._confined(binary)
         pool = Monty(
             binary_path=binary,
-            min_processes=1,
+            min_processes=2,  # a program needs one to be compiled and one to run
             max_processes=4,
             max_checkouts_per_worker=1,
             checkout_timeout=10.0,

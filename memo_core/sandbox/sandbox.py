@@ -149,15 +149,11 @@ class Sandbox:
             return _Program(findings=(Finding(1, f"{len(code)} characters of code", f"at most {self.limits.code}"),))
         if "\x00" in code or any("\ud800" <= c <= "\udfff" for c in code):
             return _Program(findings=(Finding(1, "syntax error: a character that cannot be in a program"),))
-        refused = self._interpreter_refuses(code, stopped)
-        if refused is not None and refused.problem.startswith("syntax error"):
-            return _Program(findings=(refused,))
         checked = self._checker.check(code, stopped)
         if checked.findings:
             return _Program(findings=checked.findings)
         program = _Program(checked.source, checked.lines, checked.arrays)
-        if program.source != code:
-            refused = self._interpreter_refuses(program.source, stopped)
+        refused = self._interpreter_refuses(program.source, stopped)
         if refused is not None:
             return _Program(findings=(attrs.evolve(refused, line=program.line(refused.line)),))
         return program
