@@ -79,15 +79,11 @@ class Sampler:
 
     def _sample(self) -> None:
         while not self._over.wait(SAMPLE_S):
-            names = {one.ident: one.name for one in threading.enumerate()}
+            idents = {one.name: one.ident for one in threading.enumerate() if one.ident is not None}
             frames = sys._current_frames()
-            policy = next((ident for ident, name in names.items() if name == POLICY_THREAD), None)
             # Programs and retrievals run in threads of their own, for which the policy's waits.
-            working = next((frames.get(ident) for ident, name in names.items() if name in WORKING_THREADS), None)
-            if working is None and policy is None:
-                self.counts["start and end"] += 1
-            else:
-                self.counts[place_of(working or frames.get(policy))] += 1
+            at_work = next((idents[name] for name in (*WORKING_THREADS, POLICY_THREAD) if name in idents), None)
+            self.counts["start and end" if at_work is None else place_of(frames.get(at_work))] += 1
 
     @property
     def shares(self) -> dict[str, float]:
