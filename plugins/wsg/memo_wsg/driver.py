@@ -1,4 +1,4 @@
-"""The driver of a WSG gripper. One thread reads what it answers and polls its state; commands return at once."""
+"""The driver of a WSG gripper. One thread sends commands, reads what the gripper answers and polls its state."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import os
 import select
 import socket
+import struct
 import threading
 import time
 
@@ -17,34 +18,43 @@ from memo_wsg.protocol import FLOAT, FLOATS, Broken, Command, Grasping, Status, 
 from memo_wsg.settings import WsgSettings
 
 _POLL_S = 0.01
+_POLLED = (Command.WIDTH, Command.GRASPING_STATE)
+_PATIENCE_S = 0.2  # without an answer, after which it is polled again
 _MOTIONS = (Command.MOVE, Command.GRASP, Command.RELEASE, Command.HOME)
 _LEAST_FORCE = 5.0  # N
 _REMEDIES = {
     Status.NOT_INITIALIZED: "home it on its web page",
     Status.AXIS_BLOCKED: "free its fingers, acknowledge the error on its web page",
-    Status.COMMAND_UNKNOWN: "its firmware lacks a command, or a script that must run on the gripper does not",
+    Status.ACCESS_DENIED: "acknowledge its fast stop on its web page",
+    Status.CMD_UNKNOWN: "its firmware lacks a command, or a script that must run on the gripper does not",
     Status.NOT_AVAILABLE: "end what else controls it (its web page, a script)",
 }
+# Fingers that met nothing, or something else than was expected, are no fault of a grasp.
+_GRASPED_NOTHING = (Status.CMD_FAILED, Status.AXIS_BLOCKED, Status.TIMEOUT)
 
 
 class WsgGripper(GripperDriver):
-    """One gripper. It grasps to close and moves to open; its errors are never acknowledged unasked."""
+    """One gripper. It grasps to close and moves to open; its errors are never acknowledged unasked. A motion begins
+    once the gripper has told the end of the one before."""
 
     def __init__(self, settings: WsgSettings) -> None:
         self._settings = settings
         self._gripper = GripperDescription()
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
-        self._lock = threading.Lock()
         self._wake = (0, 0)  # a pipe: what is written ends the thread's waiting
         self._closing = threading.Event()
         self._stopping = threading.Event()
         self._answered = threading.Event()  # the first width is known
         self._problem = "it is not open"
         self._width, self._state = 0.0, Grasping.IDLE
-        self._since = 0.0  # when the motion at hand began
-        self._begun = 0  # motions whose end was not told yet
-        self._heard = 0.0
+        self._lock = threading.Lock()  # of what is wanted
+        self._wanted: tuple[float, float] | None = None  # width (m) and force (N) of a motion that was not begun yet
+        self._since = 0.0  # when the newest motion was wanted
+        self._running: tuple[float, float] | None = None  # the one whose end was not told yet
+        self._ending = False  # a stop was sent and not answered yet
+        self._asked: set[Command] = set()  # polls that were not answered yet
+        self._polled = self._heard = 0.0
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self, gripper: GripperDescription) -> None:
@@ -61,8 +71,11 @@ class WsgGripper(GripperDriver):
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for event in (self._closing, self._stopping, self._answered):
             event.clear()
-        self._problem, self._begun, self._heard = "", 0, time.monotonic()
-        self._thread = threading.Thread(target=self._run, name="wsg", daemon=True)
+        self._wanted = self._running = None
+        self._ending = False
+        self._asked.clear()
+        self._problem, self._polled, self._heard = "", 0.0, time.monotonic()
+        self._thread = threading.Thread(target=self._run, args=(self._socket,), name="wsg", daemon=True)
         self._thread.start()
         if not self._answered.wait(self._settings.timeout_s) or self._problem:
             problem = self._problem or "it does not answer"
@@ -75,6 +88,8 @@ class WsgGripper(GripperDriver):
             self._thread.join(1.0)
             self._thread = None
         if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendall(packed(Command.DISCONNECT))
             self._socket.close()
             self._socket = None
             for end in self._wake:
@@ -82,26 +97,20 @@ class WsgGripper(GripperDriver):
         self._problem = "it is not open"
 
     def health(self) -> Health:
-        if not self._problem and self._begun and time.monotonic() - self._since > self._settings.deadline_s:
+        waiting = self._wanted is not None or self._running is not None
+        if not self._problem and waiting and time.monotonic() - self._since > self._settings.deadline_s:
             return Health(False, f"it did not end its motion within {self._settings.deadline_s:g} s; free its fingers")
         return Health(not self._problem, self._problem, {"width": self._width})
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def move(self, width: float, force: float) -> None:
-        gripper = self._gripper
-        check_gripper_command(gripper, width, force)
+        check_gripper_command(self._gripper, width, force)
         if self._problem:
             raise BackendUnavailable("gripper_driver", "wsg", self._problem)
         self._stopping.clear()
-        if self._begun:
-            self._send(Command.STOP)
-        self._begun, self._since = self._begun + 1, time.monotonic()
-        self._send(Command.FORCE_LIMIT, FLOAT.pack(max(force, _LEAST_FORCE)))
-        target = FLOATS.pack(1000 * width, 1000 * gripper.speed)
-        if width < self._width:
-            self._send(Command.GRASP, target)
-        else:
-            self._send(Command.MOVE, b"\0" + target)
+        with self._lock:
+            self._wanted, self._since = (width, force), time.monotonic()
+        os.write(self._wake[1], b"m")
 
     def stop(self) -> None:
         self._stopping.set()  # this may be called by a signal handler, which must wait for no lock: the thread sends it
@@ -115,67 +124,101 @@ class WsgGripper(GripperDriver):
         return self._state == Grasping.HOLDING
 
     # -- in a thread of its own ----------------------------------------------------------------------------------------
-    def _run(self) -> None:
-        received, stopped, polled = b"", False, 0.0
-        while not self._closing.is_set():
-            stopping = self._stopping.is_set() and not stopped
-            stopped = self._stopping.is_set()
-            if stopping:
-                self._send(Command.STOP)
-            if stopping or time.monotonic() - polled >= _POLL_S:
-                polled = time.monotonic()
-                self._send(Command.WIDTH, b"\0\0\0")
-                self._send(Command.GRASPING_STATE, b"\0\0\0")
-            try:
-                assert self._socket is not None
-                socket_number = self._socket.fileno()
-                ready, _, _ = select.select([socket_number, self._wake[0]], [], [], _POLL_S)
+    def _run(self, connection: socket.socket) -> None:
+        received, stopped = b"", False
+        try:
+            while not self._closing.is_set():
+                stopping = self._stopping.is_set() and not stopped
+                stopped = self._stopping.is_set()
+                self._command(connection, stopping)
+                self._poll(connection)
+                ready, _, _ = select.select([connection.fileno(), self._wake[0]], [], [], _POLL_S)
                 if self._wake[0] in ready:
                     os.read(self._wake[0], 64)
-                if socket_number not in ready:
-                    self._check_silence()
-                    continue
-                data = self._socket.recv(4096)
-                if not data:
-                    self._problem = "it closed the connection: check its power and cable"
+                if connection.fileno() in ready:
+                    data = connection.recv(4096)
+                    if not data:
+                        self._problem = "it closed the connection: check its power and cable"
+                        return
+                    received += data
+                    while (message := unpacked(received)) is not None:
+                        command, payload, received = message
+                        self._hear(command, payload)
+                elif time.monotonic() - self._heard > self._settings.timeout_s:
+                    timeout = self._settings.timeout_s
+                    self._problem = f"it has not answered for {timeout:g} s: check its power and cable"
                     return
-                received += data
-                while (message := unpacked(received)) is not None:
-                    command, payload, received = message
-                    self._hear(command, payload)
-            except (OSError, Broken) as error:
-                self._problem = f"the connection was lost ({error}): check its power and cable"
-                return
+        except (Broken, struct.error, IndexError) as error:
+            self._problem = f"it sent what is no message of its protocol ({error}): check its address and firmware"
+        except OSError as error:
+            self._problem = f"the connection was lost ({error}): check its power and cable"
 
-    def _check_silence(self) -> None:
-        if time.monotonic() - self._heard > self._settings.timeout_s:
-            self._problem = f"it has not answered for {self._settings.timeout_s:g} s: check its power and cable"
-            self._closing.set()
+    def _command(self, connection: socket.socket, stopping: bool) -> None:
+        """Send a stop, or the motion that is wanted."""
+        with self._lock:
+            if self._stopping.is_set():
+                self._wanted = None
+            waits = self._ending or self._running is not None
+            interrupts = stopping or (self._wanted is not None and waits and not self._ending)
+            if self._wanted is not None and not waits and not stopping:
+                self._running, self._wanted = self._wanted, None
+        if interrupts:
+            self._ending = True
+            connection.sendall(packed(Command.STOP))
+        if interrupts or waits or self._running is None:
+            return
+        width, force = self._running
+        connection.sendall(packed(Command.FORCE_LIMIT, FLOAT.pack(max(force, _LEAST_FORCE))))
+        target = FLOATS.pack(1000 * width, 1000 * self._gripper.speed)
+        if width < self._width:
+            connection.sendall(packed(Command.GRASP, target))
+        else:
+            connection.sendall(packed(Command.MOVE, b"\0" + target))
+
+    def _poll(self, connection: socket.socket) -> None:
+        """Ask for the width and the state, once those before were told: a slow gripper is not flooded."""
+        since = time.monotonic() - self._polled
+        if since < _POLL_S or (self._asked and since < _PATIENCE_S):
+            return
+        self._polled = time.monotonic()
+        self._asked.update(_POLLED)
+        for command in _POLLED:
+            connection.sendall(packed(command, b"\0\0\0"))
 
     def _hear(self, command: int, payload: bytes) -> None:
+        """Take notice of one answer. Raises ``struct.error`` or ``IndexError`` for one that is too short."""
         self._heard = time.monotonic()
-        status = int.from_bytes(payload[:2], "little")
-        if status == Status.COMMAND_PENDING:
+        (status,) = struct.unpack_from("<H", payload)
+        if status == Status.CMD_PENDING:
             return
-        if command in _MOTIONS:
-            self._begun -= 1
+        if command in _POLLED:
+            self._asked.discard(Command(command))
+        if command == Command.STOP:
+            self._ending, self._running = False, None
+        elif command in _MOTIONS and self._ends(status):
+            self._running = None
         if status == Status.SUCCESS:
             if command == Command.WIDTH:
                 self._width = FLOAT.unpack_from(payload, 2)[0] / 1000
                 self._answered.set()
             elif command == Command.GRASPING_STATE:
-                self._state = Grasping(payload[2])
+                self._state = Grasping(payload[2]) if payload[2] in set(Grasping) else Grasping.ERROR
             return
-        # Fingers that met nothing, or what another command ended, are no fault.
-        ended = status in (Status.COMMAND_ABORTED, Status.ALREADY_RUNNING)
-        if ended or (command == Command.GRASP and status in (Status.AXIS_BLOCKED, Status.TIMEOUT)):
+        ended = command in _MOTIONS and status in (Status.CMD_ABORTED, Status.ALREADY_RUNNING)
+        if ended or (command == Command.GRASP and status in _GRASPED_NOTHING):
             return
-        name = Status(status).name if status in set(Status) else str(status)
-        remedy = _REMEDIES.get(Status(status), "see its web page") if status in set(Status) else "see its web page"
-        self._problem = f"it answers {name.lower().replace('_', ' ')} to {Command(command).name.lower()}: {remedy}"
+        known = status in set(Status)
+        name = Status(status).name.lower().replace("_", " ") if known else f"error {status}"
+        question = Command(command).name.lower().replace("_", " ") if command in set(Command) else f"{command:#x}"
+        remedy = (_REMEDIES.get(Status(status)) if known else None) or "see its web page"
+        self._problem = f"it answers {name} to {question}: {remedy}"
         self._answered.set()
 
-    def _send(self, command: Command, payload: bytes = b"") -> None:
-        with self._lock, contextlib.suppress(OSError):
-            if self._socket is not None:
-                self._socket.sendall(packed(command, payload))
+    def _ends(self, status: int) -> bool:
+        """Whether an answer to a motion is about the one that runs. One that was refused because the fingers still move
+        is wanted again; what a stop has ended is told by the stop's answer, after which that motion counts no more."""
+        if status == Status.ALREADY_RUNNING:
+            with self._lock:
+                self._wanted = self._wanted or self._running
+            return True
+        return status != Status.CMD_ABORTED

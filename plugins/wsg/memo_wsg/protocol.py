@@ -17,6 +17,7 @@ FLOATS = struct.Struct("<ff")
 
 
 class Command(IntEnum):
+    DISCONNECT = 0x07  # said before the connection is closed; a gripper may be set to stop hard without it
     HOME = 0x20
     MOVE = 0x21
     STOP = 0x22
@@ -32,19 +33,39 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
+    """The manufacturer's E_ codes."""
+
     SUCCESS = 0
     NOT_AVAILABLE = 1
+    NO_SENSOR = 2
     NOT_INITIALIZED = 3
     ALREADY_RUNNING = 4
+    FEATURE_NOT_SUPPORTED = 5
+    INCONSISTENT_DATA = 6
     TIMEOUT = 7
-    CHECKSUM_ERROR = 10
-    NO_PARAM_EXPECTED = 11
-    COMMAND_UNKNOWN = 14
-    INVALID_PARAMETER = 16
-    RANGE_ERROR = 18
-    COMMAND_ABORTED = 19
-    COMMAND_PENDING = 26
-    AXIS_BLOCKED = 28
+    READ_ERROR = 8
+    WRITE_ERROR = 9
+    INSUFFICIENT_RESOURCES = 10
+    CHECKSUM_ERROR = 11
+    NO_PARAM_EXPECTED = 12
+    NOT_ENOUGH_PARAMS = 13
+    CMD_UNKNOWN = 14
+    CMD_FORMAT_ERROR = 15
+    ACCESS_DENIED = 16
+    ALREADY_OPEN = 17
+    CMD_FAILED = 18  # the answer to a grasp that found nothing
+    CMD_ABORTED = 19
+    INVALID_HANDLE = 20
+    NOT_FOUND = 21
+    NOT_OPEN = 22
+    IO_ERROR = 23
+    INVALID_PARAMETER = 24
+    INDEX_OUT_OF_BOUNDS = 25
+    CMD_PENDING = 26
+    OVERRUN = 27
+    RANGE_ERROR = 28
+    AXIS_BLOCKED = 29
+    FILE_EXISTS = 30
 
 
 class Grasping(IntEnum):

@@ -27,6 +27,8 @@ def open_door(name, angle):
     out = add(out, sides[across], -towards)
     out = add(out, bar, -dot(out, bar))
     out = [v / math.sqrt(dot(out, out)) for v in out]  # away from the door's face
+    thickness = [i for i in range(3) if abs(dot(sides[i], out)) > 0.5][0]
+    pivot = add(pivot, out, -extents[thickness] / 2)  # the hinge is at the door's inner face
     pivot = add(pivot, bar, dot(add(grip, pivot, -1), bar))
 
     # turning about the bar's direction so that the handle starts off outwards

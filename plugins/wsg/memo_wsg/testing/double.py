@@ -22,10 +22,20 @@ class WsgDouble(DeviceDouble):
         self._state = Grasping.IDLE
         self._goal, self._speed = width, 0.0
         self._motion: Command | None = None
+        self._announced = False  # whether the client has said that it is about to disconnect
 
     def fail(self, status: Status) -> None:
         """The next motions are answered with this error."""
         self._fault = status
+
+    def _connected(self, host: str) -> None:
+        self._announced = False
+
+    def _disconnected(self) -> None:
+        """As a gripper that is set to a fast stop where its client is lost."""
+        if not self._announced:
+            self._goal = self.width
+            self._motion, self._fault = None, Status.ACCESS_DENIED
 
     def _answer_received(self) -> None:
         while (message := unpacked(self._received)) is not None:
@@ -41,7 +51,10 @@ class WsgDouble(DeviceDouble):
             return
         there = abs(self.width - self._goal) < _THERE
         if self._motion == Command.GRASP and (met or there):
-            self._end(Grasping.HOLDING if met else Grasping.NO_PART_FOUND)
+            if met:
+                self._end(Grasping.HOLDING)
+            else:
+                self._end(Grasping.NO_PART_FOUND, Status.CMD_FAILED)
         elif self._motion != Command.GRASP and there:
             self._end(Grasping.IDLE)
 
@@ -55,7 +68,10 @@ class WsgDouble(DeviceDouble):
             self._begin(Command(command), payload)
         elif command in (Command.STOP, Command.FAST_STOP):
             self._goal = self.width
-            self._end(self._state if self._state == Grasping.HOLDING else Grasping.IDLE, Status.COMMAND_ABORTED)
+            self._end(self._state if self._state == Grasping.HOLDING else Grasping.IDLE, Status.CMD_ABORTED)
+            self._respond(command, Status.SUCCESS)
+        elif command == Command.DISCONNECT:
+            self._announced = True
             self._respond(command, Status.SUCCESS)
         elif command == Command.ACKNOWLEDGE:
             self.acknowledged += 1
@@ -70,7 +86,7 @@ class WsgDouble(DeviceDouble):
             values = {Command.WIDTH: self.width, Command.SPEED: self._speed, Command.FORCE: 0.0}
             self._respond(command, Status.SUCCESS, FLOAT.pack(values[Command(command)]))
         else:
-            self._respond(command, Status.COMMAND_UNKNOWN)
+            self._respond(command, Status.CMD_UNKNOWN)
 
     def _begin(self, command: Command, payload: bytes) -> None:
         if self._fault is not None:
@@ -87,7 +103,7 @@ class WsgDouble(DeviceDouble):
             return
         self._motion, self._goal, self._speed = command, width, speed
         self._state = Grasping.GRASPING if command == Command.GRASP else Grasping.POSITIONING
-        self._respond(command, Status.COMMAND_PENDING)
+        self._respond(command, Status.CMD_PENDING)
 
     def _respond(self, command: int, status: Status, payload: bytes = b"") -> None:
         self._send(packed(command, int(status).to_bytes(2, "little") + payload))
