@@ -13,7 +13,7 @@ from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
-from memo_llm.offline.reading import Edit, Reading, read_sentence
+from memo_llm.offline.reading import GENTLE, Edit, Reading, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart, than_that
 from memo_llm.offline.rendering import render
@@ -144,6 +144,8 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Im
     attempt = _attempt(heard, prompt, scene, imagination)
     if lost := _lost(heard, attempt, scene, habits.rough, vocabulary):
         return _answer(heard, unclear=f"how would one do that here: {lost} You said: {' '.join(words.split())[:200]}")
+    if unlike := _contradicted(heard, attempt):
+        return _answer(heard, unclear=f"{unlike} You said: {' '.join(words.split())[:200]}")
     corrections: list[str] = []
     general: list[str] = []
     for sentence, reading in zip(heard.sentences, heard.readings, strict=True):
@@ -156,6 +158,18 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Im
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
     return _answer(heard, corrections, general)
+
+
+def _contradicted(heard: Heard, attempt: Attempted) -> str:
+    """What to ask where words say both further and an angle that is no further than the attempt went; "" else."""
+    said = [edit for reading in heard.readings for edit in reading.edits]
+    if heard.recipe is None or not any(edit.kind == "farther" and edit.degrees is None for edit in said):
+        return ""
+    went = attempt.degrees if attempt.degrees is not None else heard.recipe.turn or heard.recipe.angle
+    for edit in heard.edits:
+        if edit.kind == "angle" and edit.degrees is not None and edit.degrees <= abs(went):
+            return f"how far: it went {abs(went):.0f} degrees, and {edit.degrees:g} degrees is no further."
+    return ""
 
 
 def _lost(heard: Heard, attempt: Attempted, scene: SceneGraph, rough: dict[str, float], vocabulary: Vocabulary) -> str:
@@ -303,6 +317,10 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     ]
     if kind in ("open", "close", "pull") and "way" in kinds:  # "pull it out towards you" is one way
         edits = [edit for edit in edits if edit.kind != "offset" or edit.value not in ("towards", "away")]
+    forced = {edit.value in GENTLE for edit in edits if edit.kind == "force" and edit.verb}
+    edits = [  # "you press so hard: lighter!" is about pressing, twice
+        edit for edit in edits if edit.kind != "force" or edit.verb or (edit.value in GENTLE) not in forced
+    ]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
         edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
     if "fingers" in kinds:  # how they lie in the end; a turn said beside it is the way there
@@ -368,6 +386,9 @@ def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
         value = {"up": "top", "down": "bottom"}.get(value, value)
     lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
     say = "Lift it {amount} {value}." if lifted else edit.phrase.say
+    if edit.verb:
+        hard = "hard" if edit.negated else "harder"
+        say = f"{edit.verb.capitalize()} {'less hard' if edit.value in GENTLE else hard}."
     text = say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
     text = (
         re.sub(r"\s+(?=[.,])", "", " ".join(text.split())).replace(" by.", ".").replace(" from.", " from another side.")

@@ -10,6 +10,7 @@ import attrs
 from memo_llm.offline.clauses import (
     Mood,
     core,
+    ends_when,
     has_condition,
     is_act,
     is_own_act,
@@ -36,6 +37,8 @@ _BARE = r"(?:push|press|shove|lift|raise)(?: [\w' ]+?)??(?: (?:it|them|this|that
 _MATTERS = split_words(
     "in out up down off on away over back under only not no other another first more less about what here there"
 )
+# Edits that say themselves how long something goes on.
+_ENDS = frozenset(["hold-for", "set-down", "extent", "all-the-way", "first-in", "hold-on", "less-far"])
 # An amount that is told and bounds what is to be done: "an inch is enough".
 _BOUNDED = (
     r"\d (?:cm|mm|inch|m|degrees|seconds)\b.*\b(?:plenty|enough|all|do)\b|\b(?:at (?:least|most)|no more than) \d"
@@ -48,6 +51,13 @@ _MOTIONS = {
     "place": "approach|mov|com|reach|put|set|lay|plac|lower",
 }
 _GRIPS = r"\b(?:grip|grab|grasp|hold|squeeze|take|pick|fingers|force|press)\w*\b"
+_GRIPS_ALONE = r"\b(?:grip|grab|grasp|hold|squeeze|take|fingers|pinch)\w*\b"
+_FORCEFUL = {
+    "pull": "pull|tug|yank|heave",
+    "push": "push|shov|nudg|lean",
+    "press": "press|wip|rub|scrub",
+    "turn": "turn|twist|rotat|screw|unscrew",
+}
 GENTLE = frozenset(
     [
         "gently",
@@ -95,6 +105,7 @@ class Edit:
     base_degrees: float | None = None  # the same where it is an angle
     count: int = 1
     negated: bool = False  # only where the phrase has no opposite
+    verb: str = attrs.field(default="", eq=False)  # what is to be done harder or less hard, where it is not gripping
     said: str = attrs.field(default="", eq=False)  # the words it was read from
     phrase: Phrase | None = attrs.field(default=None, eq=False, repr=False)
     degree: bool = attrs.field(default=False, eq=False)  # read from an adjective of degree: "too high", "slower"
@@ -161,6 +172,8 @@ def read_sentence(
             and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns)))
         )
         doubtful |= _clash(said, clause)
+        doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
+        doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
         if doubtful:
             unsure.append(clause)
@@ -230,6 +243,24 @@ def _clash(edits: list[Edit], clause: str) -> bool:
     )
 
 
+def _forbids(clause: str, rest: str, vocabulary: Vocabulary, nouns: set[str], kind: str) -> bool:
+    """Whether a clause says what not to do, and it is not known what follows from that."""
+    denial = vocabulary.negations.search(clause)
+    if denial is None or re.match(r"(?:not|never|instead|rather|no need|without)\b", clause[denial.start() :]):
+        return False
+    return not _adds_nothing(rest, "", vocabulary, nouns)
+
+
+def _insists(rest: str, kind: str) -> bool:
+    """Whether a clause in which nothing was read names a state of things that has to be seen to."""
+    return re.search(r"\b(?:make sure|ensure|check|be sure|take care|mind that)\b", rest) is not None
+
+
+def _bare_way(edit: Edit) -> bool:
+    """Whether an offset was read from no more than a verb and a way, as in "come up"."""
+    return edit.amount is None and re.search(r"\w+er\b|more|further|farther|\btoo\b", edit.said) is None
+
+
 def _measured(edit: Edit) -> bool:
     return edit.kind not in ("offset", "farther", "less-far") or (edit.amount is not None and edit.amount.exact)
 
@@ -280,7 +311,8 @@ def _parted(plain: str) -> list[tuple[str, bool]]:
     plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
     plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
     plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
-    plain = re.sub(r"\b(?:and then|and|then|as)\b(?! (?:far|much|that|it is|it turns|the door))", ";", plain)
+    plain = re.sub(r"\b(?:and then|and|then)\b(?! (?:far|much|that))", ";", plain)
+    plain = re.sub(r"(?<!soon )(?<!far )(?<!much )\bas(?= (?:you|they|i|we|there|your)\b)", ";", plain)
     found = []
     for piece in re.split(r"[,;:!?]|\.(?!\d)", plain):
         beside = "\x00" in piece
@@ -333,6 +365,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
         _as_turn(_as_motion(edit, clause, kind, vocabulary), kind, vocabulary, nouns)
         for _, edit in sorted(placed, key=lambda item: item[0])
     ]
+    if any(edit.kind == "speed" for edit in edits):  # "come up slower": how, not where to
+        edits = [edit for edit in edits if edit.kind != "offset" or edit.degree or not _bare_way(edit)]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
@@ -343,6 +377,7 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
         edits = [edit for edit in edits if edit.kind != "way" or not re.fullmatch(_BARE, edit.said.strip())]
     if any(edit.kind == "force" for edit in edits):  # "hold on to it tighter"
         edits = [edit for edit in edits if edit.kind != "hold-on"]
+    edits = [_with_verb(edit, clause, kind) for edit in edits]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
     return edits, rest.replace("\x00", " ")
@@ -400,6 +435,16 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
         return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)
+    return edit
+
+
+def _with_verb(edit: Edit, clause: str, kind: str) -> Edit:
+    """A remark about force with the verb that it is about: to pull harder is not to grip harder."""
+    if edit.kind != "force" or kind in ("pick", "place") or re.search(_GRIPS_ALONE, clause):
+        return edit
+    for verb, forms in _FORCEFUL.items():
+        if re.search(rf"\b(?:{forms})\w*\b", clause):
+            return attrs.evolve(edit, verb=verb)
     return edit
 
 

@@ -1,0 +1,53 @@
+"""Words that used to come out as something else than was meant are read as meant, or asked about."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from offline_prompts import MODEL, box_with_door, request, scene, thing
+
+CRATE, *_ = box_with_door()
+JUG = scene(thing("jug"), thing("mug", (0.5, 0.2, 0.05), (0.1, 0.1, 0.1)))
+
+
+def said(words, graph=CRATE, subtask="OPEN(crate)"):
+    asked = request("feedback", graph, task="t", subtask=subtask, code="open_gripper()", ended="done", words=words)
+    return json.loads(MODEL.answer(asked).text)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "pull slowly and stop as soon as your hand fits in",  # the second request says where to stop
+        "keep pulling until it budges",  # how long, not how far
+        "open it fully and make sure nothing falls out",  # something else is to be seen to
+        "pull it out, don't scratch the lacquer",  # what not to do, and nothing that follows from it
+        "further away from the hinge",  # where to, not how far
+    ],
+)
+def test_a_request_beside_one_that_was_read_is_asked_about(words):
+    answer = said(words)
+    assert answer["corrections"] == answer["general"] == [] and answer["unclear"]
+
+
+def test_what_is_done_harder_is_what_was_named():
+    assert said("Pull harder, it is heavy.")["corrections"] == ["Pull harder."]
+    assert said("Grip it harder.")["corrections"] == ["Use the gripper firmly."]
+
+
+def test_coming_up_slowly_is_no_place():
+    assert said("Come up slower.", JUG, "PICK_UP(jug)")["corrections"] == ["Move slower."]
+
+
+def test_only_so_far_is_how_far_it_goes_in_all():
+    assert said("Only pull it about ten centimetres.")["corrections"] == ["Go 10 cm in all."]
+
+
+def test_further_to_an_angle_that_was_passed_already_is_asked_about():
+    turning = said("Turn it a lot further, to 20 degrees.", JUG, "TURN(jug)")
+    assert turning["corrections"] == [] and "20 degrees is no further" in turning["unclear"]
+
+
+def test_what_need_not_be_done_is_not_forbidden():
+    assert said("Pull further, you won't need to pull hard.")["corrections"] == ["Go further than in that attempt."]
