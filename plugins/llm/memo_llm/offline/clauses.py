@@ -104,7 +104,10 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
     plain = _OPENERS.sub("", f"{clause} ").strip()
     if re.match(r"like (?:a|an|the|some|it|you)\b", plain):
         return "told"
-    needless = re.match(r"(?:(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b)", plain)
+    needless = re.match(
+        r"(?:(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b)",
+        plain,
+    )
     if after_request and needless:
         return "contrast"
     if after_request and re.match(
@@ -128,10 +131,8 @@ def time_part(clause: str) -> int:
 
 # What a motion leads to anyway: "keep going until it is open".
 _REACHED = (
-    r"(?:until|till) (?:(?:it|that|this|they|there|you|the \w+|its \w+|your \w+)(?:'s|'re| is| are| has| have| can| stands?|"
-    r"(?: feels?)?| comes| sits?| lies?| goes| gets| clicks?| drops?| hear| see| feel)? ?)?(?:it |a |the |very |all |right |really |"
-    r"properly |completely |fully |nearly |almost |quite |the way |standing |been |come |hear |click |to |be )*"
-    r"(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|empty|end|stop|table|bottom|no further|further|way)\b"
+    r"(?:until|till) (?:[\w']+ ){0,6}?(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|empty|"
+    r"end|stop|table|bottom|no further|further|way)\b"
 )
 
 
@@ -139,7 +140,8 @@ def ends_when(clause: str) -> str | None:
     """The words of a clause that say when to stop, where what they name is not where the motion leads to anyway; None
     where there are none: "stop as soon as it fits", "keep pulling until it gives"."""
     match = re.search(
-        r"\bstop(?:ping)? (?:(?:just|right|only|immediately) )?(?:when|before|as soon|once|at|short|after|if|until|till|the moment)\b"
+        r"\bstop(?:ping)? (?:(?:just|right|only|immediately) )?"
+        r"(?:when|before|as soon|once|at|short|after|if|until|till|the moment)\b"
         r"|\b(?:keep|go on|carry on|continue)\b[^;]*?\b(?:until|till)\b",
         clause,
     )
