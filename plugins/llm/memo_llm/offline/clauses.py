@@ -131,8 +131,8 @@ def time_part(clause: str) -> int:
 
 # What a motion leads to anyway: "keep going until it is open".
 _REACHED = (
-    r"(?:until|till) (?:[\w']+ ){0,6}?(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|empty|"
-    r"end|stop|table|bottom|no further|further|way)\b"
+    r"(?:until|till) (?:[\w']+ ){0,6}?(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|"
+    r"empty|end|stop|table|bottom|no further|further|way)\b"
 )
 
 
