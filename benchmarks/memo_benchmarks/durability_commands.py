@@ -4,6 +4,7 @@ with exit code 1 if a guarantee was violated.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -13,17 +14,21 @@ from memo_core.cli.options import Json
 from memo_core.cli.output import print_json, print_table
 
 Seed = Annotated[int, typer.Option("--seed", help="Of the moments.")]
+Out = Annotated[
+    Path, typer.Option("--out", "-o", metavar="DIR", help="What was measured is kept there and not measured again.")
+]
 
 
 def signals(
     number: Annotated[int, typer.Option("--signals", min=1, help="Commands, each of which gets one signal.")] = 300,
     seed: Seed = 0,
+    out: Out = Path("runs/signals"),
     json: Json = False,
 ) -> None:
     """Signals at random moments of real commands: exit codes, aborts, orphans, what is left behind, summaries."""
     from memo_benchmarks.signals import bench_signals
 
-    _report(with_progress("signals", lambda told: bench_signals(number, seed, told)), ("kinds", "commands"), json)
+    _report(with_progress("signals", lambda told: bench_signals(number, seed, told, out)), ("kinds", "commands"), json)
 
 
 def resume(
@@ -44,12 +49,13 @@ def kills(
         int, typer.Option("--kills", min=1, help="Processes that are killed, a quarter of each kind.")
     ] = 1000,
     seed: Seed = 0,
+    out: Out = Path("runs/kills"),
     json: Json = False,
 ) -> None:
     """Books whose writers, clusterings, imports and migrations are killed: what was acknowledged must be there."""
     from memo_benchmarks.kills import bench_kills
 
-    _report(with_progress("kills", lambda told: bench_kills(number, seed, told)), ("kinds",), json)
+    _report(with_progress("kills", lambda told: bench_kills(number, seed, told, out)), ("kinds",), json)
 
 
 def soak(

@@ -23,6 +23,7 @@ from typing import Any
 import attrs
 
 from memo_benchmarks.disturbed_runs import Disturbed, server
+from memo_benchmarks.kept_rows import measured_rows
 from memo_core.errors import MemoError
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Condensed, Merged
@@ -31,6 +32,7 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
 KINDS = ("writing", "clustering", "importing", "migrating")
+_COUNTED = ("kills", "acknowledged", "lost")
 _KILLS_A_BOOK = 40
 _LONGEST_S = 0.12  # after the first acknowledgement, within which the kill falls
 _PATIENCE_S = 120.0
@@ -39,29 +41,36 @@ _IMPORTED = 30  # entries of the book that is imported
 _LATER_TABLES = ("read_backs", "run_effects", "places")  # that a book of an older schema lacks
 
 
-def bench_kills(kills: int, seed: int = 0, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
-    """Kill ``kills`` writers, ``_KILLS_A_BOOK`` of each book. ``kept`` says that nothing acknowledged was lost and that
-    no book needed a hand."""
-    rng, done = random.Random(seed), 0
-    totals = {kind: {"kills": 0, "acknowledged": 0, "lost": 0} for kind in KINDS}
-    faults: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="memo-bench-") as place:
-        trial = _Book(Path(place), rng)
-        while done < kills:
-            if done % _KILLS_A_BOOK == 0:
-                if done:
-                    faults += trial.checked(totals)
-                trial = _Book(Path(place) / f"book-{done}", rng)
-            kind = KINDS[done % len(KINDS)]
-            faults += trial.killed(kind, done)
-            totals[kind]["kills"] += 1
-            done += 1
-            if progress is not None:
-                progress(done / kills)
-        faults += trial.checked(totals)
-    rows = [{"kind": kind, **counts} for kind, counts in totals.items()]
-    lost = sum(row["lost"] for row in totals.values())
+def bench_kills(
+    kills: int, seed: int = 0, progress: Callable[[float], None] | None = None, out: Path | None = None
+) -> dict[str, Any]:
+    """Kill ``kills`` writers, ``_KILLS_A_BOOK`` of each book; books that the folder ``out`` holds are not used again.
+    ``kept`` says that nothing acknowledged was lost and that no book needed a hand."""
+
+    def measure(number: int) -> dict[str, Any]:
+        first = number * _KILLS_A_BOOK
+        return _book(range(first, min(first + _KILLS_A_BOOK, kills)), random.Random(f"{seed} {number}"))
+
+    books = measured_rows(out, f"kills-{kills}", seed, -(-kills // _KILLS_A_BOOK), measure, progress)
+    rows = [
+        {"kind": kind} | {what: sum(book["kinds"][kind][what] for book in books) for what in _COUNTED} for kind in KINDS
+    ]
+    done, lost = (sum(row[what] for row in rows) for what in ("kills", "lost"))
+    faults = [fault for book in books for fault in book["faults"]]
     return {"kinds": rows, "kills": done, "lost": lost, "faults": faults, "kept": not lost and not faults}
+
+
+def _book(numbers: range, rng: random.Random) -> dict[str, Any]:
+    """Kill the writers with these numbers, all of one book: counts of each kind, and faults."""
+    kinds, faults = {kind: dict.fromkeys(_COUNTED, 0) for kind in KINDS}, []
+    with tempfile.TemporaryDirectory(prefix="memo-bench-") as place:
+        book = _Book(Path(place), rng)
+        for number in numbers:
+            kind = KINDS[number % len(KINDS)]
+            faults += book.killed(kind, number)
+            kinds[kind]["kills"] += 1
+        faults += book.checked(kinds)
+    return {"kinds": kinds, "faults": faults}
 
 
 @attrs.define

@@ -23,6 +23,7 @@ from typing import Any
 
 import attrs
 
+from memo_benchmarks.kept_rows import measured_rows
 from memo_benchmarks.processes import adopt_orphans, children, orphans
 from memo_core.skillbook.book import Skillbook
 
@@ -54,31 +55,35 @@ while True:
 @attrs.frozen
 class Trial:
     """One command and what was wrong with its end; ``faults`` is empty when nothing was. ``taken_over``: whether the
-    command had taken over the signals; before that Python, which is still starting, has its own way with them."""
+    command had taken over the signals; before that Python, which is still starting, has its own way with them.
+    ``seconds``: from the command's start until everything was checked."""
 
     command: str
     kind: str
     exit_code: int
     taken_over: bool
     faults: tuple[str, ...]
+    seconds: float
 
 
-def bench_signals(signals: int, seed: int = 0, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
-    """Run ``signals`` trials, commands and kinds in turn. ``kept`` says that none had a fault. Raises
-    ``InvalidArgument`` where the system has no ``/proc``."""
+def bench_signals(
+    signals: int, seed: int = 0, progress: Callable[[float], None] | None = None, out: Path | None = None
+) -> dict[str, Any]:
+    """Run ``signals`` trials, commands and kinds in turn; those that the folder ``out`` holds are not run again.
+    ``kept`` says that none had a fault. Raises ``InvalidArgument`` where the system has no ``/proc``."""
     adopt_orphans("bench signals")
-    rng = random.Random(seed)
-    trials = []
-    for number in range(signals):
-        trials.append(_trial(COMMANDS[number % len(COMMANDS)], KINDS[number % len(KINDS)], rng))
-        if progress is not None:
-            progress((number + 1) / signals)
+
+    def measure(number: int) -> dict[str, Any]:
+        rng = random.Random(f"{seed} {number}")
+        return attrs.asdict(_trial(COMMANDS[number % len(COMMANDS)], KINDS[number % len(KINDS)], rng))
+
+    trials = [Trial(**row) for row in measured_rows(out, "signals", seed, signals, measure, progress)]
     kinds = [_summed("kind", kind, [trial for trial in trials if trial.kind == kind]) for kind in KINDS]
     by_command = dict.fromkeys(COMMANDS)
     commands = [_summed("command", name, [trial for trial in trials if trial.command == name]) for name in by_command]
     faults = [f"{trial.command}, {trial.kind}: {fault}" for trial in trials for fault in trial.faults]
-    kept = len(trials) == signals and not faults
-    return {"kinds": kinds, "commands": commands, "signals": len(trials), "faults": faults, "kept": kept}
+    summary = {"kinds": kinds, "commands": commands, "signals": len(trials)}
+    return summary | {"faults": faults, "kept": len(trials) == signals and not faults}
 
 
 def _summed(of: str, name: str, trials: list[Trial]) -> dict[str, Any]:
@@ -89,12 +94,13 @@ def _summed(of: str, name: str, trials: list[Trial]) -> dict[str, Any]:
         "after the signals were taken over": sum(trial.taken_over for trial in trials),
         "exit codes": {code: codes.count(code) for code in sorted(set(codes))},
         "with faults": sum(bool(trial.faults) for trial in trials),
+        "seconds": round(sum(trial.seconds for trial in trials)),
     }
 
 
 def _trial(command: str, kind: str, rng: random.Random) -> Trial:
     with tempfile.TemporaryDirectory(prefix="memo-bench-") as folder:
-        place = Path(folder)
+        place, started = Path(folder), time.monotonic()
         scratch, said = place / "tmp", place / "stderr"
         scratch.mkdir()
         ours = set(children())
@@ -116,7 +122,7 @@ def _trial(command: str, kind: str, rng: random.Random) -> Trial:
                 code = _given_up(process, kind == "closed pipe")
         left = orphans(ours | {process.pid})
         faults = _faults(code, said.read_text(errors="replace"), scratch, place / "runs", left, taken_over)
-        return Trial(command, kind, code, taken_over, tuple(faults))
+        return Trial(command, kind, code, taken_over, tuple(faults), round(time.monotonic() - started, 1))
 
 
 def _given_up(process: subprocess.Popen[bytes], endless: bool) -> int:

@@ -7,11 +7,14 @@ import sqlite3
 import sys
 
 import pytest
-from memo_benchmarks import disturbed_runs, kills, soak
+from memo_benchmarks import disturbed_runs, kills, signals, soak
 from memo_benchmarks.disturbed_runs import came_to, part, unpaid_or_twice
 from memo_benchmarks.kills import bench_kills
 from memo_benchmarks.resume import bench_resume
+from memo_benchmarks.signals import Trial, bench_signals
 from memo_benchmarks.soak import bench_soak
+
+from memo_core.errors import InvalidArgument
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts processes in /proc")
 
@@ -74,3 +77,62 @@ def test_a_minute_of_soak_in_short(monkeypatch):
     assert found["faults"] == [] and found["kept"] and sum(found["acts"].values()) == 1
     assert {row["what"] for row in found["measured"]} >= {"memory_mib", "file_handles", "processes", "files"}
     assert disturbed_runs.MODELS == ("offline", "scripted")
+
+
+@pytest.fixture
+def trials(monkeypatch):
+    """Trials that send no signal, and the moments that they drew; the fourth is interrupted, once."""
+    drawn = []
+
+    def trial(command, kind, rng):
+        drawn.append(rng.random())
+        if len(drawn) == 4:
+            raise KeyboardInterrupt
+        return Trial(command, kind, 130, True, ("a fault",) if kind == "SIGHUP" else (), 1.0)
+
+    monkeypatch.setattr(signals, "_trial", trial)
+    monkeypatch.setattr(signals, "adopt_orphans", lambda command: None)
+    return drawn
+
+
+def test_signals_that_were_sent_before_an_interruption_are_not_sent_again(trials, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        bench_signals(10, seed=5, out=tmp_path)
+    found = bench_signals(10, seed=5, out=tmp_path)
+    assert len(trials) == 11 and trials[3] == trials[4], "the fourth is sent again, at the moment that was drawn for it"
+    assert found["signals"] == 10 and len(set(trials)) == 10
+    assert found["faults"] == ["run, SIGHUP: a fault"] * 2 and not found["kept"]
+    assert bench_signals(10, seed=5, out=tmp_path) == found and len(trials) == 11
+    assert bench_signals(2, seed=6, out=tmp_path)["signals"] == 2 and len(trials) == 13, "another seed, another file"
+
+
+def test_a_file_of_rows_that_is_none_is_named(trials, tmp_path):
+    bench_signals(1, out=tmp_path)
+    (file,) = tmp_path.iterdir()
+    with file.open("a") as rows:
+        rows.write('[1]\n{"number": 1, "comm')
+    with pytest.raises(InvalidArgument, match=r"line 2 of .*signals-0-.* is no row"):
+        bench_signals(2, out=tmp_path)
+    file.write_text("\n".join(line for line in file.read_text().splitlines() if line != "[1]"))
+    assert bench_signals(2, out=tmp_path)["signals"] == 2, "half a line of a killed process is measured again"
+    with pytest.raises(InvalidArgument, match="cannot be used"):
+        bench_signals(1, out=file)
+
+
+def test_books_whose_writers_were_killed_before_an_interruption_are_kept(monkeypatch, tmp_path):
+    drawn = []
+
+    def book(numbers, rng):
+        drawn.append((numbers, rng.random()))
+        if len(drawn) == 2:
+            raise KeyboardInterrupt
+        kinds = {kind: {"kills": len(numbers) // 4, "acknowledged": 3, "lost": 0} for kind in kills.KINDS}
+        return {"kinds": kinds, "faults": []}
+
+    monkeypatch.setattr(kills, "_book", book)
+    with pytest.raises(KeyboardInterrupt):
+        bench_kills(100, out=tmp_path)
+    found = bench_kills(100, out=tmp_path)
+    assert [numbers for numbers, _ in drawn] == [range(40), range(40, 80), range(40, 80), range(80, 100)]
+    assert drawn[1] == drawn[2] and found["kills"] == 100 and found["kept"]
+    assert sum(row["acknowledged"] for row in found["kinds"]) == 36
