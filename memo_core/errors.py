@@ -103,6 +103,16 @@ class InvalidArgument(MemoError):
 
 
 @attrs.define(auto_exc=True, eq=False)
+class OutputLost(MemoError):
+    """What a command prints cannot be written to stdout, for instance because the disk is full."""
+
+    problem: str
+
+    def __str__(self) -> str:
+        return f"stdout cannot be written: {self.problem}"
+
+
+@attrs.define(auto_exc=True, eq=False)
 class Stopped(MemoError):
     """The latched stop was set. Generated code never sees this error: the sandbox is killed instead."""
 

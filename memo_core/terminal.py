@@ -40,16 +40,16 @@ def _spelt(match: re.Match[str]) -> str:
 class _Guarded:
     """A text stream that escapes control characters and otherwise behaves like the stream it wraps."""
 
-    def __init__(self, stream: IO[str], gone_is_fine: bool, redact: Callable[[str], str]) -> None:
+    def __init__(self, stream: IO[str], loss_is_fine: bool, redact: Callable[[str], str]) -> None:
         self._stream = stream
         self._redact = redact
-        self._gone_is_fine = gone_is_fine  # whether a reader that has gone is no reason to stop
+        self._loss_is_fine = loss_is_fine  # whether text that cannot be written is no reason to stop
         self.rich_proxied_file = _Styled(self)  # Rich asks for this name and writes its colours there
 
     def write(self, text: str) -> int:
         if not isinstance(text, str):
             raise TypeError(f"write() argument must be str, not {type(text).__name__}")  # Click asks by trying bytes
-        with self._maybe_gone():
+        with self._maybe_lost():
             self._stream.write(printable(self._redact(text)))
         return len(text)
 
@@ -58,24 +58,30 @@ class _Guarded:
             self.write(line)
 
     def flush(self) -> None:
-        with self._maybe_gone():
+        with self._maybe_lost():
             self._stream.flush()
 
     def styled(self, text: str) -> int:
         """Write Rich text whose colour codes are not escaped."""
         text = self._redact(text)
         parts = _OF_STYLE.split(text) if self._stream.isatty() else [text]
-        with self._maybe_gone():
+        with self._maybe_lost():
             self._stream.write("".join(p if n % 2 else printable(p) for n, p in enumerate(parts)))
         return len(text)
 
     @contextlib.contextmanager
-    def _maybe_gone(self) -> Iterator[None]:
+    def _maybe_lost(self) -> Iterator[None]:
         try:
             yield
-        except BrokenPipeError:
-            if not self._gone_is_fine:
+        except OSError as error:
+            if self._loss_is_fine:
+                return
+            if isinstance(error, BrokenPipeError):
                 raise
+            from memo_core.errors import OutputLost
+
+            discard_stdout()
+            raise OutputLost(error.strerror or type(error).__name__) from None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -97,14 +103,20 @@ class _Styled:
 
 @contextlib.contextmanager
 def guarded() -> Iterator[None]:
-    """Within the block, stdout and stderr escape control characters and redact the environment's secrets. A closed
-    stderr is not an error."""
+    """Within the block, stdout and stderr escape control characters and redact the environment's secrets. A stderr that
+    cannot be written is not an error; a stdout that cannot raises ``BrokenPipeError`` or ``OutputLost``."""
     before, redact = (sys.stdout, sys.stderr), _redactor()
     sys.stdout, sys.stderr = _Guarded(sys.stdout, False, redact), _Guarded(sys.stderr, True, redact)
     try:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def discard_stdout() -> None:
+    """Nobody reads stdout any more, or it cannot be written: drop what is written from here on, as Python would
+    otherwise complain again when it closes the stream."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _redactor() -> Callable[[str], str]:

@@ -12,7 +12,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
-from memo_core.cli.output import print_json
+from memo_core.cli.output import print_json, while_read
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.parsing import read_at_most
@@ -98,8 +98,8 @@ def _read(file: Path) -> str:
 
 
 def _print_now(text: str) -> None:
-    sys.stdout.write(text)
-    sys.stdout.flush()
+    with while_read():  # that nobody reads on is no reason to leave the robot half-way
+        sys.stdout.write(text)
 
 
 @contextmanager

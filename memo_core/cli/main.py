@@ -74,9 +74,10 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
         code = run_app(given)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:
-        # Whoever read our output has gone (`memo … | head`). Python would complain once more when it closes stdout.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # whoever read our output has gone (`memo … | head`)
+        from memo_core.terminal import discard_stdout
+
+        discard_stdout()
         return 0
     except Exception as error:
         if interrupt.raised:  # what is interrupted, an import above all, may end in an error of another kind

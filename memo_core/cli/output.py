@@ -4,14 +4,13 @@ stderr."""
 from __future__ import annotations
 
 import json
-import os
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from memo_core.terminal import console
+from memo_core.terminal import console, discard_stdout
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -54,12 +53,12 @@ def progress_bar() -> Progress:
 
 @contextmanager
 def while_read() -> Iterator[None]:
-    """For output after the work is done: a closed pipe does not change the exit code."""
+    """For output that a closed pipe does not end and whose exit code it does not change. Flushes stdout."""
     try:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_stdout()
 
 
 def note(line: str) -> None:

@@ -125,8 +125,9 @@ class Sandbox:
         it is called before and after every skill call and, from another thread, every few milliseconds while the code
         computes. ``on_call`` receives every finished call, ``on_print`` every piece of output; ``clock`` (s) is the
         robot's clock and the code's ``time.time()``; ``wall_seconds`` is the remainder of a longer limit, if less than
-        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, a ``TaskCodeError``, or any
-        other exception (a bug in MEMO), kills the worker and is raised here."""
+        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, a ``TaskCodeError``, what
+        ``on_call`` or ``on_print`` raises, or any other exception (a bug in MEMO), kills the worker and is raised
+        here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:
@@ -209,6 +210,7 @@ class _Run:
         self._flooded = False
         self._calls: list[SkillCalled] = []
         self._raised: dict[str, str] = {}  # message -> kind, of the errors given to the code
+        self._unprinted: BaseException | None = None  # what on_print raised
         self._watch: Watch
         self._source = b""
         self._filename = ""
@@ -235,6 +237,8 @@ class _Run:
             self._watch.kill()
             return self._execution("limit", reached.kind, reached.problem)
         except MontyError as error:
+            if self._unprinted is not None:
+                raise self._unprinted from None
             return self._from_interpreter(error)
         return self._execution("done")
 
@@ -327,7 +331,12 @@ class _Run:
         self._room -= len(text)
         self._printed.append(kept)
         if self._on_print is not None and kept:
-            self._on_print(kept)
+            try:
+                self._on_print(kept)
+            except BaseException as error:  # the interpreter would give it to the code as the code's own
+                self._unprinted = error
+                self._watch.kill()
+                raise
         if self._room < 0:
             self._flooded = True
             self._watch.kill()

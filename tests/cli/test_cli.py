@@ -130,6 +130,30 @@ def test_a_reader_that_goes_away_is_no_error():
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize(("last", "code", "said"), [("", 0, ""), ("1 / 0", 1, "memo: p.py: line 3: ZeroDivisionError")])
+def test_a_program_goes_on_when_its_reader_goes_away_and_is_judged_by_what_it_does(tmp_path, last, code, said):
+    (tmp_path / "p.py").write_text(f"for i in range(300):\n    print(i)\n{last}\n")
+    ours, theirs = os.pipe()
+    os.close(ours)
+    try:
+        command = [sys.executable, "-m", "memo_core.cli.main", "exec", "p.py", "--task", "stack-the-cubes"]
+        done = subprocess.run(command, stdout=theirs, stderr=subprocess.PIPE, text=True, cwd=tmp_path, timeout=120)
+    finally:
+        os.close(theirs)
+    assert done.returncode == code
+    assert done.stderr.startswith(said) and done.stderr.count("\n") == bool(said)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that Linux has")
+@pytest.mark.parametrize("arguments", [["--version"], ["config", "show"], ["tasks", "list", "--json"]], ids=" ".join)
+def test_output_that_cannot_be_written_is_said_in_one_line(arguments):
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == (1, "memo: stdout cannot be written: No space left on device\n")
+        assert subprocess.run(command, stdout=subprocess.DEVNULL, stderr=full, timeout=60).returncode == 0
+
+
 @pytest.mark.parametrize(
     "arguments",
     [["plugins", "list"], ["config", "show"], ["prompts", "show"], ["tasks", "list"], ["doctor", "--quick"]],

@@ -154,6 +154,19 @@ def test_a_bug_in_a_skill_is_raised_here_and_the_sandbox_goes_on():
         assert sandbox.run("print(1)", FakeControl(), stopped=lambda: False).printed == "1\n"
 
 
+@pytest.mark.parametrize("error", [BrokenPipeError(32, "Broken pipe"), KeyboardInterrupt()], ids=repr)
+def test_what_goes_wrong_with_printing_is_raised_here_and_never_blamed_on_the_code(sandbox, error):
+    def full(text: str) -> None:
+        raise error
+
+    control = FakeControl()
+    code = "try:\n    print(1)\nexcept BaseException:\n    go_home()\ngo_home()"
+    with pytest.raises(type(error)) as raised:
+        sandbox.run(code, control, stopped=lambda: False, on_print=full)
+    assert raised.value is error and control.commands == []
+    assert sandbox.run("print(1)", FakeControl(), stopped=lambda: False).printed == "1\n"
+
+
 def test_many_threads_run_code_at_once(sandbox):
     controls = [FakeControl() for _ in range(6)]
     ended: list[str] = []
