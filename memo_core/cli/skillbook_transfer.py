@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _START_BYTES = 1 << 16  # by which a format is recognised
 _LONGEST_LINE = 64 << 20  # bytes of one record
 _MOST_BYTES = 1 << 28  # of a lorebook, which is read as a whole
+_SQLITE = b"SQLite format 3\0"
 FORMATS = ("memo", "lorebook")
 
 
@@ -55,7 +56,7 @@ def import_book(
     if source is not None and source not in FORMATS:
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
-    from memo_core.skillbook.authors_books import looks_like_lorebook, read_lorebook
+    from memo_core.skillbook.authors_books import format_of, read_lorebook
     from memo_core.skillbook.import_records import ImportRecords
 
     name = whose or file.stem
@@ -63,7 +64,12 @@ def import_book(
     try:
         with file.open("rb") as stream:
             start = stream.read(_START_BYTES)
-        if source == "lorebook" or (source is None and looks_like_lorebook(start)):
+        source = source or format_of(start, whole=len(start) < _START_BYTES)
+        if source is None:
+            exported = f" --book {file}" if start.startswith(_SQLITE) else ""
+            expected = f"what `memo skillbook export{exported}` writes, or a lorebook (a pickle, or the same as JSON)"
+            raise InvalidArgument("FILE", f"{file} is no export of a book", expected)
+        if source == "lorebook":
             lorebook = read_lorebook(read_at_most(file, _MOST_BYTES), name, file.stat().st_mtime)
     except OSError as error:
         raise InvalidArgument("FILE", f"{file}: {error.strerror}", "a file that can be read") from None

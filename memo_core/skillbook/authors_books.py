@@ -9,6 +9,7 @@ new.
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections import Counter
 from typing import Any
@@ -21,7 +22,7 @@ from memo_core.parsing import parse_json
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.export import FORMAT
 from memo_core.skillbook.keys import Key, NotAKey
-from memo_core.skillbook.safe_pickle import load
+from memo_core.skillbook.safe_pickle import load, looks_like_pickle
 
 BOOK = "lorebook"  # all of them count as one book: what stands in two of them is one entry
 _KEYED = re.compile(r"\s*(TEMPLATE\b)?([^()]*\([^()]*\))(.*)", re.DOTALL)
@@ -58,12 +59,24 @@ class Lorebook:
     vectors: tuple[str, ...]  # what the vectors are; they are not used, texts are embedded by this book's own embedder
 
 
-def looks_like_lorebook(data: bytes) -> bool:
-    """Whether a file is a lorebook rather than a book of MEMO: a pickle, or one JSON object with ``metadata``."""
-    start = data.lstrip()
-    if start[:1] != b"{":
-        return bool(start)
-    return b'"record"' not in start.splitlines()[0] and b'"metadata"' in start
+def format_of(start: bytes, whole: bool) -> str | None:
+    """What a file is by its ``start``, which may be the ``whole`` of it: "memo", a book of MEMO, or "lorebook", a
+    pickle or one JSON object with "metadata" or "vectors". None: neither."""
+    if not start.strip():
+        return "memo"  # there is nothing in it
+    if not _begins_json(start):
+        return "lorebook" if looks_like_pickle(start, whole) else None
+    text = start.decode(json.detect_encoding(start), "replace").lstrip("\ufeff \t\r\n")
+    if not text.startswith("{"):
+        return None
+    first = text.splitlines()[0]
+    named = '"metadata"' in text or '"vectors"' in text
+    return "lorebook" if named and '"record"' not in first else "memo"
+
+
+def _begins_json(data: bytes) -> bool:
+    """Whether data that is no text is excluded: no pickle begins like this."""
+    return data.lstrip()[:1] in (b"{", b"[") or data.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"))
 
 
 def _from_json(data: bytes) -> Any:
@@ -79,7 +92,7 @@ def read_lorebook(data: bytes, who: str, when: float) -> Lorebook:
 
     Raises ``UnsafePickle`` for anything but plain data, ``NotALorebook``.
     """
-    book = _from_json(data) if data.lstrip()[:1] == b"{" else load(data)
+    book = _from_json(data) if _begins_json(data) else load(data)
     if not isinstance(book, dict) or not isinstance(book.get("metadata"), (list, tuple)):
         raise NotALorebook("", 'has no list "metadata"')
     items = book["metadata"]

@@ -21,6 +21,7 @@ from memo_core.errors import MemoError
 
 MOST_BYTES = 512 * 2**20
 _MOST_DEPTH = 32
+_CUT_OFF = re.compile("exhausted before|not enough data|no newline found|bytes in a .* remain")  # words of pickletools
 _DTYPES = re.compile(r"[<>=|]?([fiub])([1248])")
 _RECONSTRUCT, _SCALAR, _FROM_BUFFER, _NDARRAY, _DTYPE = "array", "scalar", "array from a buffer", "ndarray", "dtype"
 _ENCODE = "encode"
@@ -77,6 +78,20 @@ def load(data: bytes) -> Any:
     if len(data) > MOST_BYTES:
         raise UnsafePickle(f"it has {len(data)} bytes, more than {MOST_BYTES}")
     return _Machine().run(data)
+
+
+def looks_like_pickle(data: bytes, whole: bool) -> bool:
+    """Whether bytes are a pickle, or the start of one if they are not the ``whole`` file. Protocols 2 and later say so
+    in their first byte; 0 and 1 are text that has to be split into operations."""
+    if data[:1] == b"\x80":
+        return True
+    operations = 0
+    try:
+        for _ in pickletools.genops(data):
+            operations += 1
+    except ValueError as error:
+        return operations > 0 and not whole and _CUT_OFF.search(str(error)) is not None
+    return True
 
 
 class _Machine:

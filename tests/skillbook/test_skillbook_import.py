@@ -8,6 +8,7 @@ import random
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections import Counter
 from pathlib import Path
 
@@ -17,12 +18,14 @@ from cluster_books import approve, new_book, teach, teach_general
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from memo_core.cli import skillbook_transfer
+from memo_core.cli.main import main
 from memo_core.errors import UnknownName
 from memo_core.skillbook.authors_books import NotALorebook, read_lorebook
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.clusters import Condensed, Merged
 from memo_core.skillbook.entries import GLOBAL_KEY, ReadBack
-from memo_core.skillbook.import_records import BadImport
+from memo_core.skillbook.import_records import BadImport, ImportRecords
 from memo_core.skillbook.safe_pickle import UnsafePickle
 
 
@@ -400,6 +403,82 @@ def test_export_and_import_from_the_shell(tmp_path: Path) -> None:
     said = json.loads(memo("import", tmp_path / "authors.json", "--book", other, "--json"))
     assert said["entries"] == 0 and said["known"] > 0 and said["read"]["items"] == len(ITEMS)
     assert "did you mean 'lorebook'" in memo("import", hostile, "--from", "lorebok", "--book", other, code=2)
+
+
+ITEM = {"key": "OPEN(jar) table", "value": "Turn it."}
+FILES = {
+    "vectors first": (json.dumps({"vectors": [[0.123456789] * 9000], "metadata": [ITEM]}).encode(), 0, "read 1 items"),
+    "indented": (json.dumps({"vectors": [], "metadata": [ITEM]}, indent=2).encode(), 0, "read 1 items"),
+    "with a mark of UTF-8": (b"\xef\xbb\xbf" + json.dumps({"metadata": [ITEM]}).encode(), 0, "read 1 items"),
+    "UTF-16": (json.dumps({"metadata": [ITEM]}).encode("utf-16"), 0, "read 1 items"),
+    "a pickle of text": (pickle.dumps({"metadata": [ITEM], "vectors": []}, 0), 0, "read 1 items"),
+    "a large pickle of text": (pickle.dumps({"metadata": [ITEM] + [{"key": "x" * 99_999}]}, 0), 0, "read 2 items"),
+    "JSON cut off": (b'{"vectors": [], "metadata": [{"key": "OPEN(jar)', 1, "is no JSON"),
+    "another JSON": (b'{"metadata": {"key": "OPEN(jar)"}}', 1, 'has no list "metadata"'),
+    "a list": (json.dumps([ITEM]).encode(), 2, "is no export of a book; expected"),
+    "a table": (b"key,value\nOPEN(jar),Turn it.\n", 2, "is no export of a book; expected"),
+    "a sentence": (b"hello there\n", 2, "is no export of a book; expected"),
+    "a count": (b"count,value\n1,2\n", 2, "is no export of a book; expected"),
+    "a book itself": (b"SQLite format 3\0" + bytes(100_000), 2, "`memo skillbook export --book "),
+    "empty": (b"", 2, "there is nothing in it"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_a_file_is_is_recognised_and_only_a_pickle_is_called_one(name: str, tmp_path: Path, capsys) -> None:
+    data, code, said = FILES[name]
+    file = tmp_path / "lorebook.json"
+    file.write_bytes(data)
+    with pytest.raises(SystemExit) as ended:
+        main(["skillbook", "import", str(file), "--book", str(tmp_path / "book.db")])
+    shown = capsys.readouterr()
+    assert (ended.value.code, said in shown.out + shown.err) == (code, True), shown
+    assert "refused" not in shown.err and (code == 0 or shown.err.count("\n") == 1), shown.err
+
+
+def test_damage_in_a_pickle_that_says_it_is_one_is_the_pickles(tmp_path: Path, capsys) -> None:
+    file = tmp_path / "lorebook.pkl"
+    file.write_bytes(lorebook(ITEMS)[:200])
+    with pytest.raises(SystemExit):
+        main(["skillbook", "import", str(file), "--book", str(tmp_path / "book.db")])
+    assert "this pickle is refused: it is damaged" in capsys.readouterr().err
+
+
+def peak_of_reading(folder: Path, count: int) -> int:
+    """Bytes that checking a file of ``count`` entries takes at most."""
+    with new_book() as book:
+        teach(book, "OPEN(jar)", "turn it")
+        head, feedback, revision, entry = (
+            next(record for record in exported(book) if record["record"] == kind)
+            for kind in ("book", "feedback", "revision", "entry")
+        )
+    file = folder / f"{count}.jsonl"
+    with file.open("w") as lines:
+        lines.write(json.dumps(head) + "\n")
+        for number in range(1, count + 1):
+            said = feedback | {"id": number, "words": f"{number} " * 100}
+            made = {
+                "id": number,
+                "feedback": number,
+                "revision": number,
+                "sources": [number],
+                "text": f"{number} " * 100,
+            }
+            for record in (said, revision | {"id": number}, entry | made):
+                lines.write(json.dumps(record | {"origin": ["elsewhere", number]}) + "\n")
+    tracemalloc.start()
+    try:
+        ImportRecords(skillbook_transfer._lines(file))
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_file_is_read_a_line_at_a_time_and_memory_holds_little_of_it(tmp_path: Path) -> None:
+    """300 000 lines were 690 MB: now an id and an offset of each record are kept, whatever its text."""
+    few, many = (peak_of_reading(tmp_path, count) for count in (300, 3_000))
+    size = (tmp_path / "3000.jsonl").stat().st_size - (tmp_path / "300.jsonl").stat().st_size
+    assert many - few < 400 * 2_700 and many - few < size / 5, (few, many, size)
 
 
 def test_unsafe_is_an_error_of_ours() -> None:
