@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from memo_core.cli.app import run_app
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Problem
@@ -219,6 +220,23 @@ def test_a_run_that_reached_its_budget_goes_on_with_a_larger_one_and_counts_on(r
     assert json.loads((run / "summary-part-1.json").read_text()) == before
     events = [json.loads(line)["event"] for line in (run / "events.jsonl").read_text().splitlines()]
     assert (events.count("RunStarted"), events.count("RunResumed"), events.count("RunEnded")) == (1, 1, 2)
+
+
+def test_a_resumed_run_prints_the_same_verdict_as_one_that_was_left_alone(cut, tmp_path, capsys):
+    run, chosen = cut
+    settings = [word for one in [*chosen, "run.max_tokens=90000"] for word in ("--set", one)]
+    [book] = [one for one in chosen if one.startswith("skillbook.url=")]
+    before = [one if one != book else f"skillbook.url={tmp_path / 'other.db'}" for one in settings]
+
+    def verdict(*arguments: str) -> list[str]:
+        code = run_app(["run", *arguments])
+        printed = capsys.readouterr().out.splitlines()
+        [kept] = [number for number, line in enumerate(printed) if line.startswith("kept in ")]
+        return [str(code), printed[kept - 1]]
+
+    whole = verdict("--task", "put-the-cube-away", "--seed", "0", "--out", str(tmp_path / "runs"), *before)
+    assert whole[1].startswith("put-the-cube-away, seed 0: not done (")
+    assert verdict("--resume", str(run), *settings) == whole
 
 
 @pytest.mark.parametrize(

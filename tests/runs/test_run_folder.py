@@ -197,15 +197,19 @@ class Impatient(Teacher):
 
     who = "impatient"
 
+    def __init__(self, number: int) -> None:
+        self._number = number
+
     def judge(self, episode: Episode) -> Verdict:
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), self._number)
         threading.Event().wait(5)
         raise AssertionError("the signal should have come")
 
 
-def test_sigterm_ends_a_run_cleanly_with_everything_saved(experiment, registry, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_a_run_does_so_cleanly_with_everything_saved(number, experiment, registry, tmp_path):
     events = []
-    report = do(experiment, registry, tmp_path, teacher=Impatient(), listener=events.append)
+    report = do(experiment, registry, tmp_path, teacher=Impatient(number), listener=events.append)
     assert report.ended_by_person and report.problem == "ended by a person" and report.resumable
     assert isinstance(events[-1], RunEnded)
     assert json.loads((report.folder / "summary.json").read_text())["ended_by_person"] is True

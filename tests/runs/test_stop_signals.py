@@ -238,6 +238,58 @@ def test_no_signal_ever_shows_a_traceback(number):
         process.kill()
 
 
+BUSY = textwrap.dedent(
+    """
+    import time
+    from memo_core.runs.signal_handling import Supervisor
+    from memo_core.sandbox import Sandbox
+    from memo_core.skills.contract import BUILTIN_SKILLS
+    from memo_core.skills.skill import skill_library
+    from memo_core.stop_switch import StopSwitch
+    from memo_core.testing.fake_control import FakeControl
+
+    supervisor = Supervisor(StopSwitch())
+
+    def work():
+        with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
+            told = lambda text: print(text, end="", flush=True)
+            sandbox.run("print('working')", FakeControl(), stopped=lambda: False, on_print=told)
+            while not supervisor.presses:
+                time.sleep(0.01)
+            print("once", flush=True)
+            while not supervisor.ending:
+                time.sleep(0.01)
+            print("twice", flush=True)
+            time.sleep(60)
+
+    supervisor.run(work)
+    """
+)
+
+
+def test_a_third_ctrl_c_leaves_at_once_and_leaves_nothing_in_the_temporary_directory(tmp_path):
+    """Although no clean-up runs then: the starter of the sandbox's workers is a file without a name."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", BUSY],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+    )
+    assert process.stdout is not None and process.stderr is not None
+    try:
+        for said in ("working\n", "once\n", "twice\n"):
+            assert process.stdout.readline() == said
+            process.send_signal(signal.SIGINT)
+        errors = process.stderr.read()
+        assert process.wait(30) == 130 and errors == "\nleft at once\n"
+    finally:
+        process.kill()
+        process.stdout.close()
+        process.stderr.close()
+    assert list(tmp_path.iterdir()) == []
+
+
 KILLED = textwrap.dedent(
     """
     import json, os, signal, sys
