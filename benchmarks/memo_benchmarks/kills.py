@@ -62,7 +62,7 @@ def bench_kills(
 
 def _book(numbers: range, rng: random.Random) -> dict[str, Any]:
     """Kill the writers with these numbers, all of one book: counts of each kind, and faults."""
-    kinds, faults = {kind: dict.fromkeys(_COUNTED, 0) for kind in KINDS}, []
+    kinds, faults = {kind: dict.fromkeys(_COUNTED, 0) for kind in KINDS}, list[str]()
     with tempfile.TemporaryDirectory(prefix="memo-bench-") as place:
         book = _Book(Path(place), rng)
         for number in numbers:

@@ -11,19 +11,20 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import attrs
 
 from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.interfaces.llm import Message
-from memo_core.llm.prompt_language import compiled, prompt_environment
-from memo_core.llm.prompt_values import prepared
+from memo_core.llm import prompt_filling
+from memo_core.llm.prompt_filling import Unfit
 from memo_core.parsing import read_at_most
 from memo_core.robot.description import GripperDescription, RobotDescription
 
 SUFFIX = ".md.j2"
 SYSTEM = "system"
+BUILT_IN = "built-in"  # in place of a file
 
 _ROBOT = "the robot's description: robot.name, robot.reach (m), robot.gripper.kind, .stroke, .min_force, .hand_size, …"
 _SCENE = "the scene as a table of objects and parts, with its relations as sentences"
@@ -189,6 +190,14 @@ class BadPrompt(MemoError):
         return f"{self.file}{f':{self.line}' if self.line else ''}: {self.problem}"
 
 
+class _Reader(Protocol):
+    """``prompt_filling``, or a process that does the same."""
+
+    def names_in(self, text: str) -> list[tuple[str, int]]: ...
+
+    def filled(self, text: str, values: Mapping[str, Any]) -> str: ...
+
+
 @attrs.frozen
 class PromptText:
     """One prompt's text without its front matter; ``line`` is the number of lines before it in its file."""
@@ -196,7 +205,7 @@ class PromptText:
     name: str  # system or a phase
     text: str
     version: str  # as in the front matter; "" where it has none
-    source: str  # the file, or "built-in"
+    source: str  # the file, or BUILT_IN
     line: int = 0
 
     @property
@@ -210,46 +219,46 @@ class PromptText:
         return f"{self.name} v{self.version or '?'} {self.digest}"
 
     def render(self, context: Mapping[str, Any]) -> str:
-        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value and for an
-        expression that fails or is not allowed."""
-        import jinja2
-
+        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value, for an
+        expression that fails or is not allowed, and for a file of one's own that takes too much time or memory."""
         given = {**OPTIONAL.get(self.name, {}), **context}
-        known = {name: prepared(name, value) for name, value in given.items() if name in PLACEHOLDERS[self.name]}
+        known = {name: value for name, value in given.items() if name in PLACEHOLDERS[self.name]}
         try:
-            return compiled(self.text).render(known)
-        except jinja2.TemplateError as error:
-            raise BadPrompt(self.source, _line_of(error, self.line), f"{error}") from None
-        except Exception as error:  # a filter or an expression of the file's own
-            line = _line_of(error, self.line)
-            raise BadPrompt(self.source, line, f"fails when it is filled in: {error}") from None
+            return self._reader.filled(self.text, known)
+        except Unfit as error:
+            raise self._bad(error.line, error.problem) from None
 
     def check(self) -> None:
-        """Raise ``BadPrompt`` for invalid Jinja, an unknown placeholder, or a missing required one."""
-        import jinja2
-        from jinja2 import meta, nodes
-
+        """Raise ``BadPrompt`` for invalid Jinja, an unknown placeholder, or a missing required one, and as
+        ``render``."""
         known = PLACEHOLDERS[self.name]
         try:
-            tree = prompt_environment().parse(self.text)
-            used = meta.find_undeclared_variables(tree)
-        except jinja2.TemplateSyntaxError as error:
-            raise BadPrompt(
-                self.source, error.lineno + self.line, f"is not a valid Jinja template: {error.message}"
-            ) from None
-        except (RecursionError, MemoryError):
-            raise BadPrompt(self.source, 0, "is not a valid Jinja template: nested too deeply") from None
-        for node in tree.find_all(nodes.Name):
-            if node.name in used and node.name not in known:
-                problem = f"unknown placeholder {node.name!r}{close_match(node.name, tuple(known))}; {self._known()}"
-                raise BadPrompt(self.source, node.lineno + self.line, problem)
+            used = self._reader.names_in(self.text)
+        except Unfit as error:
+            raise self._bad(error.line, error.problem) from None
+        for name, line in used:
+            if name not in known:
+                problem = f"unknown placeholder {name[:100]!r}{close_match(name[:100], tuple(known))}; {self._known()}"
+                raise self._bad(line, problem)
         for name in REQUIRED[self.name]:
-            if name not in used:
-                raise BadPrompt(self.source, 0, f"lacks the placeholder {{{{ {name} }}}}: {known[name]}")
+            if name not in dict(used):
+                raise self._bad(0, f"lacks the placeholder {{{{ {name} }}}}: {known[name]}")
         try:
             self.render({name: SAMPLES[name] for name in known})
         except BadPrompt as error:
             raise BadPrompt(error.file, error.line, f"{error.problem}; {self._known()}") from None
+
+    @property
+    def _reader(self) -> _Reader:
+        """What reads the text: a process of its own, unless the text is ours."""
+        if self.source == BUILT_IN:
+            return prompt_filling
+        from memo_core.llm.prompt_process import PROCESS
+
+        return PROCESS
+
+    def _bad(self, line: int, problem: str) -> BadPrompt:
+        return BadPrompt(self.source, line + self.line if line else 0, problem)
 
     def _known(self) -> str:
         return "placeholders: " + ", ".join(PLACEHOLDERS[self.name])
@@ -274,7 +283,7 @@ def built_in(name: str) -> PromptText:
     if name not in PLACEHOLDERS:
         raise UnknownName("prompt", name, tuple(PLACEHOLDERS))
     file = resources.files("memo_core.llm").joinpath("prompts", name + SUFFIX)
-    return _split(name, file.read_text(encoding="utf-8"), "built-in")
+    return _split(name, file.read_text(encoding="utf-8"), BUILT_IN)
 
 
 def _split(name: str, text: str, source: str) -> PromptText:
@@ -376,13 +385,3 @@ def _chosen(settings: PromptSettings, name: str) -> PromptText:
         there = Path(settings.folder) / (name + SUFFIX)
         file = there if there.exists() else None
     return built_in(name) if file is None else read_prompt(name, file)
-
-
-def _line_of(error: BaseException, before: int) -> int:
-    """The line of the file in which a template failed, 0 if unknown."""
-    line, trace = getattr(error, "lineno", None), error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == "<template>":
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line + before if line else 0

@@ -1,7 +1,8 @@
 """The language of prompt files: Jinja, restricted to the values that a phase declares. A prompt file may be untrusted,
 for example part of a downloaded config. Its expressions can read the fields of the phase's values and call methods of
 strings, numbers, lists and dicts; they cannot reach modules, functions or other objects (Jinja's immutable sandbox,
-without Jinja's global functions). Time and memory are not limited: a file can still produce a very long text.
+without Jinja's global functions). What a file may take of time and memory is limited by the process that reads it
+(``prompt_process``).
 """
 
 from __future__ import annotations
