@@ -8,6 +8,7 @@ process is measured: its memory, files, threads and children are to stay as they
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import os
 import random
@@ -218,11 +219,10 @@ class _Soak:
         return {pid for pid in pids if pid is not None}
 
     def measure(self, hours: float) -> None:
-        memory = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
         self.samples.append(
             {
                 "hours": hours,
-                "memory_mib": memory,
+                **memory_mib(),
                 "file_handles": len(os.listdir("/proc/self/fd")),
                 "threads": len(os.listdir("/proc/self/task")),
                 "processes": len(children()),
@@ -248,6 +248,28 @@ class _Soak:
                 }
             )
         return rows
+
+
+class _Malloc(ctypes.Structure):
+    """``struct mallinfo2`` of glibc."""
+
+    _names = "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost"
+    _fields_ = [(name, ctypes.c_size_t) for name in _names.split()]
+
+
+def memory_mib() -> dict[str, float]:
+    """Of this process (MiB): resident pages, which include those of mapped files that the system may take back at any
+    time; the anonymous ones among them; and, with glibc, what malloc has handed out and what it keeps for later. Memory
+    that something holds on to is anonymous and handed out; that which is kept for later a trim would give back."""
+    rollup = Path("/proc/self/smaps_rollup").read_text().splitlines()[1:]
+    kib = {line.split(":")[0]: int(line.split()[1]) for line in rollup}
+    found = {"resident_mib": kib["Rss"] / 1024, "anonymous_mib": kib["Anonymous"] / 1024}
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "mallinfo2"):
+        libc.mallinfo2.restype = _Malloc
+        told = libc.mallinfo2()
+        found |= {"malloc_in_use_mib": (told.uordblks + told.hblkhd) / 2**20, "malloc_free_mib": told.fordblks / 2**20}
+    return found
 
 
 def _accounts(run: Path) -> Iterator[str]:

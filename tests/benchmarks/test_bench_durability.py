@@ -75,8 +75,22 @@ def test_a_minute_of_soak_in_short(monkeypatch):
     monkeypatch.setattr(soak, "MODELS", ("scripted",))
     found = bench_soak(0.0, seed=2)
     assert found["faults"] == [] and found["kept"] and sum(found["acts"].values()) == 1
-    assert {row["what"] for row in found["measured"]} >= {"memory_mib", "file_handles", "processes", "files"}
+    assert {row["what"] for row in found["measured"]} >= {"anonymous_mib", "file_handles", "processes", "files"}
     assert disturbed_runs.MODELS == ("offline", "scripted")
+
+
+def test_memory_that_is_held_is_told_apart_from_memory_that_malloc_keeps_for_later():
+    before = soak.memory_mib()
+    held = [b"x" * 100_000 for _ in range(640)]  # below the size from which malloc maps each piece by itself
+    with_it = soak.memory_mib()
+    assert (
+        with_it["anonymous_mib"] - before["anonymous_mib"] > 20 and with_it["resident_mib"] >= with_it["anonymous_mib"]
+    )
+    if "malloc_in_use_mib" not in with_it:
+        return  # another C library
+    assert with_it["malloc_in_use_mib"] - before["malloc_in_use_mib"] > 50
+    held.clear()
+    assert soak.memory_mib()["malloc_in_use_mib"] - before["malloc_in_use_mib"] < 20
 
 
 @pytest.fixture
