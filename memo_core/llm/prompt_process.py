@@ -10,15 +10,16 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import attrs
 
-import memo_core
 from memo_core.llm.prompt_filling import Unfit
 from memo_core.llm.prompt_worker import FIELDS, TEXT
 
+_IMPORTED = ("memo_core", "jinja2", "markupsafe")  # all that the process needs besides Python's own modules
 _SERVE = "import sys; sys.path[:0] = sys.argv[1:]; from memo_core.llm.prompt_worker import serve; serve()"
 
 
@@ -85,11 +86,8 @@ class PromptProcess:
         if self._process is not None and self._process.poll() is None:
             return self._process
         self._kill()
-        import jinja2
-        import markupsafe
-
-        modules = (memo_core, jinja2, markupsafe)  # all that the process needs besides Python's own
-        folders = dict.fromkeys(str(Path(module.__file__).parents[1]) for module in modules if module.__file__)
+        found = (find_spec(name) for name in _IMPORTED)
+        folders = dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec is not None and spec.origin)
         # -I and -S: neither the environment nor the current folder decides what is imported, and site is slow.
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-S", "-c", _SERVE, *folders],
