@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from memo_core.events import Event
     from memo_core.interfaces.perception import Ask
     from memo_core.scene.graph import SceneGraph
+    from memo_core.scene.name_corrections import NameCorrection
 
 
 def command(
@@ -34,12 +35,18 @@ def command(
     replay: Annotated[
         Path | None, typer.Option("--replay", metavar="FILE", help="Answer from a recording instead of a model.")
     ] = None,
+    book: Annotated[
+        str | None,
+        typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook whose corrections of names are used."),
+    ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
     """Look once with the experiment's perception, and show the scene graph: any source, any detector (--set
-    perception.detector=…). Nothing moves."""
+    perception.detector=…). Things are called as people said ("that is not a cup") in the experiment's skillbook, if it
+    is there. Nothing moves."""
+    from memo_core.interfaces.perception import names_things
     from memo_core.runs.factories import tasks_of, world_of
     from memo_core.runs.record_replay import recorded, replayed
     from memo_core.scene.graph_json import scene_record
@@ -55,6 +62,8 @@ def command(
     world = world_of(experiment, tasks[experiment.task or next(iter(tasks))], experiment.seed)
     with ExitStack() as opened:
         world.perception.use_model(_asking(experiment, opened))
+        if names_things(world.perception):
+            world.perception.correct_names(_said(experiment, book))
         with world:
             graph = world.control.scene()
             pictures = world.perception.drawn() if out is not None else {}
@@ -65,6 +74,18 @@ def command(
     _show(graph)
     for file in files:
         print(f"drawn in {file}")
+
+
+def _said(experiment: Experiment, book: str | None) -> tuple[NameCorrection, ...]:
+    """What people said of names in a book. The experiment's own need not be there: the first run makes it. Raises
+    ``SkillbookError``."""
+    from memo_core.skillbook.book import Skillbook
+
+    opened = Skillbook(book or experiment.section("skillbook").url, read_only=True)
+    if book is None and not opened.is_there:
+        return ()
+    with opened:
+        return opened.name_corrections()
 
 
 def _asking(experiment: Experiment, opened: ExitStack) -> Ask:

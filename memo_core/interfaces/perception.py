@@ -85,3 +85,8 @@ class Perception(ABC):
             return self.look()
         finally:
             self.restore(state)
+
+
+def names_things(perception: Perception) -> bool:
+    """Whether perception uses what people said of names: else no book need be searched for it."""
+    return type(perception).correct_names is not Perception.correct_names

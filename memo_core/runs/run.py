@@ -16,7 +16,7 @@ from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
 from memo_core.interfaces.llm import Image, LanguageModel, LanguageModelError
-from memo_core.interfaces.perception import Perception
+from memo_core.interfaces.perception import Perception, names_things
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -444,7 +444,7 @@ def _work(
         world = components.make_environment()
         world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
         world.perception.show_looks(parts.add_look)
-        if components.book is not None and _names_things(world.perception):
+        if components.book is not None and names_things(world.perception):
             world.perception.correct_names(components.book.name_corrections())
         with world, stop.waking(world.link.stop):
             if view:
@@ -510,11 +510,6 @@ def _pictures_of(perception: Perception) -> Callable[[SceneGraph], tuple[Picture
         return tuple(Picture(camera, Image(png(rgb))) for camera, rgb in sorted(seen.items()))
 
     return taken
-
-
-def _names_things(perception: Perception) -> bool:
-    """Whether perception uses what people said of names: else the book is not searched for it."""
-    return type(perception).correct_names is not Perception.correct_names
 
 
 def _judges_plans(teacher: Teacher | None) -> bool:

@@ -110,6 +110,12 @@ class Skillbook:
     def read_only(self) -> bool:
         return self._database.read_only
 
+    @property
+    def is_there(self) -> bool:
+        """Whether its file exists; for a book on a server or in memory true."""
+        path = self._database.path
+        return path is None or path.exists()
+
     def open(self) -> Skillbook:
         """Idempotent. Raises ``SkillbookError``: newer schema, no skillbook, network file system, other embedder."""
         self._database.open()

@@ -16,6 +16,9 @@ from memo_core.cli.app import run_app
 from memo_core.errors import InvalidArgument
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose, look_at
+from memo_core.scene.scene_table import scene_table
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.book_errors import SkillbookError
 
 CAMERAS = ["--set", "perception.backend=cameras", "--set", "perception.detector=oracle"]
 
@@ -93,3 +96,30 @@ def test_a_box_is_drawn_where_it_is_and_one_behind_the_camera_is_not():
     assert abs(columns.mean() - 319.5) < 8 and abs(rows.mean() - 239.5) < 30
     assert not drawn((0.0, -2.0, 0.5)).any() and not drawn((30.0, 1.0, 0.0)).any()
     assert not empty.any()
+
+
+def a_book_that_corrects(file, words):
+    """A skillbook in which somebody said this of the only cube of a scene."""
+    cube = Node("cube", "cube", Pose((0.4, 0.0, 0.02)), (0.045, 0.045, 0.045), attributes=("red",))
+    scene = scene_table(SceneGraph((cube,), (), Observation(Pose(), 0.0, False)))
+    with Skillbook(f"sqlite:///{file}") as book:
+        book.record_feedback(words, "ann", subtask="GRASP(cube)", scene_graph=scene)
+
+
+def test_what_people_said_of_names_in_the_book_is_used(tmp_path, capsys):
+    a_book_that_corrects(tmp_path / "book.db", "That is not a cube, it is a sugar box.")
+    look = ["see", "--task", "put-the-cube-away", *CAMERAS]
+
+    def labels(*more):
+        return {node["label"] for node in said(capsys, *look, *more)["scene"]["nodes"]}
+
+    assert "cube" in labels("--set", f"skillbook.url={tmp_path / 'no-book-yet.db'}")
+    for more in (["--book", str(tmp_path / "book.db")], ["--set", f"skillbook.url={tmp_path / 'book.db'}"]):
+        found = labels(*more)
+        assert "sugar box" in found and "cube" not in found
+    assert not (tmp_path / "no-book-yet.db").exists()
+
+
+def test_a_book_that_is_asked_for_must_be_there(tmp_path):
+    with pytest.raises(SkillbookError, match=r"none\.db"):
+        run_app(["see", "--task", "put-the-cube-away", *CAMERAS, "--book", str(tmp_path / "none.db")])

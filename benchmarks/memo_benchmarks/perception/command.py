@@ -145,6 +145,7 @@ def _solved(rows: list[Solved]) -> dict[str, Any]:
         "solved": sum(row.success for row in rows),
         "of": len(rows),
         "looks_a_task": round(sum(row.looks for row in rows) / len(rows), 1),
+        "cpu_s_a_case": _cpu(timed) if (timed := [row.cpu_s for row in rows if row.cpu_s is not None]) else None,
         "tasks": {
             task: {"solved": sum(row.success for row in own), "of": len(own)} for task, own in sorted(by_task.items())
         },

@@ -19,7 +19,7 @@ from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.geometry.arm_mask import ArmMask
-from memo_perception.cameras.geometry.measuring import Measured, measure
+from memo_perception.cameras.geometry.measuring import Measured, measure, sized
 from memo_perception.cameras.geometry.segmentation import regions_of
 from memo_perception.cameras.geometry.table import View, aligned_view
 from memo_perception.cameras.inventory import Hint, Item
@@ -113,6 +113,8 @@ class Cameras(Perception):
             blocked = {frame.name: self._arm.mask(frame, links) for frame in frames}
         views = tuple(aligned_view(frame, table, blocked.get(frame.name)) for frame in frames)
         regions = regions_of(views, blocked, table) if self.detector.needs_regions else ()
+        if self.detector.needs_sizes:
+            regions = sized(regions, views, blocked, table)
         detections = self._detected(views, regions, table)
         measured = measure(views, blocked, detections, regions, table)
         tool, holding = context.tool_pose(), context.link.holding()

@@ -16,6 +16,9 @@ class Region:
     points: Array  # (N, 3) metres, base frame, fused over the frames
     colours: np.ndarray  # (N, 3) uint8 sRGB, of the points
     masks: dict[str, np.ndarray] = attrs.field(factory=dict)  # frame name -> (H, W) bool
+    size: tuple[float, float, float] | None = None  # m, full extents, as if it were one thing; None: not measured
+    deviation: float = 0.0  # m, standard deviation of each extent
+    uncovered: float = 0.0  # share of its outline that nothing covers, in the picture that shows most of it
 
     @property
     def centre(self) -> Array:

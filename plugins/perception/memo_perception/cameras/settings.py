@@ -45,9 +45,9 @@ class InventorySettings:
     """Settings of the ``inventory`` detector."""
 
     accept: float = attrs.field(
-        default=0.5,
+        default=0.75,
         validator=and_(ge(0.0), le(1.0)),
-        metadata={"help": "least confidence at which a name is given; below it a thing is unknown"},
+        metadata={"help": "least probability at which a name is given; below it a thing is unknown"},
     )
 
 

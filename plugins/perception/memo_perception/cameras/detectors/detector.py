@@ -59,6 +59,7 @@ class Detector(ABC):
 
     asks_model: bool = False  # whether a look costs a question to a language model
     needs_regions: bool = True  # whether requests have regions; they take time to find
+    needs_sizes: bool = False  # whether regions have sizes; they take time to measure
 
     def open(self) -> None:
         """Raises ``BackendUnavailable`` with the remedy."""

@@ -10,67 +10,36 @@ from collections.abc import Sequence
 
 import attrs
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from memo_core.scene.appearance import colour_name
 from memo_core.scene.pose import Array
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
+from memo_perception.cameras.detectors.likelihood import Piece, most_likely
 from memo_perception.cameras.geometry.fitting import trimmed_extents
-from memo_perception.cameras.geometry.panels import slides
-from memo_perception.cameras.inventory import Hint, Item
+from memo_perception.cameras.inventory import Item
 from memo_perception.cameras.regions import Region
 from memo_perception.cameras.settings import InventorySettings
 
 NAME = "inventory"
 _SAMPLES = 80  # pixels of a region whose colours are named
-_SIZE_SCALE = 0.03  # m of difference in extents, summed, at which likeness of size is 1/e
-_HIDDEN_WEIGHT = 0.5  # of what is missing of a size, against what is too much: things cover each other
-_SHADED = 0.6
-_NEXT = {
-    frozenset(pair)
-    for pair in (
-        ("white", "grey"),
-        ("grey", "black"),
-        ("white", "beige"),
-        ("brown", "orange"),
-        ("brown", "beige"),
-        ("brown", "black"),
-    )
-}  # colours that shade or glare turns into each other
 _NEAR = 0.03  # m around a thing in which regions may be parts or pieces of it
-_MARGIN = 0.06  # by which the best line must fit better than the next, for full confidence
-_MARGIN_NOISE = 20.0  # more margin for each metre of depth noise
+_BESIDE = 0.01  # m between pieces up to which they may be one thing
+_UNCOVERED = 0.9  # of a piece's outline, from which on it is taken to be seen whole
 _SMALL = 0.012  # m: pieces smaller than this in all directions are not reported
 _LEAST_POINTS = 40  # of an unknown thing
-
-
-@attrs.frozen(eq=False)
-class _Piece:
-    """What is compared of a region, or of several together."""
-
-    regions: tuple[Region, ...]
-    low: Array  # (3,)
-    high: Array  # (3,)
-    extents: Array  # (3,) of the smallest upright box, descending
-    colours: dict[str, float]  # word -> share of the pixels
-
-    @property
-    def ids(self) -> frozenset[int]:
-        return frozenset(region.id for region in self.regions)
-
-    @property
-    def count(self) -> int:
-        return sum(len(region.points) for region in self.regions)
+_POINTS_DEVIATION = (0.005, 1.5)  # m, and share of the deviation of depth: of extents that only points tell
 
 
 class InventoryDetector(Detector):
     """See the module."""
 
+    needs_sizes = True
+
     def __init__(self, settings: InventorySettings | None = None) -> None:
         self.settings = settings or InventorySettings()
 
     def detect(self, request: Request) -> tuple[Detection, ...]:
-        pieces = [_piece((region,), request) for region in request.regions]
+        pieces = _alone([_piece((region,), request) for region in request.regions])
         wholes = _lines(item for item in request.inventory if not item.part_of and item.kind != "space")
         found = self._matched(wholes, pieces, request)
         taken = {id for _, piece, _ in found for id in piece.ids}
@@ -109,21 +78,26 @@ class InventoryDetector(Detector):
         return tuple(detections)
 
     def _matched(
-        self, items: Sequence[Item], pieces: Sequence[_Piece], request: Request
-    ) -> list[tuple[Item, _Piece, float]]:
-        """The assignment of lines to pieces that fits best in all, without those that fit badly."""
-        if not items or not pieces:
-            return []
-        needed = _MARGIN + _MARGIN_NOISE * max(0.0, request.noise - 0.001)
-        fits = np.array([[_fit(item, piece, request.hints) for piece in pieces] for item in items])
-        found = []
-        for i, j in zip(*linear_sum_assignment(-fits), strict=True):
-            rivals = [fits[k, j] for k in range(len(items)) if k != i and items[k].label != items[i].label]
-            margin = fits[i, j] - max(rivals, default=0.0)
-            sure = float(fits[i, j] * np.clip(0.5 + 0.5 * margin / needed, 0.0, 1.0))
-            if sure >= self.settings.accept:
-                found.append((items[i], pieces[j], round(sure, 3)))
-        return found
+        self, items: Sequence[Item], pieces: Sequence[Piece], request: Request
+    ) -> list[tuple[Item, Piece, float]]:
+        """The likeliest lines of pieces, without those that are not sure enough."""
+
+        def together(item: Item, piece: Piece, other: Piece) -> bool:
+            return _together(item, piece, other, request) is not None
+
+        found = most_likely(items, pieces, request.hints, together)
+        return [(item, piece, round(sure, 3)) for item, piece, sure in found if sure >= self.settings.accept]
+
+
+def _alone(pieces: list[Piece]) -> list[Piece]:
+    """The same, with those marked that show all of a thing: nothing covers them in one picture, and nothing touches
+    them that may be another piece of the same thing."""
+
+    def bare(piece: Piece) -> bool:
+        near = (other for other in pieces if other is not piece and _touches(piece, other, _BESIDE))
+        return piece.regions[0].uncovered >= _UNCOVERED and not any(near)
+
+    return [attrs.evolve(piece, bare=bare(piece)) for piece in pieces]
 
 
 def _lines(items: object) -> list[Item]:
@@ -131,15 +105,18 @@ def _lines(items: object) -> list[Item]:
     return [item for item in items for _ in range(max(1, item.count))]  # type: ignore[attr-defined]
 
 
-def _piece(regions: tuple[Region, ...], request: Request) -> _Piece:
+def _piece(regions: tuple[Region, ...], request: Request) -> Piece:
     points = np.concatenate([region.points for region in regions])
     colours = np.concatenate([region.colours for region in regions])
     low, high = trimmed_extents(points, request.noise)
-    extents = np.array([*_flat_extents(points[:, :2]), high[2] - low[2]])
+    size, deviation = regions[0].size, regions[0].deviation
+    if size is None or len(regions) > 1:
+        size = (*_flat_extents(points[:, :2]), float(high[2] - low[2]))
+        deviation = _POINTS_DEVIATION[0] + _POINTS_DEVIATION[1] * request.noise
     some = colours[np.linspace(0, len(colours) - 1, min(len(colours), _SAMPLES)).astype(int)] / 255.0
     words, counts = np.unique([colour_name(tuple(pixel)) for pixel in some.tolist()], return_counts=True)
     shares = dict(zip(words.tolist(), (counts / len(some)).tolist(), strict=True))
-    return _Piece(regions, low, high, np.sort(extents)[::-1], shares)
+    return Piece(regions, low, high, np.sort(np.asarray(size))[::-1], deviation, shares)
 
 
 def _flat_extents(flat: Array) -> tuple[float, float]:
@@ -154,66 +131,38 @@ def _flat_extents(flat: Array) -> tuple[float, float]:
     return best[1], best[2]
 
 
-def _fit(item: Item, piece: _Piece, hints: Sequence[Hint]) -> float:
-    """How well a line describes a piece, 0 to 1."""
-    middle = (piece.low + piece.high) / 2
-    for hint in hints:
-        place = hint.position
-        if hint.label == item.label and place is not None and np.linalg.norm(middle - np.asarray(place)) < 0.05:
-            return 0.0  # a person said that this is not it
-    colour = 0.5
-    if item.colours:
-        colour = min(1.0, sum(share * _alike(word, item.colours) for word, share in piece.colours.items()) / 0.7)
-    size = 0.5
-    if item.size:
-        wanted = np.sort(np.asarray(item.size, dtype=float))[::-1]
-        size = _likeness(piece.extents, wanted)
-        if slides(item.label):  # of a drawer that is pushed in the front is seen, and not how deep it is
-            size = max(size, *(_likeness(piece.extents[:2], np.delete(wanted, axis)) for axis in range(3)))
-        if item.kind == "part" and item.label.endswith("handle"):  # it stands on posts, as far out as they reach
-            size = max(size, _likeness(piece.extents[[0, 2]], wanted[[0, 2]]))
-    return float(np.sqrt(colour * size))
+def _touches(one: Piece, other: Piece, reach: float = 2 * _NEAR) -> bool:
+    return bool(np.all(one.low <= other.high + reach) and np.all(one.high >= other.low - reach))
 
 
-def _likeness(extents: Array, wanted: Array) -> float:
-    """Of two lists of extents (m), descending: 1 for the same, 0 for very different."""
-    excess = extents - wanted
-    apart = np.maximum(excess, 0.0) + _HIDDEN_WEIGHT * np.maximum(-excess, 0.0)
-    return float(np.exp(-apart.sum() / (_SIZE_SCALE + 0.15 * wanted.max())))
-
-
-def _alike(word: str, wanted: Sequence[str]) -> float:
-    """1 for a colour that is wanted, less for one that shade or glare makes of it."""
-    return 1.0 if word in wanted else _SHADED if any(frozenset((word, one)) in _NEXT for one in wanted) else 0.0
-
-
-def _touches(one: _Piece, other: _Piece) -> bool:
-    return bool(np.all(one.low <= other.high + 2 * _NEAR) and np.all(one.high >= other.low - 2 * _NEAR))
-
-
-def _within(one: _Piece, found: Sequence[tuple[Item, _Piece, float]]) -> bool:
+def _within(one: Piece, found: Sequence[tuple[Item, Piece, float]]) -> bool:
     """Whether a left-over piece lies within something named, such as a shadow in a box."""
     middle = (one.low + one.high) / 2
     return any(np.all(middle >= piece.low - 0.005) and np.all(middle <= piece.high + 0.005) for _, piece, _ in found)
 
 
 def _completed(
-    found: list[tuple[Item, _Piece, float]], left: list[_Piece], request: Request
-) -> list[tuple[Item, _Piece, float]]:
-    """Left-over pieces are added to the thing they touch if that is then no larger than its line says, and they have
-    one of its colours or are small against it."""
+    found: list[tuple[Item, Piece, float]], left: list[Piece], request: Request
+) -> list[tuple[Item, Piece, float]]:
+    """Left-over pieces are added to the thing that they may be of."""
     done = []
     for item, piece, sure in found:
         for one in list(left):
-            if not item.size or not _touches(one, piece):
-                continue
-            colours = set(item.colours) & {word for word, share in one.colours.items() if share > 0.3}
-            if not colours and one.count > 0.1 * piece.count:
-                continue
-            grown = _piece((*piece.regions, *one.regions), request)
-            wanted = np.sort(np.asarray(item.size, dtype=float))[::-1]
-            if np.all(grown.extents <= 1.1 * wanted + 0.006):
+            if (grown := _together(item, piece, one, request)) is not None:
                 piece = grown
                 left.remove(one)
         done.append((item, piece, sure))
     return done
+
+
+def _together(item: Item, piece: Piece, one: Piece, request: Request) -> Piece | None:
+    """Both pieces as one, if they touch, are together no larger than the line says, and ``one`` has one of its colours
+    or is small against it; None if they cannot be the same thing."""
+    if not item.size or one is piece or not _touches(one, piece):
+        return None
+    colours = set(item.colours) & {word for word, share in one.colours.items() if share > 0.3}
+    if not colours and one.count > 0.1 * piece.count:
+        return None
+    grown = _piece((*piece.regions, *one.regions), request)
+    wanted = np.sort(np.asarray(item.size, dtype=float))[::-1]
+    return grown if np.all(grown.extents <= 1.1 * wanted + 0.006) else None

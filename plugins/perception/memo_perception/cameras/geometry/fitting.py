@@ -1,8 +1,8 @@
 """Fitting a shape to what several pictures show of one thing: outlines first, depth second.
 
 Outlines do not suffer from depth noise, and three of them fix an unoccluded box; depth says the rest. Of box, cylinder
-and sphere the one that explains the outlines best is taken; what none explains gets the smallest upright rectangle
-around its points, trimmed by the noise.
+and sphere the one that explains the outlines best is taken; long things that lie flat, as cutlery, are measured by
+their footprints; what nothing explains gets the smallest upright rectangle around its points, trimmed by the noise.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_perception.cameras.geometry.footprints import CELL, footprint
 from memo_perception.cameras.geometry.shapes import Box, Cylinder, Shape, Sphere
 from memo_perception.cameras.geometry.silhouettes import Silhouette
 
@@ -26,6 +27,11 @@ _SUNK = 0.015  # m: a shape that reaches this far below what the thing stands on
 _NOT_THE_SHAPE = 0.0028  # m: outlines that miss by more are of something else
 _CROSSWISE = 0.2  # sine of the angle by which a camera may look less across a direction than the best one
 _COVERED = 0.005  # m, besides noise, by which an extent in one picture may exceed that in another that sees it better
+_FLAT = 0.025  # m: what is no higher lies flat
+_LENGTHY = 2.5  # length over width from which a flat thing is measured by its footprint
+_FILLED = 0.75  # of its rectangle, up to which it is
+_WHOLE = 0.93  # of the length its points have, that its footprint has
+_LEAST_CELLS = 50
 _INSIDE_LIMIT = 0.004  # m: points deeper inside a shape than this (of a hollow thing) count as this deep
 
 
@@ -47,17 +53,21 @@ class Seen:
 
 @attrs.frozen(eq=False)
 class Fit:
-    """A box around a thing. ``residual``: root mean square (m) by which its outlines miss."""
+    """A box around a thing. ``residual``: root mean square (m) by which its outlines miss; ``explained``: whether they
+    are those of the shape, so that its size does not depend on the noise of depth."""
 
     pose: Pose
     size: tuple[float, float, float]
     shape: str  # "box", "cylinder", "sphere" or "rectangle"
     residual: float
     outlines: int
+    explained: bool = False
 
 
 def fit_thing(seen: Seen) -> Fit:
     """The upright box around a whole thing, about which nothing is known."""
+    if (flat := _flat(seen)) is not None:
+        return flat
     box = rectangle(seen)
     low_high = _heights(seen)
     start = _start(box, low_high, seen)
@@ -75,9 +85,21 @@ def fit_thing(seen: Seen) -> Fit:
     best = min(fits, key=lambda fit: fit.residual * _COMPLEXITY[fit.shape])
     if seen.outlines < 8:
         return best if best.residual < 2 * _NOT_THE_SHAPE else box
-    sunk = seen.support is not None and best.pose.position[2] - best.size[2] / 2 < seen.support - _SUNK
+    sunk = _sunk(best, seen, low_high)
+    if sunk and seen.support is None:  # then it may begin where it is seen to begin
+        return fit_thing(attrs.evolve(seen, support=low_high[0]))
     fits_well = best.residual < _NOT_THE_SHAPE and not sunk
-    return best if fits_well else attrs.evolve(box, residual=best.residual)
+    return attrs.evolve(best, explained=True) if fits_well else attrs.evolve(box, residual=best.residual)
+
+
+def _sunk(fit: Fit, seen: Seen, heights: tuple[float, float]) -> bool:
+    """Whether a shape reaches below what the thing stands on, or where that is not known, far beyond the heights at
+    which it is seen: outlines from above alone do not tell how high it is."""
+    low, high = (fit.pose.position[2] + side * fit.size[2] / 2 for side in (-1, 1))
+    if seen.support is not None:
+        return low < seen.support - _SUNK
+    beyond = _SUNK + 2 * seen.noise
+    return fit.shape != "sphere" and (low < heights[0] - beyond or high > heights[1] + beyond)
 
 
 _COMPLEXITY = {"box": 1.1, "cylinder": 1.0, "sphere": 1.0}  # a box has more parameters than the others
@@ -98,13 +120,46 @@ def rectangle(seen: Seen) -> Fit:
     long things along their principal axis, since the smallest rectangle follows a tapering side."""
     points = seen.points
     flat = points[:, :2]
-    yaw = _yaw(flat, seen.noise)
-    base = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    base = _upright(_yaw(flat, seen.noise))
     low, high = extents(seen, base)
     low[2], high[2] = _heights(seen)
     size = np.maximum(high - low, 0.002)
     pose = Pose(tuple(base @ ((low + high) / 2)), quaternion_from_rotation(base))
     return Fit(pose, tuple(size.tolist()), "rectangle", 0.0, seen.outlines)
+
+
+def _flat(seen: Seen) -> Fit | None:
+    """The rectangle around the footprint of what lies flat, is long and fills no rectangle, as cutlery; None for
+    anything else, and where outlines leave less of it than its points show."""
+    if seen.support is None:
+        return None
+    high = seen.support + _upper(seen)
+    if high - seen.support > _FLAT:
+        return None
+    cells = footprint(seen.silhouettes, seen.points[:, :2], seen.support, high)
+    if len(cells) < _LEAST_CELLS:
+        return None
+    base = _upright(_yaw(cells, 0.0))
+    local = cells @ base[:2, :2]
+    low, high_xy = local.min(axis=0) - CELL / 2, local.max(axis=0) + CELL / 2
+    wide, long = sorted((high_xy - low).tolist())
+    shown = max(rectangle(seen).size[:2])
+    if long < _LENGTHY * wide or len(cells) * CELL**2 > _FILLED * wide * long or long < _WHOLE * shown:
+        return None
+    middle = base @ np.array([*(low + high_xy) / 2, (seen.support + high) / 2])
+    size = (*(high_xy - low).tolist(), high - seen.support)
+    return Fit(Pose(tuple(middle), quaternion_from_rotation(base)), size, "rectangle", 0.0, seen.outlines, True)
+
+
+def _upper(seen: Seen) -> float:
+    """How far the upper side of a flat thing lies above its support (m): noise cancels out over its pixels, of which
+    most show that side."""
+    return max(float(np.percentile(seen.points[:, 2], 75)) - (seen.support or 0.0), 0.004)
+
+
+def _upright(yaw: float) -> Array:
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def extents(seen: Seen, base: Array) -> tuple[Array, Array]:

@@ -31,6 +31,8 @@ _FEW_PIXELS = 150.0  # at which confidence in a box is halved
 _ROUGH = 0.01  # m of outline residual at which confidence in a box is halved
 _PANEL = 0.06  # m: what is thicker is no door or drawer front
 _BAR = 1.6  # length, and height over what it is fixed to, against its width, from which on a handle is a bar on posts
+_SHAPED = (0.0025, 0.2)  # deviation of an extent that outlines tell: m, and share of the deviation of depth
+_UNSHAPED = (0.004, 0.8)  # the same of one that only points tell
 _SECOND_COLOUR = 0.2  # share of the pixels from which on a second colour is named
 
 
@@ -73,11 +75,8 @@ def measure(
     found = {
         detection.name: one for detection in detections if (one := _found(views, blocked, detection, by_id)) is not None
     }
-    fits: dict[str, Fit] = {}
     wholes = [one for one in found.values() if one.detection.part_of is None and one.detection.kind != "heap"]
-    for one in sorted(wholes, key=lambda whole: float(np.percentile(whole.seen.points[:, 2], 3))):
-        seen = attrs.evolve(one.seen, support=_support(one.seen, table_height, fits.values()))
-        fits[one.detection.name] = fit_thing(seen)
+    fits = _wholes(wholes, table_height)
     for name, fit in list(fits.items()):
         if found[name].detection.kind == "fixture":
             fits[name] = in_frame(fit, owner_frame(fit, _front(found[name], found.values())))
@@ -94,6 +93,36 @@ def measure(
     measured = [_measured(found[name], fit, states.get(name)) for name, fit in fits.items()]
     measured += [_heap(one, table_height) for one in found.values() if one.detection.kind == "heap"]
     return (*measured, *_insides(found, fits, states, detections))
+
+
+def sized(
+    regions: Sequence[Region], views: Sequence[View], blocked: dict[str, np.ndarray], table_height: float
+) -> tuple[Region, ...]:
+    """The regions with their sizes, each measured as if it were one thing."""
+    alone = [Detection(str(region.id), regions=frozenset({region.id})) for region in regions]
+    by_id = {region.id: region for region in regions}
+    found = {one.name: seen for one in alone if (seen := _found(views, blocked, one, by_id)) is not None}
+    fits = _wholes(found.values(), table_height)
+
+    def change(region: Region) -> Region:
+        fit = fits.get(str(region.id))
+        if fit is None:
+            return region
+        seen = found[str(region.id)].seen
+        noise, uncovered = seen.noise, max(float(one.valid.mean()) for one in seen.silhouettes)
+        deviation = _SHAPED[0] + _SHAPED[1] * noise if fit.explained else _UNSHAPED[0] + _UNSHAPED[1] * noise
+        return attrs.evolve(region, size=fit.size, deviation=deviation, uncovered=uncovered)
+
+    return tuple(change(region) for region in regions)
+
+
+def _wholes(wholes: Iterable[_Found], table_height: float) -> dict[str, Fit]:
+    """Whole things by name, from the table up, since what a thing stands on tells where it begins."""
+    fits: dict[str, Fit] = {}
+    for one in sorted(wholes, key=lambda whole: float(np.percentile(whole.seen.points[:, 2], 3))):
+        seen = attrs.evolve(one.seen, support=_support(one.seen, table_height, fits.values()))
+        fits[one.detection.name] = fit_thing(seen)
+    return fits
 
 
 def _found(

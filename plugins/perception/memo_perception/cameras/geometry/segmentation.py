@@ -27,11 +27,15 @@ _SHADE = 0.45  # of two faces of one colour the darker is at least this bright, 
 _DARK = 60.0  # sum of the channels (of 765) below which chromaticity says little
 _LIGHTNESS = 0.25  # weight of Lab's L, which shading changes, against a and b
 _EDGE = 9.0  # step of the weighted colour between neighbours that parts two segments
+_EDGE_WIDTH = 4  # px
+_BETWEEN = 3.0  # steps in depth by which a pixel at an edge may lie between near and far
 _AROUND = 12  # pixels around a segment in which something may stand out of it
 _DEPTH_STEP = 0.012  # m between neighbours that parts two segments, without noise
 _LEAST_PIXELS = 25
 _VOXEL = 0.008  # m
 _OVERLAP = 0.3  # share of the smaller segment's cells that must coincide to be the same thing
+_TOUCH = 0.08  # the same share for two of one picture, but at least
+_SIDE = 1.5  # times as many cells as the side of a square has
 _TABLE_COLOUR = 12.0  # weighted distance in Lab from the table's colour from which a flat thing is not the table
 
 
@@ -88,10 +92,7 @@ def _segments(number: int, view: View, blocked: np.ndarray | None, table_height:
     keep = sizes >= _LEAST_PIXELS
     keep[0] = False
     labels[~keep[labels]] = 0
-    # Pixels of an edge belong to the nearest segment.
-    away, nearest = ndimage.distance_transform_edt(labels == 0, return_indices=True)
-    near = there & (away <= 3)
-    labels = np.where(near, labels[nearest[0], nearest[1]], labels)
+    _spread(labels, there, weighted / _EDGE, smooth / step)
     found = []
     eye = np.asarray(frame.pose.position)
     for label, where in enumerate(ndimage.find_objects(labels), 1):
@@ -112,6 +113,23 @@ def _segments(number: int, view: View, blocked: np.ndarray | None, table_height:
             if one is not None:
                 found.append(one)
     return found
+
+
+def _spread(labels: np.ndarray, there: np.ndarray, colour: np.ndarray, depth: np.ndarray) -> None:
+    """Give pixels of an edge (0 in ``labels``, of those ``there``) to the segment beside them that they resemble most,
+    in colour (H, W, 3) and depth (H, W), both over the step that makes an edge; in place."""
+    height, width = labels.shape
+    for largest in [1.0] * _EDGE_WIDTH + [_BETWEEN] * _EDGE_WIDTH:  # first without a step in depth, then what is left
+        rows, columns = np.nonzero(there & (labels == 0))
+        best, chosen = np.full(len(rows), np.inf), np.zeros(len(rows), dtype=labels.dtype)
+        for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            beside = np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
+            step = np.abs(depth[rows, columns] - depth[beside])
+            step[(depth[rows, columns] == 0) | (depth[beside] == 0)] = 0.99 * _BETWEEN  # not measured
+            apart = np.linalg.norm(colour[rows, columns] - colour[beside], axis=1) + np.minimum(step, _BETWEEN)
+            better = (labels[beside] > 0) & (apart < best) & (step < largest)
+            best[better], chosen[better] = apart[better], labels[beside][better]
+        labels[rows, columns] = chosen
 
 
 def _segment(number: int, view: View, mask: np.ndarray, apart: bool) -> _Segment | None:
@@ -149,7 +167,8 @@ def _foreground(view: View, weighted: np.ndarray, blocked: np.ndarray | None, ta
         & ndimage.binary_dilation(raised | odd, iterations=2)
         & (np.linalg.norm(weighted - table, axis=2) > _TABLE_COLOUR)
     )
-    return raised | ndimage.binary_opening(odd, iterations=1)
+    # Together, since the lowest rows of what is raised are thin by themselves.
+    return raised | ndimage.binary_opening(raised | odd, iterations=1)
 
 
 def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
@@ -173,9 +192,10 @@ def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
                 continue
             small, large = (i, j) if len(one.cells) <= len(other.cells) else (j, i)
             common = len(segments[small].cells & grown[large])
-            # Pieces of one picture touch along an edge only.
-            needed = _OVERLAP if one.frame != other.frame else 0.08
-            if common >= needed * len(segments[small].cells):
+            size = len(segments[small].cells)
+            # Pieces of one picture touch along an edge only, but along more than a corner.
+            needed = _OVERLAP * size if one.frame != other.frame else max(_TOUCH * size, _SIDE * np.sqrt(size))
+            if common >= needed:
                 parent[root(i)] = root(j)
     groups: dict[int, list[_Segment]] = {}
     for i, one in enumerate(segments):

@@ -41,6 +41,21 @@ class Silhouette:
         missed = ((pixels @ DIRECTIONS.T).max(axis=1) - self.support) / self.scale
         return np.where(self.valid, missed, np.minimum(missed, 0.0))
 
+    def holds(self, points: Array) -> tuple[np.ndarray, np.ndarray]:
+        """Whether points (N, 3) of the base frame fall into the mask, and whether the picture tells: it shows their
+        place, and nothing nearer covers it."""
+        pixels, depths = _projected(self.view, points[None])
+        height, width = self.mask.shape
+        u, v = np.round(pixels[0]).astype(int).T
+        shown = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        u, v = np.where(shown, u, 0), np.where(shown, v, 0)
+        inside = shown & self.mask[v, u]
+        measured = self.view.frame.depth[v, u]
+        covered = (measured > 0) & (measured < depths[0] - _nearer(self.view.noise))
+        if self.blocked is not None:
+            covered |= self.blocked[v, u]
+        return inside, shown & (inside | ~covered)
+
     def checked(self, vertices: Array) -> Silhouette:
         """With the directions left out in which a shape's outermost vertex, of (K, 3), is covered: what is seen of the
         thing there is not its end."""
@@ -59,7 +74,8 @@ class Silhouette:
         if self.blocked is not None and self.blocked[window].any():
             return False
         around = self.view.frame.depth[window]
-        return not bool(((around > 0) & (around < depth - _NEARER) & ~self.mask[window]).any())
+        near = _nearer(self.view.noise)
+        return not bool(((around > 0) & (around < depth - near) & ~self.mask[window]).any())
 
 
 def _projected(view: View, vertices: Array) -> tuple[Array, Array]:
@@ -94,13 +110,21 @@ def silhouette(view: View, mask: np.ndarray, blocked: np.ndarray | None = None) 
     hull = cv2.convexHull(contour)[:, 0, :].astype(float)
     extreme = hull[np.argmax(hull @ DIRECTIONS.T, axis=0)]  # (COUNT, 2)
     support = (extreme * DIRECTIONS).sum(axis=1) + _BEYOND_CENTRE
-    valid = _uncovered(depth, mask, extreme.astype(int), blocked)
+    valid = _uncovered(depth, mask, extreme.astype(int), blocked, _nearer(view.noise))
     scale = (frame.intrinsics.fx + frame.intrinsics.fy) / 2 / float(np.median(own))
     return Silhouette(view, mask, blocked, support, valid, scale)
 
 
-def _uncovered(depth: np.ndarray, mask: np.ndarray, extreme: np.ndarray, blocked: np.ndarray | None) -> np.ndarray:
-    """Whether nothing nearer lies beside each of these outline pixels (COUNT, 2), and the picture goes on there."""
+def _nearer(noise: float) -> float:
+    """By how much (m) the nearest pixels of what covers an outline are nearer, in depth with this deviation (m)."""
+    return _NEARER + 2 * noise
+
+
+def _uncovered(
+    depth: np.ndarray, mask: np.ndarray, extreme: np.ndarray, blocked: np.ndarray | None, nearer: float
+) -> np.ndarray:
+    """Whether nothing that is ``nearer`` by so much (m) lies beside each of these outline pixels (COUNT, 2), and the
+    picture goes on there."""
     height, width = depth.shape
     half = _AROUND // 2
     free = np.zeros(len(extreme), dtype=bool)
@@ -112,5 +136,5 @@ def _uncovered(depth: np.ndarray, mask: np.ndarray, extreme: np.ndarray, blocked
         if blocked is not None and blocked[window].any():
             continue
         mine, others = around[inside & (around > 0)], around[~inside & (around > 0)]
-        free[i] = len(mine) == 0 or len(others) == 0 or others.min() > np.median(mine) - _NEARER
+        free[i] = len(mine) == 0 or len(others) == 0 or others.min() > np.median(mine) - nearer
     return free
