@@ -30,7 +30,7 @@ _COVERED = 0.005  # m, besides noise, by which an extent in one picture may exce
 _FLAT = 0.025  # m: what is no higher lies flat
 _LENGTHY = 2.5  # length over width from which a flat thing is measured by its footprint
 _FILLED = 0.75  # of its rectangle, up to which it is
-_WHOLE = 0.93  # of the length its points have, that its footprint has
+_WHOLE = 0.96  # of the length its points have, that its footprint has
 _LEAST_CELLS = 50
 _INSIDE_LIMIT = 0.004  # m: points deeper inside a shape than this (of a hollow thing) count as this deep
 
