@@ -19,10 +19,10 @@ from memo_core.skillbook import queries, tables
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY
-from memo_core.skillbook.finding import as_text
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.question import as_text
 from memo_core.skillbook.retrieval_score import TIE, Candidates
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
@@ -50,7 +50,9 @@ class EveryEntry:
         row_of = {number: row for row, number in enumerate(self._keys)}
         ids, rows, texts = [], [], []
         for number in self._keys:
-            for some, vectors in Likeness(self._database, self._vectors).all_of(("correction",), [number]):
+            for [(_, some, vectors)] in Likeness(self._database, self._vectors).groups("correction", [number]):
+                if not len(some):
+                    continue
                 ids.append(some)
                 texts.append(vectors)
                 rows.append(np.full(len(some), row_of[number]))

@@ -70,7 +70,6 @@ from memo_core.skillbook.said_names import said_names
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.stats import stats_of
 from memo_core.skillbook.text_index import Likeness
-from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
 from memo_core.skillbook.unclustered import copy_without_clustering, is_clustered
 
@@ -467,9 +466,8 @@ class Skillbook:
         if self._retriever is None:
             key_vectors, vectors = self._key_vectors(), self._text_vectors()
             likeness = Likeness(self._database, vectors)
-            search = TextSearch(self._database, vectors, likeness, self._store)
             self._retriever = Retriever(
-                self._database, vectors, KeyIndex(key_vectors), key_vectors, self.settings, search, likeness
+                self._database, vectors, KeyIndex(key_vectors), key_vectors, self.settings, self._store, likeness
             )
         found = self._retriever.retrieve(_key(subtask), context)
         return self._without_harm(found) if self.settings.notice_harm else found

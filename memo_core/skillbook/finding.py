@@ -1,67 +1,47 @@
-"""Which entries may be among those that a subtask is served, with what their scores are made of.
+"""Which entries may be served where keys and texts decide together (``retrieval.ranking: key-and-text``), with all that
+their scores are made of.
 
-Entries are found by their key, by their text through the vector store, among remarks about gripping that were made at
-the opposite action (for actions that take hold of something), and as what a person said last under the subtask's own
-key. An entry whose action undoes the subtask's is found in no other way.
+Candidates are the best entries of the book by score (``memo_core.skillbook.best_entries``), remarks about gripping that
+were made at the opposite action (for actions that take hold of something), and what people said last under the
+subtask's own key. An entry whose action undoes the subtask's is found in no other way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import attrs
 import numpy as np
-import sqlalchemy as sa
 
-from memo_core.skillbook import tables
+from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.skillbook.best_entries import Scored, Weighed, best_entries, scored
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import spoken
-from memo_core.skillbook.key_index import KeyScores
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.entry_index import EntryIndex
 from memo_core.skillbook.newest import newest_of_people
+from memo_core.skillbook.question import Question, as_text
 from memo_core.skillbook.retrieval_cache import KINDS, Contents
 from memo_core.skillbook.retrieval_score import TIE, Candidates, best
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
-from memo_core.skillbook.scene_context import SubtaskContext
-from memo_core.skillbook.shared_terms import Terms, Wanted
-from memo_core.skillbook.text_index import Likeness, Nearest
+from memo_core.skillbook.shared_terms import GRIP, Terms
+from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
-from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
+from memo_core.skillbook.text_vectors import TextVectors
 
-_MORE = 3  # times as many entries are looked at as are served,
-_WIDER = 4  # and so many times those by r alone, before what else their keys tell
-_EACH_KEY = 4  # entries of one key that count as found: where words decide too, one large key must not hide the next
+_MORE = 3  # times as many entries are candidates as are served, where more than their scores orders them
 _BY_TEXT = 64  # entries asked of the vector store
 _OPPOSITE_KEYS = 12  # of the opposite action, that remarks about gripping are looked for under,
 _OPPOSITE_ENTRIES = 400  # as long as there are not so many entries under them
 
-_E = tables.entries.c
-_FOUND = sa.select(_E.id, _E.kind, _E.key, _E.text).where(
-    _E.id.in_([sa.bindparam(name) for name in PLACE_NAMES]), _E.superseded_by.is_(None)
-)
-_NO_ROWS = np.zeros(0, np.int64)
-
-
-def as_text(subtask: Key) -> str:
-    """The words that entries' texts are compared with."""
-    return " ".join((subtask.action, *subtask.objects))
-
 
 @attrs.frozen(eq=False)
-class Question:
-    """A subtask, ready to be compared."""
+class Nearby:
+    """What the vector store found for a question, and how alike the words of all keys are."""
 
-    key: Key
-    context: SubtaskContext
-    meant: np.ndarray  # unit vector of its words
-    scores: KeyScores
-    opposite: np.ndarray  # bool, of each key whether it undoes the action
-    terms: Wanted
+    positions: dict[str, np.ndarray]  # kind -> positions in its index
+    nearest: float  # the largest cosine that a text which was not found may have
+    key_similar: np.ndarray  # by row, cosines of the keys' words and the subtask's, float64
 
 
 class Finder:
-    """Finds candidates in one book."""
+    """Finds candidates in one book. Keeps its entries in memory."""
 
     def __init__(
         self,
@@ -69,164 +49,146 @@ class Finder:
         vectors: TextVectors,
         settings: RetrievalSettings,
         terms: Terms,
-        search: TextSearch,
+        store: VectorStore | None,
         likeness: Likeness,
     ) -> None:
         self._database = database
         self._vectors = vectors
         self._settings = settings
         self._terms = terms
-        self._search = search
         self._likeness = likeness
+        self._indexes = {kind: EntryIndex(likeness, kind, terms) for kind in KINDS}
+        self._search = TextSearch(database, vectors, self._indexes, store)
+        self._slots: dict[str, np.ndarray] = {}  # kind -> of each row the slot in its index, or -1
+        self._rows: dict[str, np.ndarray] = {}  # kind -> of each slot the row, or -1
+        self._key_words = np.zeros((0, 0), np.float32)  # by row
+        self._followed: Contents | None = None
 
-    def candidates(self, kind: str, question: Question, state: Contents, by_text: Candidates | None) -> Candidates:
-        """Entries of a kind that may be among those served, best first as far as is known without their words.
-        ``by_text``: what ``by_text`` found of that kind; None: keys alone decide."""
-        limit = self._settings.limit(kind)
-        if not limit:
+    def follow(self, state: Contents, changed: frozenset[int] | None) -> None:
+        """Bring what is in memory up to the book's state. ``changed``: the keys whose entries may be others than in the
+        state that was followed before; None: of any key."""
+        before = self._followed
+        self._followed = None
+        if before is None or before.book != state.book:
+            for index in self._indexes.values():
+                index.clear()
+        for kind, index in self._indexes.items():
+            index.follow(state.ids, changed, int(state.sizes[kind].sum()))
+            slots = self._slots[kind] = index.slots_of(state.ids)
+            rows = self._rows[kind] = np.full(index.slots, -1, np.int64)
+            rows[slots[slots >= 0]] = np.flatnonzero(slots >= 0)
+        if (before is None or before.book != state.book or before.ids != state.ids) and state.keys:
+            self._key_words = self._vectors.get([as_text(key) for key in state.keys])
+        self._followed = state
+
+    def near(self, question: Question, state: Contents) -> Nearby:
+        """What the vector store finds by the subtask's words."""
+        similar = np.vecdot(self._key_words, question.meant).astype(np.float64) if state.keys else np.zeros(0)
+        wanted = [kind for kind in KINDS if self._settings.limit(kind) and state.sizes[kind].any()]
+        nothing = {kind: np.zeros(0, np.int64) for kind in KINDS}
+        if not wanted:
+            return Nearby(nothing, -1.0, similar)
+        found = self._positions(self._search.nearest(question.meant, _BY_TEXT, state))
+        if not any(len(found[kind]) for kind in wanted):
+            found = self._positions(self._search.nearest(question.meant, _BY_TEXT, state, distrust=True))
+        cosines = np.concatenate([self._indexes[kind].similar(found[kind], question.meant) for kind in KINDS])
+        nearest = 1.0
+        if len(cosines) == sum(map(len, self._indexes.values())):
+            nearest = -1.0
+        elif len(cosines):  # not the last one's: an approximate store misses some that are nearer
+            nearest = float(np.median(cosines))
+        return Nearby(found, nearest, similar)
+
+    def candidates(self, kind: str, question: Question, state: Contents, near: Nearby) -> Candidates:
+        """Entries of a kind that may be among those served."""
+        limit, index = self._settings.limit(kind), self._indexes[kind]
+        if not limit or not len(index) or not state.keys:
             return Candidates.none()
-        newest = self._newest(question, state) if kind == "correction" and self._settings.newest else []
-        if by_text is None:
-            found = self._by_key(kind, question, state, self._settings.cut, limit)
-            joined = self._with(newest, found, question, state)
-            return joined.only(best(joined.key_scores, joined.similar, limit, joined.must))
-        floor = self._floor(kind, question, state)
-        several = [self._by_key(kind, question, state, floor, _MORE * limit), by_text]
+        found = self._scored(kind, question, near, self._best(kind, question, state, near))
+        gripping = Candidates.none()
         if kind == "correction" and self._terms.grips(question.key.action, question.context):
-            several.insert(0, self._about_gripping(question, state))
-        joined = self._with(newest, Candidates.joined(several), question, state)
+            gripping = self._about_gripping(question, state, near)
+        several = [gripping, found]
+        newest: list[int] = []
+        if kind == "correction" and self._settings.newest and (keys := question.own_keys(state)):
+            newest = newest_of_people(self._database, keys, self._settings.corrections)
+            positions = index.positions(np.array(newest, np.int64))
+            positions = positions[self._rows[kind][index.slot(positions)] >= 0]
+            several.append(self._scored(kind, question, near, scored(self._weighed(kind, question, near), positions)))
+        joined = Candidates.joined(several)
+        joined = attrs.evolve(joined, must=np.isin(joined.ids, newest)) if newest else joined
         return joined.only(best(joined.scores(self._settings), joined.similar, _MORE * limit, joined.must))
 
-    def by_text(self, question: Question, state: Contents) -> dict[str, Candidates]:
-        """Those whose texts are most like the subtask's words, by kind; not under a key whose action undoes it."""
-        wanted = [kind for kind in KINDS if self._settings.limit(kind) and state.sizes[kind].any()]
-        if not wanted:
-            return {kind: Candidates.none() for kind in KINDS}
-        valid = self._rows(self._search.nearest(question.meant, _BY_TEXT, state).tolist())
-        if not any(kind in wanted for _, kind, *_ in valid):
-            valid = self._rows(self._search.nearest(question.meant, _BY_TEXT, state, distrust=True).tolist())
-        kept = [
-            (entry, kind, state.row_of[key], text)
-            for entry, kind, key, text in {row[0]: tuple(row) for row in valid}.values()
-            if key in state.row_of and not question.opposite[state.row_of[key]]
-        ]
-        found = {}
-        for kind in KINDS:
-            floor = self._floor(kind, question, state)
-            mine = [one for one in kept if one[1] == kind and question.scores.scores[one[2]] >= floor - TIE]
-            if not mine or kind not in wanted:
-                found[kind] = Candidates.none()
-                continue
-            similar = np.vecdot(self._vectors.get([spoken(kind, text) for *_, text in mine]), question.meant)
-            entries, rows = (np.array([one[place] for one in mine], np.int64) for place in (0, 2))
-            found[kind] = self._scored(question, state, entries, rows, similar)
-        return found
-
     # -- inside --------------------------------------------------------------------------------------------------------
-    def _floor(self, kind: str, question: Question, state: Contents) -> float:
-        """The least r of a key whose entries may be served."""
-        passing = ~question.opposite & (question.scores.scores >= self._settings.cut - TIE)
-        enough = state.sizes[kind][passing].sum() >= self._settings.room(kind)
-        return self._settings.cut if enough else -np.inf
+    def _positions(self, ids: np.ndarray) -> dict[str, np.ndarray]:
+        return {kind: index.positions(ids) for kind, index in self._indexes.items()}
 
-    def _by_key(self, kind: str, question: Question, state: Contents, floor: float, count: int) -> Candidates:
-        """The ``count`` best entries by their keys, those of one key by their text, and all that tie with the last."""
-        scores, sizes = question.scores.scores, state.sizes[kind]
-        by_text = self._settings.ranking == "key-and-text"
-        rows = np.flatnonzero(~question.opposite & (sizes > 0) & (scores >= floor - TIE))
-        if by_text:
-            sizes = np.minimum(sizes, _EACH_KEY)
-        rows = _until(rows, scores[rows], sizes, _WIDER * count if by_text else count)
-        if by_text and len(rows):  # the rest of what their keys add to the scores, of the few that are near
-            weight, share = self._settings.text_weight, self._settings.text_weight + self._settings.overlap_weight
-            words = self._key_similar(question, state, rows)
-            rows = _until(rows, (1 - share) * scores[rows] + weight / 2 * words, sizes, count)
-        if not len(rows):
-            return Candidates.none()
-        found = self._scored(question, state, *self._nearest(kind, rows, question, state, count))
-        return found if by_text else found.only(best(found.key_scores, found.similar, count, found.must))
+    def _best(self, kind: str, question: Question, state: Contents, near: Nearby) -> Scored:
+        """Where enough entries pass the cut, the best of them; else all of them, and the best of the others."""
+        settings, scores = self._settings, question.scores.scores
+        reordered = kind == "template" or (settings.built_weight and any(question.context.structures))
+        more = _MORE if reordered else 1
+        served, there = state.sizes[kind] > 0, ~question.opposite
+        passing = there & served & (scores >= settings.cut - TIE)
+        found, nearest = near.positions[kind], near.nearest
+        if np.isfinite(question.floor(kind, state, settings)):
+            return best_entries(
+                self._weighed(kind, question, near, passing), more * settings.limit(kind), found, nearest
+            )
+        several = [
+            best_entries(self._weighed(kind, question, near, rows), count, found, nearest, floor)
+            for rows, count, floor in (
+                (passing, settings.room(kind), -np.inf),
+                (there & served, 1, -np.inf),
+                (there & served & ~passing, more * settings.room(kind), settings.text_floor),
+            )
+        ]
+        return Scored.joined(several)
 
-    def _about_gripping(self, question: Question, state: Contents) -> Candidates:
+    def _weighed(self, kind: str, question: Question, near: Nearby, rows: np.ndarray | None = None) -> Weighed:
+        """The question for an index, with the entries of some keys' rows (bool) or of all."""
+        settings, index, of = self._settings, self._indexes[kind], self._rows[kind]
+        known = of >= 0
+        counts = (1 - question.scores.exchanged[of]) * known
+        by_text, by_terms = counts * settings.text_weight / 2, counts * settings.overlap_weight
+        key_similar = near.key_similar[of]
+        base = (1 - settings.text_weight - settings.overlap_weight) * question.scores.scores[of] + by_text * key_similar
+        base[~known if rows is None else ~(known & rows[of])] = -np.inf
+        return Weighed(index, question.meant, question.terms, base, by_text, by_terms, key_similar)
+
+    def _scored(self, kind: str, question: Question, near: Nearby, found: Scored) -> Candidates:
+        index, scores = self._indexes[kind], question.scores
+        rows = self._rows[kind][index.slot(found.positions)]
+        return Candidates(
+            index.ids(found.positions),
+            scores.scores[rows],
+            scores.action_cosines[rows],
+            scores.objects_cosines[rows],
+            found.similar,
+            near.key_similar[rows],
+            found.overlap,
+            np.zeros(len(rows), bool),
+            scores.exchanged[rows],
+        )
+
+    def _about_gripping(self, question: Question, state: Contents, near: Nearby) -> Candidates:
         """Remarks about how to hold a thing that were made at an action which undoes this one: how hard to grip is
         often noticed only when a thing is put down. They count as made at gripping what was moved."""
-        sizes = state.sizes["correction"]
+        index, sizes, moved = self._indexes["correction"], state.sizes["correction"], question.scores.moved_cosines
         rows = np.flatnonzero(question.opposite & (sizes > 0))
-        if not len(rows):
-            return Candidates.none()
-        moved = question.scores.moved_cosines
         rows = rows[np.argsort(-moved[rows], kind="stable")[:_OPPOSITE_KEYS]]
         rows = rows[: 1 + int(np.searchsorted(np.cumsum(sizes[rows]), _OPPOSITE_ENTRIES))]
+        slots = self._slots["correction"][rows]
+        positions, gripping = index.of_slots_with_overlap(slots[slots >= 0], ({GRIP: 1.0}, 1.0))
+        found = scored(self._weighed("correction", question, near), positions[gripping > 0])
+        near_moved = moved[self._rows["correction"][index.slot(found.positions)]]
         limit = _MORE * self._settings.corrections
-        ids, entry_rows, similar = self._nearest("correction", rows, question, state, limit)
-        likeliest = best(moved[entry_rows], similar, limit, np.zeros(len(ids), bool))
-        ids, entry_rows, similar = ids[likeliest], entry_rows[likeliest], similar[likeliest]
-        texts = {row[0]: row[3] for row in self._rows(ids.tolist())}
-        chosen = np.array([self._terms.about_gripping(texts.get(entry, "")) for entry in ids.tolist()], dtype=bool)
-        one = self._scored(question, state, ids[chosen], entry_rows[chosen], similar[chosen])
+        likeliest = best(near_moved, found.similar, limit, np.zeros(len(near_moved), bool))
+        found, near_moved = found.only(likeliest), near_moved[likeliest]
+        texts = self._likeness.texts(index.ids(found.positions).tolist())
+        chosen = np.array([self._terms.about_gripping(text) for text in texts], dtype=bool)
+        one = self._scored("correction", question, near, found.only(chosen))
         by_action, by_moved = self._settings.weights
-        action, objects = np.ones(len(one.ids)), moved[entry_rows[chosen]]
+        action, objects = np.ones(len(one.ids)), near_moved[chosen]
         scores = (by_action * action + by_moved * objects) / (by_action + by_moved)
         return attrs.evolve(one, key_scores=scores, action_cosines=action, objects_cosines=objects)
-
-    def _newest(self, question: Question, state: Contents) -> list[int]:
-        """What each person said last under the subtask's own key, in whatever words that is kept."""
-        own = question.scores.scores >= 1 - TIE
-        rows = np.flatnonzero(own & (state.sizes["correction"] > 0) & ~question.opposite)[:PLACES]
-        keys = [state.ids[row] for row in rows.tolist()]
-        return newest_of_people(self._database, keys, self._settings.corrections) if keys else []
-
-    def _with(self, newest: list[int], found: Candidates, question: Question, state: Contents) -> Candidates:
-        """With these corrections among the others, to be served whatever their score."""
-        missing = [entry for entry in newest if entry not in set(found.ids.tolist())]
-        rows = [row for row in self._rows(missing) if row[2] in state.row_of] if missing else []
-        if rows:
-            ids, of_key = np.array([(row[0], state.row_of[row[2]]) for row in rows], np.int64).T
-            similar = np.vecdot(self._vectors.get([row[3] for row in rows]), question.meant)
-            found = Candidates.joined([found, self._scored(question, state, ids, of_key, similar)])
-        return attrs.evolve(found, must=np.isin(found.ids, newest)) if newest else found
-
-    def _nearest(
-        self, kind: str, rows: np.ndarray, question: Question, state: Contents, count: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of each key the entries most like the subtask's words: ids, rows of their keys, cosines."""
-        each: list[Nearest] = self._likeness.nearest(
-            kind, [state.ids[row] for row in rows.tolist()], question.meant, count
-        )
-        ids, similar = (np.concatenate(column) for column in zip(*each, strict=True))
-        return ids, np.repeat(rows, [len(some) for some, _ in each]), similar
-
-    def _scored(
-        self, question: Question, state: Contents, ids: np.ndarray, rows: np.ndarray, similar: np.ndarray
-    ) -> Candidates:
-        """With all terms of their scores but the overlap, which needs their texts."""
-        scores, nothing = question.scores, np.zeros(len(ids))
-        by_key = nothing
-        if self._settings.ranking == "key-and-text" and len(ids):
-            different, place = np.unique(rows, return_inverse=True)
-            by_key = self._key_similar(question, state, different)[place]
-        terms = (scores.scores[rows], scores.action_cosines[rows], scores.objects_cosines[rows])
-        numbers = (*terms, similar.astype(np.float64), by_key, nothing)
-        return Candidates(np.asarray(ids, np.int64), *numbers, np.zeros(len(ids), bool), scores.exchanged[rows])
-
-    def _key_similar(self, question: Question, state: Contents, rows: np.ndarray) -> np.ndarray:
-        """Cosines of keys' words with the subtask's, float64."""
-        vectors = self._vectors.get([as_text(state.keys[row]) for row in rows.tolist()])
-        return np.vecdot(vectors, question.meant).astype(np.float64)
-
-    def _rows(self, ids: Sequence[int]) -> list[Sequence[Any]]:
-        """Id, kind, key and text of those that are valid."""
-        return [row for part in batched(ids, PLACES) for row in self._database.fetch(_FOUND, places(part))]
-
-
-def _until(rows: np.ndarray, scores: np.ndarray, sizes: np.ndarray, count: int) -> np.ndarray:
-    """Keys' rows by their scores, best first, until ``count`` entries are under them, and those that tie with the
-    last."""
-    if len(rows) > count:  # every key has an entry
-        near = scores >= np.partition(scores, len(rows) - count)[len(rows) - count] - TIE
-        rows, scores = rows[near], scores[near]
-    order = np.lexsort((rows, -scores))
-    rows, scores = rows[order], scores[order]
-    taken = np.cumsum(sizes[rows])
-    if len(rows) and taken[-1] > count:
-        rows = rows[scores >= scores[int(np.searchsorted(taken, count))] - TIE]
-    return rows

@@ -7,18 +7,26 @@ own key is always served, before what the same person said earlier under that ke
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol, TypeVar
 
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.provenance import Provenance
-from memo_core.skillbook.retrieval_result import Served
 from memo_core.skillbook.text_vectors import PLACE_NAMES, places
 
 _LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
 
+
+class _HasEntry(Protocol):
+    @property
+    def entry(self) -> Entry: ...
+
+
+_WithEntry = TypeVar("_WithEntry", bound=_HasEntry)
 _E, _F, _S = tables.entries.c, tables.feedback.c, tables.sources.c
 _MINE = (
     sa.select(_E.id)
@@ -40,8 +48,9 @@ _SAID = (
 
 
 def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list[int]:
-    """The corrections under some keys, at most 32, that were made of what each person said last there, the latest
-    speakers' first. If they would exceed ``most``, one correction per remark, so that every person is represented."""
+    """The corrections under some keys, at most ``PLACES``, that were made of what each person said last there, the
+    latest speakers' first. If they would exceed ``most``, one correction per remark, so that every person is
+    represented."""
     last: dict[str, tuple[float, int]] = {}
     made: dict[tuple[float, int], list[int]] = {}
     for entry, who, when, feedback in database.fetch(_SAID, {"kind": "correction"} | places(list(keys))):
@@ -55,7 +64,7 @@ def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list
     return found
 
 
-def newest_before_older(served: Sequence[Served], known: Mapping[int, Provenance]) -> tuple[Served, ...]:
+def newest_before_older(served: Sequence[_WithEntry], known: Mapping[int, Provenance]) -> list[_WithEntry]:
     """Sort the entries of one person under one key newest first, within the positions that these entries have. Entries
     merged from several people's words keep their positions. ``known``: provenance by entry."""
     places_of: dict[tuple[Key, str], list[int]] = {}
@@ -69,4 +78,4 @@ def newest_before_older(served: Sequence[Served], known: Mapping[int, Provenance
         mine = sorted((served[place] for place in held), key=lambda one: known[one.entry.id].when < last)
         for place, one in zip(held, mine, strict=True):
             ordered[place] = one
-    return tuple(ordered)
+    return ordered

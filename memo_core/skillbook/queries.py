@@ -20,14 +20,15 @@ _E, _K = tables.entries.c, tables.keys.c
 _COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
 _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
-_PLACES = 128  # twice what is served, what people said last, and the general statements
+_PLACES = (48, 128)  # what is served; and twice that, what people said last, and the general statements
 _CHUNK = 500
 _BATCH = 1_000  # rows of a whole book that are in memory at a time
-_PLACE_NAMES = [f"id{n}" for n in range(_PLACES)]
+_PLACE_NAMES = {size: [f"id{n}" for n in range(size)] for size in _PLACES}
 _GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
-_SERVED = sa.select(_GENERATION.scalar_subquery(), *_COLUMNS).where(
-    _E.id.in_([sa.bindparam(name) for name in _PLACE_NAMES])
-)
+_SERVED = {
+    size: sa.select(_GENERATION.scalar_subquery(), *_COLUMNS).where(_E.id.in_([sa.bindparam(name) for name in names]))
+    for size, names in _PLACE_NAMES.items()
+}
 _VALID = (
     sa.select(_E.id, _E.kind, _E.key, _E.text, _K.action, _K.objects)
     .join(tables.keys, _E.key == _K.id)
@@ -72,14 +73,15 @@ def generation_of(database: Database) -> int:
 
 def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key]) -> tuple[int, dict[int, Entry]]:
     """The book's generation and entries by id, as one statement and so of one state of the book. ``keys`` are those
-    that the caller knows, by id; entries under other keys are left out. The statement has a fixed number of parameters,
-    padded with the first id, so that it is prepared only once.
+    that the caller knows, by id; entries under other keys are left out. The statement has one of two numbers of
+    parameters, padded with the first id, so that it is prepared only once.
     """
-    if not 0 < len(ids) <= _PLACES:
+    size = next((size for size in _PLACES if len(ids) <= size), 0)
+    if not size or not ids:
         with database.read() as connection:
             return int(connection.execute(_GENERATION).scalar_one()), entries_by_id(connection, ids)
-    filled = [*ids, *[ids[0]] * (_PLACES - len(ids))]
-    found = database.fetch(_SERVED, dict(zip(_PLACE_NAMES, filled, strict=True)))
+    filled = [*ids, *[ids[0]] * (size - len(ids))]
+    found = database.fetch(_SERVED[size], dict(zip(_PLACE_NAMES[size], filled, strict=True)))
     return (int(found[0][0]) if found else -1), {
         row[1]: Entry(row[1], row[2], keys[row[3]], *row[4:]) for row in found if row[3] in keys
     }

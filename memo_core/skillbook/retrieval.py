@@ -10,20 +10,25 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from itertools import islice
+from math import isnan, nan
+from typing import NamedTuple
 
 import attrs
 import numpy as np
 
+from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.built_alike import BuiltAlike
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import Entry, spoken
-from memo_core.skillbook.finding import Finder, Question, as_text
+from memo_core.skillbook.entries import Entry
+from memo_core.skillbook.finding import Finder
+from memo_core.skillbook.finding_by_key import FinderByKey
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.newest import newest_before_older
 from memo_core.skillbook.provenance import Provenance, provenance_of
 from memo_core.skillbook.queries import generation_of, served_rows
+from memo_core.skillbook.question import Question, as_text
 from memo_core.skillbook.retrieval_cache import KINDS, Contents, read_contents
 from memo_core.skillbook.retrieval_result import ALIKE, Cut, Retrieval, Served, alike
 from memo_core.skillbook.retrieval_score import TIE, Candidates
@@ -31,7 +36,6 @@ from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import Terms
 from memo_core.skillbook.text_index import Likeness
-from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
 from memo_core.skillbook.trials import failing_among
 
@@ -40,7 +44,21 @@ __all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Serve
 _SHOWN = 5  # near misses that are reported, of each rule
 _FIRST = 32  # nearest keys that near misses are looked for among
 
-_Ranked = list[tuple[Entry, int]]  # entries and their places among the candidates
+
+class _Ranked(NamedTuple):
+    """An entry that is served unless others come first, and the terms of its score."""
+
+    entry: Entry
+    score: float
+    action_cosine: float
+    objects_cosine: float
+    similar: float
+    key_score: float = 0.0
+    overlap: float = 0.0
+    passes: bool = True
+    built: float = nan
+    exchanged: float = 0.0
+    must: bool = False
 
 
 class Retriever:
@@ -53,7 +71,7 @@ class Retriever:
         index: KeyIndex,
         key_vectors: KeyVectors,
         settings: RetrievalSettings,
-        search: TextSearch,
+        store: VectorStore | None,
         likeness: Likeness,
     ) -> None:
         self._database = database
@@ -64,7 +82,10 @@ class Retriever:
         self._settings = settings
         self._actions = settings.actions
         self._terms = Terms(self._actions)
-        self._finder = Finder(database, vectors, settings, self._terms, search, likeness)
+        self._by_key = FinderByKey(database, vectors, settings, likeness)
+        self._finder: Finder | None = None  # where texts count
+        if settings.ranking == "key-and-text":
+            self._finder = Finder(database, vectors, settings, self._terms, store, likeness)
         self._built = BuiltAlike(database)
         self._state: Contents | None = None  # what the book is taken to be
         self._last: Contents | None = None  # what it was when it was last read
@@ -88,16 +109,15 @@ class Retriever:
         if generation_of(self._database) != state.generation:
             return None  # before anything is done in vain, and a store that others bring up to date is asked
         question = self._question(subtask, context, state)
-        by_text = self._finder.by_text(question, state) if self._settings.ranking == "key-and-text" else {}
-        found = {kind: self._finder.candidates(kind, question, state, by_text.get(kind)) for kind in KINDS}
+        found = self._candidates(question, state)
         general = self._best_general(question.meant, state)
         wanted = [*(int(i) for one in found.values() for i in one.ids), *general]
         generation, rows = served_rows(self._database, wanted, state.by_id)
         if generation != state.generation:
             return None
-        served = {kind: self._ranked(kind, found[kind], rows, question) for kind in KINDS}
-        served["general"] = self._general(general, rows, question)
-        served = self._told(question.key, served)
+        ranked = {kind: self._ranked(kind, found[kind], rows, question) for kind in KINDS}
+        ranked["general"] = self._general(general, rows, question)
+        served = self._served(question.key, ranked)
         return Retrieval(
             subtask,
             served["correction"],
@@ -107,11 +127,20 @@ class Retriever:
             state.generation,
         )
 
+    def _candidates(self, question: Question, state: Contents) -> dict[str, Candidates]:
+        """By kind, the entries that may be served."""
+        if self._finder is None:
+            return {kind: self._by_key.candidates(kind, question, state) for kind in KINDS}
+        near = self._finder.near(question, state)
+        return {kind: self._finder.candidates(kind, question, state, near) for kind in KINDS}
+
     def _load(self) -> Contents:
         contents, changed = read_contents(self._database, self._actions, self._last)
         self._likeness.forget(changed)
         if self._last is None or contents.ids is not self._last.ids or contents.book != self._last.book:
             self._index.load(dict(zip(contents.ids, contents.keys, strict=True)), contents.book)
+        if self._finder is not None:
+            self._finder.follow(contents, changed)
         self._state = self._last = contents
         return contents
 
@@ -135,80 +164,66 @@ class Retriever:
         return {int(ids[i]): float(similar[i]) for i in order}
 
     # -- ranking -------------------------------------------------------------------------------------------------------
-    def _ranked(self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question) -> tuple[Served, ...]:
+    def _ranked(self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question) -> list[_Ranked]:
         """The best of the candidates, by score, likeness of the text, confirmed uses and recency."""
         there = np.array([entry in rows for entry in found.ids.tolist()], dtype=bool)
-        found = found.only(there) if len(there) else found
-        if self._settings.ranking == "key-and-text" and len(found.ids):
-            texts = [spoken(kind, rows[entry].text) for entry in found.ids.tolist()]
-            overlap = np.array([self._terms.overlap(question.terms, text) for text in texts])
-            found = attrs.evolve(found, overlap=overlap)
-        limit = self._settings.limit(kind)
-        found = found.only(found.served(self._settings, self._settings.room(kind))) if len(found.ids) else found
-        if self._settings.ranking == "key-and-text" and self._settings.built_weight and len(found.ids):
+        found = found if there.all() else found.only(there)
+        if not len(found.ids):
+            return []
+        found = found.only(found.served(self._settings, self._settings.room(kind)))
+        if self._settings.ranking == "key-and-text" and self._settings.built_weight:
             known = self._built.of(question.context, [rows[entry] for entry in found.ids.tolist()])
             found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in found.ids.tolist()]))
-        scores, passing = found.scores(self._settings), found.passing(self._settings)
-        order = np.lexsort((-found.similar, -np.round(scores, 6)))
-        entries = [rows[entry] for entry in found.ids[order].tolist()]
-        ranked = _ties_by_use(
-            [
-                (entry, float(scores[i]), float(found.similar[i]), int(i))
-                for entry, i in zip(entries, order, strict=True)
-            ]
-        )
-        if kind == "template" and len(ranked) > 1:
-            ranked = self._failing_last(ranked)
-        return tuple(
-            Served(
-                entry,
-                0,
-                float(scores[i]),
-                float(found.action_cosines[i]),
-                float(found.objects_cosines[i]),
-                float(found.similar[i]),
-                float(found.key_scores[i]),
-                float(found.overlap[i]),
-                passes=bool(passing[i]),
-                built=None if np.isnan(found.built[i]) else float(found.built[i]),
-                exchanged=float(found.exchanged[i]),
-            )
-            for entry, i in _first(ranked, limit, found.must)
-        )
+        ordered = _ties_by_use(_in_order(found, rows, self._settings))
+        if kind == "template" and len(ordered) > 1:
+            ordered = self._failing_last(ordered)
+        return _first(ordered, self._settings.limit(kind))
 
-    def _failing_last(self, ranked: _Ranked) -> _Ranked:
+    def _failing_last(self, ranked: list[_Ranked]) -> list[_Ranked]:
         """Templates that fail when they are run again in a simulator come after those that do not."""
-        failed = failing_among(self._database, [entry.id for entry, _ in ranked])
-        return sorted(ranked, key=lambda one: one[0].id in failed)
+        failed = failing_among(self._database, [one.entry.id for one in ranked])
+        return sorted(ranked, key=lambda one: one.entry.id in failed)
 
-    def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> tuple[Served, ...]:
+    def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> list[_Ranked]:
         """Those like enough to the subtask; half as like is enough for one that shares a term with it, and one that
         names no action or part ("be slow near people") holds everywhere."""
         floor = self._settings.general_floor - TIE
-        relevant = {}
+        relevant = []
         for i, similar in found.items():
             text = rows[i].text if i in rows else ""
             near = min(floor, floor / 2) if self._terms.overlap(question.terms, text) else floor
             if text and (similar >= near or not self._terms.particular(text)):
-                relevant[i] = similar
-        ranked = _ties_by_use([(rows[i], similar, similar, i) for i, similar in relevant.items()])
-        return tuple(Served(entry, 0, found[i], 0.0, 0.0, found[i]) for entry, i in ranked[: self._settings.general])
+                relevant.append(_Ranked(rows[i], similar, 0.0, 0.0, similar))
+        return _ties_by_use(relevant)[: self._settings.general]
 
-    def _told(self, query: Key, served: dict[str, tuple[Served, ...]]) -> dict[str, tuple[Served, ...]]:
+    def _served(self, query: Key, ranked: dict[str, list[_Ranked]]) -> dict[str, tuple[Served, ...]]:
         """With who said each, when, how alike its key is, and its place."""
-        known = provenance_of(self._database, [one.entry.id for some in served.values() for one in some])
+        known = provenance_of(self._database, [one.entry.id for some in ranked.values() for one in some])
         if self._settings.newest:
-            served["correction"] = newest_before_older(served["correction"], known)
-        keys = {one.entry.key for some in served.values() for one in some}
+            ranked["correction"] = newest_before_older(ranked["correction"], known)
+        keys = {one.entry.key for some in ranked.values() for one in some}
         likeness = {key: alike(query, key, self._actions) if key.objects else "" for key in keys}
+        unknown = Provenance()
         return {
             kind: tuple(
-                attrs.evolve(
-                    one, rank=rank, provenance=known.get(one.entry.id, Provenance()), alike=likeness[one.entry.key]
+                Served(
+                    one.entry,
+                    rank,
+                    one.score,
+                    one.action_cosine,
+                    one.objects_cosine,
+                    one.similar,
+                    one.key_score,
+                    one.overlap,
+                    known.get(one.entry.id, unknown),
+                    one.passes,
+                    None if isnan(one.built) else one.built,
+                    one.exchanged,
+                    likeness[one.entry.key],
                 )
                 for rank, one in enumerate(some, start=1)
             )
-            for kind, some in served.items()
+            for kind, some in ranked.items()
         }
 
     # -- what was not served -------------------------------------------------------------------------------------------
@@ -247,28 +262,48 @@ class Retriever:
         return Cut(state.labels[row], float(r), float(action), float(objects), entries, rule)
 
 
-def _first(ranked: _Ranked, limit: int, must: np.ndarray) -> _Ranked:
+def _in_order(found: Candidates, rows: dict[int, Entry], settings: RetrievalSettings) -> list[_Ranked]:
+    """Candidates by score, those that are level by the likeness of their texts."""
+    scores = found.scores(settings)
+    order = np.lexsort((-found.similar, -np.round(scores, 6)))
+    columns = (
+        scores,
+        found.action_cosines,
+        found.objects_cosines,
+        found.similar,
+        found.key_scores,
+        found.overlap,
+        found.passing(settings),
+        found.built,
+        found.exchanged,
+        found.must,
+    )
+    entries = [rows[entry] for entry in found.ids[order].tolist()]
+    return [_Ranked(*one) for one in zip(entries, *(column[order].tolist() for column in columns), strict=True)]
+
+
+def _first(ranked: list[_Ranked], limit: int) -> list[_Ranked]:
     """The first so many; those that must be served take the places of the last others."""
-    left = max(0, limit - sum(bool(must[place]) for _, place in ranked))
-    first: _Ranked = []
-    for entry, place in ranked:
-        left -= not must[place]
-        if must[place] or left >= 0:
-            first.append((entry, place))
+    left = max(0, limit - sum(one.must for one in ranked))
+    first: list[_Ranked] = []
+    for one in ranked:
+        left -= not one.must
+        if one.must or left >= 0:
+            first.append(one)
     return first
 
 
-def _ties_by_use(ranked: list[tuple[Entry, float, float, int]]) -> list[tuple[Entry, int]]:
+def _ties_by_use(ranked: list[_Ranked]) -> list[_Ranked]:
     """Entries in order of score and likeness; those that tie in both by confirmed uses, then the newest."""
-    found: list[tuple[Entry, int]] = []
-    tied: list[tuple[Entry, float, float, int]] = []
+    found: list[_Ranked] = []
+    tied: list[_Ranked] = []
     for one in ranked:
-        if tied and (abs(tied[0][1] - one[1]) >= TIE or abs(tied[0][2] - one[2]) >= TIE):
-            found += [(entry, place) for entry, _, _, place in sorted(tied, key=_by_use)]
+        if tied and (abs(tied[0].score - one.score) >= TIE or abs(tied[0].similar - one.similar) >= TIE):
+            found += sorted(tied, key=_by_use)
             tied = []
         tied.append(one)
-    return found + [(entry, place) for entry, _, _, place in sorted(tied, key=_by_use)]
+    return found + sorted(tied, key=_by_use)
 
 
-def _by_use(item: tuple[Entry, float, float, int]) -> tuple[float, ...]:
-    return (-item[0].confirmed_uses, -item[0].created, -item[0].id)
+def _by_use(one: _Ranked) -> tuple[float, ...]:
+    return (-one.entry.confirmed_uses, -one.entry.created, -one.entry.id)

@@ -13,14 +13,14 @@ from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
 
-_GRIP = "~grip"  # the term of everything that says how a thing is held
-_SEEN, _GRIPPED, _ATTRIBUTE = 0.5, 0.5, 0.25  # weights beside the 1 of what the subtask names
+GRIP = "~grip"  # the term of everything that says how a thing is held
+_SEEN, GRIPPED, _ATTRIBUTE = 0.5, 0.5, 0.25  # weights beside the 1 of what the subtask names
 _WORDS_STOP = """
 a about after an and are as at be before but by do don't for from if in into is isn't it its no not of off on onto or
 out over so than that the their them then there they this to too until up very was when where while with you your
 """
 _STOP = frozenset(_WORDS_STOP.split())
-_WORD = re.compile(r"[^\W\d_]+(?:'t)?")
+WORD = re.compile(r"[^\W\d_]+(?:'t)?")
 _SUFFIXES = ("ing", "ed", "es", "s", "ly")
 
 
@@ -41,7 +41,7 @@ class Terms:
         self._parts = frozenset(_stem(part) for part in actions.parts)
         self._releasing = phases.get("releasing", ())
         self.of_text = lru_cache(maxsize=20_000)(self._of_text)
-        self._of_word = lru_cache(maxsize=20_000)(self._terms_of)  # of a large book few texts, but most words, recur
+        self.of_word = lru_cache(maxsize=20_000)(self._terms_of)  # of a large book few texts, but most words, recur
 
     def grips(self, action: str, context: SubtaskContext) -> bool:
         """Whether the hand will take hold of something in the course of an action."""
@@ -51,7 +51,7 @@ class Terms:
     def about_gripping(self, text: str) -> bool:
         """Whether a text says how to hold a thing, and not how to let go of it."""
         lowered = text.lower()
-        return _GRIP in self.of_text(text) and not any(words in lowered for words in self._releasing)
+        return GRIP in self.of_text(text) and not any(words in lowered for words in self._releasing)
 
     def particular(self, text: str) -> bool:
         """Whether a text names an action or a part that things have, and so is about some subtasks only."""
@@ -72,7 +72,7 @@ class Terms:
         more |= {term: _SEEN for word in (*context.parts, *context.labels) for term in self.of_text(word)}
         more |= {term: _ATTRIBUTE for seen in context.attributes for term in self.of_text(seen)}
         if self.grips(subtask.action, context):
-            more[_GRIP] = _GRIPPED
+            more[GRIP] = GRIPPED
         return more | named, total
 
     def overlap(self, wanted: Wanted, text: str) -> float:
@@ -82,7 +82,7 @@ class Terms:
         return min(1.0, sum(weight for term, weight in weights.items() if term in there) / total)
 
     def _of_text(self, text: str) -> frozenset[str]:
-        return frozenset().union(*map(self._of_word, _WORD.findall(text.lower())))
+        return frozenset().union(*map(self.of_word, WORD.findall(text.lower())))
 
     def _terms_of(self, word: str) -> frozenset[str]:
         if word in _STOP or len(word) < 2:
@@ -90,7 +90,7 @@ class Terms:
         stem = _stem(word)
         found = {self._group.get(stem, stem)}
         if stem in self._gripping:
-            found.add(_GRIP)
+            found.add(GRIP)
         if len(word) > 5 and word.endswith("er"):  # a shaker is for shaking
             doing = _stem(word[:-2])
             found.add(self._group.get(doing, doing))

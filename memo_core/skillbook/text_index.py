@@ -49,6 +49,10 @@ class Group:
     def nbytes(self) -> int:
         return int(self.ids.nbytes + self.vectors.nbytes)
 
+    def exact(self) -> np.ndarray:
+        """The vectors, float32 (n, d)."""
+        return read_sketches(self.vectors) if self.vectors.dtype == np.uint8 else self.vectors
+
     def similar(self, meant: np.ndarray) -> np.ndarray:
         """Cosines with a unit vector of shape (d,), float32 (n,)."""
         if self.vectors.dtype != np.uint8:
@@ -109,13 +113,25 @@ class Likeness:
         """As ``nearest``, for a key that every subtask needs: its exact vectors stay in memory."""
         return self._entire(kind, key).nearest(meant, count)
 
-    def all_of(self, kinds: Sequence[str], keys: Sequence[int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Ids and vectors, float32 (n, d), of the valid entries under these keys, in parts; nothing stays in memory."""
-        for kind in kinds:
-            for part in batched(keys, PLACES):
-                for group in self._read(kind, part).values():
-                    vectors = read_sketches(group.vectors) if group.vectors.dtype == np.uint8 else group.vectors
-                    yield group.ids, vectors
+    def groups(self, kind: str, keys: Sequence[int]) -> Iterator[list[tuple[int, np.ndarray, np.ndarray]]]:
+        """Key, ids and vectors, float32 (n, d), of the valid entries under these keys, some keys at a time; nothing
+        stays in memory."""
+        for part in batched(keys, PLACES):
+            read = self._read(kind, part)
+            yield [(key, read[key].ids, read[key].exact()) for key in part]
+
+    def members(self, kind: str, keys: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
+        """Of each key the ids of its valid entries, int64."""
+        for part in batched(keys, PLACES):
+            members: dict[int, list[int]] = {key: [] for key in part}
+            for key, entry in self._database.fetch(_MEMBERS, {"kind": kind} | places(part)):
+                members[key].append(entry)
+            yield from ((key, np.array(ids, np.int64)) for key, ids in members.items())
+
+    def exact(self, ids: list[int]) -> tuple[list[str], np.ndarray]:
+        """Texts of entries, as they are compared, and their vectors, float32 (n, d)."""
+        texts = self.texts(ids)
+        return texts, np.concatenate([self._vectors.get(part) for part in batched(texts, _CHUNK)])
 
     def prepare(self, kind: str, key: int) -> None:
         """Compute what is missing of a group in advance, also for a small one."""
@@ -152,7 +168,7 @@ class Likeness:
         return groups
 
     def _exact(self, members: dict[int, list[int]]) -> dict[int, Group]:
-        texts = self._texts([entry for ids in members.values() for entry in ids])
+        texts = self.texts([entry for ids in members.values() for entry in ids])
         vectors = self._vectors.get(texts) if texts else np.zeros((0, 0), np.float32)
         groups, start = {}, 0
         for key, ids in members.items():
@@ -171,7 +187,7 @@ class Likeness:
             return self._exact({key: ids.tolist()})[key]
         parts = [known.vectors[[row_of[entry] for entry in ids.tolist() if entry in row_of]]] if len(known.ids) else []
         for part in batched(new, _CHUNK):
-            parts.append(write_sketches(self._vectors.get(self._texts(part))))
+            parts.append(write_sketches(self._vectors.get(self.texts(part))))
         both = np.concatenate([np.array([e for e in ids.tolist() if e in row_of], np.int64), np.array(new, np.int64)])
         order = np.argsort(both)
         group = Group(both[order], np.concatenate(parts)[order])
@@ -206,7 +222,7 @@ class Likeness:
         else:
             added = self._read(kind, [key])[key]
             ids = added.ids
-        vectors = read_sketches(added.vectors) if added.vectors.dtype == np.uint8 else added.vectors
+        vectors = added.exact()
         vectors = np.concatenate([part for part in (before.vectors, vectors) if len(part)] or [vectors])
         row_of = {entry: row for row, entry in enumerate([*before.ids.tolist(), *added.ids.tolist()])}
         self._whole[where] = Group(ids, vectors[[row_of[entry] for entry in ids.tolist()]])
@@ -220,7 +236,8 @@ class Likeness:
                 self._sheets = self._database.has(connection, tables.sheets)
         return self._sheets
 
-    def _texts(self, ids: list[int]) -> list[str]:
+    def texts(self, ids: list[int]) -> list[str]:
+        """Of entries, as they are compared; "" for one that does not exist."""
         found: dict[int, str] = {}
         for part in batched(ids, PLACES):
             found.update((row[0], spoken(row[1], row[2])) for row in self._database.fetch(_TEXTS, places(part)))

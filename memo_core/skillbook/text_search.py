@@ -7,7 +7,7 @@ entries but never serve one that does not exist.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import sqlalchemy as sa
@@ -17,8 +17,8 @@ from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import spoken
+from memo_core.skillbook.entry_index import EntryIndex
 from memo_core.skillbook.retrieval_cache import KINDS, Contents
-from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_vectors import TextVectors
 
 _E, _C, _M = tables.entries.c, tables.changes.c, tables.meta.c
@@ -74,10 +74,12 @@ class ExactStore(VectorStore):
 class TextSearch:
     """Entries by similarity of their texts, for one book. No other search may use the same store."""
 
-    def __init__(self, database: Database, vectors: TextVectors, likeness: Likeness, store: VectorStore | None) -> None:
+    def __init__(
+        self, database: Database, vectors: TextVectors, indexes: Mapping[str, EntryIndex], store: VectorStore | None
+    ) -> None:
         self._database = database
         self._vectors = vectors
-        self._likeness = likeness
+        self._indexes = indexes  # by kind; they are brought up to the book's state first
         self._store: VectorStore = ExactStore() if store is None else store  # an empty one is false
         self._current: tuple[str, int] | None = None  # book and generation that the store was last brought up to
 
@@ -168,11 +170,12 @@ class TextSearch:
     def _rebuild(self, state: Contents) -> None:
         self._store.open()
         begun = False
-        for ids, vectors in _together(self._likeness.all_of(KINDS, state.ids)):
-            if not begun:
-                self._store.reset(vectors.shape[1])
-                begun = True
-            self._store.add(ids.tolist(), vectors)
+        for index in self._indexes.values():
+            for ids, vectors in index.parts(_BATCH):
+                if not begun:
+                    self._store.reset(vectors.shape[1])
+                    begun = True
+                self._store.add(ids.tolist(), vectors)
         self._store.set_generation(self._stamp(state))
 
 
@@ -183,21 +186,3 @@ def _size(state: Contents) -> int:
 
 def _array(rows: Iterable[Sequence[int]]) -> np.ndarray:
     return np.fromiter((row[0] for row in rows), dtype=np.int64)
-
-
-def _together(groups: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Groups of entries joined to batches."""
-    ids: list[np.ndarray] = []
-    vectors: list[np.ndarray] = []
-    held = 0
-    for some, their in groups:
-        if not len(some):
-            continue
-        ids.append(some)
-        vectors.append(their)
-        held += len(some)
-        if held >= _BATCH:
-            yield np.concatenate(ids), np.concatenate(vectors)
-            ids, vectors, held = [], [], 0
-    if held:
-        yield np.concatenate(ids), np.concatenate(vectors)

@@ -15,7 +15,7 @@ from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database, SkillbookError
 
 _KEPT = 50_000  # vectors in memory
-PLACES = 32  # values a prepared statement asks for
+PLACES = 48  # values a prepared statement asks for: what is served of a subtask fits in
 PLACE_NAMES = [f"value{n}" for n in range(PLACES)]
 _V = tables.vectors.c
 _BY_DIGEST = sa.select(_V.digest, _V.vector).where(

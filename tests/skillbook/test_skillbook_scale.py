@@ -219,7 +219,7 @@ def test_no_statement_of_a_retrieval_walks_all_entries(path: Path) -> None:
     from sqlalchemy.dialects import sqlite
 
     raw = sqlite3.connect(path)
-    for statement in (text_index._MEMBERS, text_index._TEXTS, queries._SERVED):
+    for statement in (text_index._MEMBERS, text_index._TEXTS, *queries._SERVED.values()):
         compiled = statement.compile(dialect=sqlite.dialect())
         plan = raw.execute(f"EXPLAIN QUERY PLAN {compiled}", [1] * len(compiled.positiontup or ())).fetchall()
         steps = [step for *_, step in plan]
@@ -230,7 +230,7 @@ def test_no_statement_of_a_retrieval_walks_all_entries(path: Path) -> None:
 def test_memory_holds_a_bounded_number_of_groups(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_index, "_IN_MEMORY", 500_000)
     draw = random.Random(0)
-    with Skillbook(str(path), WordVectors(), FakeStore(), read_only=True) as book:
+    with Skillbook(str(path), WordVectors(), settings=RetrievalSettings(ranking="key"), read_only=True) as book:
         for _ in range(20):
             book.retrieve(draw.choice(keys_of(SIZE)))
         kept = book._retriever._likeness._groups  # type: ignore[union-attr]
