@@ -10,7 +10,7 @@ import contextlib
 import os
 import sys
 
-from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling, ignore
+from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling, ignore, never_lost
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     signals = handling(interrupt)
     try:
         signals.__enter__()
-        code = _run(given, debug, interrupt)
+        with never_lost():
+            code = _run(given, debug, interrupt)
         interrupt.over()  # from here on no signal raises anything: nobody would catch it
     except KeyboardInterrupt:  # raised once at most
         if debug:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from memo_core.stop_switch import StopSwitch
 
 STOPS = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
+_MOMENT_S = 0.01
 INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 
 
@@ -42,6 +44,8 @@ class Interrupt:
     """A signal handler: the first signal unwinds the command through all its clean-up, which a second one does not
     interrupt; a third exits at once."""
 
+    raised_last: Interrupt | None = None  # whose ``KeyboardInterrupt`` was the last
+
     def __init__(self) -> None:
         self._signals = 0
         self._over = False
@@ -51,13 +55,40 @@ class Interrupt:
         self._signals += 1
         if self._signals == 1 and not self._over:
             self.raised = True
+            Interrupt.raised_last = self
             raise KeyboardInterrupt
         if self._signals > 2:
             os._exit(INTERRUPTED)
 
+    def raise_again(self) -> None:
+        """A moment later, as from a signal: the exception was dropped."""
+        self._signals -= 1
+        threading.Timer(_MOMENT_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+
     def over(self) -> None:
         """The command has ended, so a signal has nothing left to interrupt."""
         self._over = True
+
+
+@contextmanager
+def never_lost() -> Iterator[None]:
+    """Within the block, an ``Interrupt`` that came in a finalizer or in the callback of a weak reference, where Python
+    drops exceptions with a traceback, is raised again instead. Imports have such callbacks."""
+    before = sys.unraisablehook
+
+    def dropped(what: sys.UnraisableHookArgs) -> None:
+        interrupt, Interrupt.raised_last = Interrupt.raised_last, None
+        if isinstance(what.exc_value, KeyboardInterrupt) and interrupt is not None:
+            interrupt.raise_again()
+        else:
+            Interrupt.raised_last = interrupt
+            before(what)
+
+    sys.unraisablehook = dropped
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def ignore() -> None:

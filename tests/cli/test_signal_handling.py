@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
-from memo_core.cli.signal_handling import STOPS, handling, ignore
+from memo_core.cli.signal_handling import STOPS, Interrupt, handling, ignore, never_lost
 
 
 def test_handlers_that_are_forgotten_do_not_come_back_after_ignoring():
@@ -31,6 +34,42 @@ def test_a_block_restores_what_was_there():
     with handling(lambda *_: None):
         assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, signal.SIG_IGN)
     assert [signal.getsignal(number) for number in STOPS] == before
+
+
+class Dropped:
+    """Interrupted while it is finalized, where Python drops exceptions."""
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+
+
+def test_an_interrupt_that_python_would_drop_is_raised_again(capsys):
+    interrupt, again = Interrupt(), threading.Event()
+    with handling(interrupt), never_lost():
+        kept = Dropped()
+        with pytest.raises(KeyboardInterrupt):
+            del kept
+            again.wait(30)
+        os.kill(os.getpid(), signal.SIGINT)  # the second one, which interrupts nothing
+        time.sleep(0.01)
+    assert capsys.readouterr().err == ""
+
+
+def test_what_else_python_drops_is_told_as_ever(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+
+    class Broken:
+        def __del__(self) -> None:
+            raise KeyboardInterrupt if told else ValueError("broken")
+
+    monkeypatch.setattr(Interrupt, "raised_last", None)
+    with never_lost():
+        Broken()
+        Broken()
+    assert [one.exc_type for one in told] == [ValueError, KeyboardInterrupt]
+    assert sys.unraisablehook == told.append
 
 
 # In place of a command: an import runs by `exec`, and Python remembers a KeyboardInterrupt that came through one.
