@@ -184,7 +184,10 @@ class _Reading:
             except (yaml.YAMLError, ValueError) as error:
                 self._issue(node, path, f"not YAML: {getattr(error, 'problem', None) or error}")
                 return None
-            except AttributeError:  # what PyYAML raises for `!!timestamp soon`
+            except (
+                AttributeError,
+                LookupError,
+            ):  # as PyYAML for `!!timestamp soon`, `!!bool maybe` and `!!int` of nothing
                 self._issue(node, path, f"not YAML: it does not fit its tag {node.tag}")
                 return None
         finally:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -230,7 +230,12 @@ class PromptText:
 
     def check(self) -> None:
         """Raise ``BadPrompt`` for invalid Jinja, an unknown placeholder, or a missing required one, and as
-        ``render``."""
+        ``render``. The same text is checked once."""
+        fault = _fault_of(self)
+        if fault is not None:
+            raise BadPrompt(self.source, *fault)
+
+    def _check(self) -> None:
         known = PLACEHOLDERS[self.name]
         try:
             used = self._reader.names_in(self.text)
@@ -262,6 +267,16 @@ class PromptText:
 
     def _known(self) -> str:
         return "placeholders: " + ", ".join(PLACEHOLDERS[self.name])
+
+
+@lru_cache(maxsize=64)
+def _fault_of(prompt: PromptText) -> tuple[int, str] | None:
+    """Line and problem of a text that is not in order: what reads a config checks it several times."""
+    try:
+        prompt._check()
+    except BadPrompt as error:
+        return error.line, error.problem
+    return None
 
 
 _MOST_BYTES = 4 << 20  # of one file

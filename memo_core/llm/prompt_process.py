@@ -27,7 +27,7 @@ class PromptProcess:
     """One process for all files, started when it is first needed and again after it was ended. Callable from any
     thread, one question at a time."""
 
-    def __init__(self, seconds: int = 5) -> None:
+    def __init__(self, seconds: int = 2) -> None:
         """``seconds`` of the processor's time for one question, and at most one more."""
         self._seconds = seconds
         self._process: subprocess.Popen[bytes] | None = None
