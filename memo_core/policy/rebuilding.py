@@ -181,7 +181,7 @@ class Rebuilding:
     ) -> None:
         approved = made[0] if made else self._confirmed(said)
         if approved is not None:
-            also = [self._here[source] for source in self._log.sources[approved.id] if source in self._here]
+            also = [self._here[source] for source in self._log.sources.get(approved.id, ()) if source in self._here]
             self._target.add_template(here, approved.key, approved.text, approved.scene, also)
         elif said.kind == "approval":
             code = template_of(said) if said.status == "kept" and said.code.strip() else None

@@ -94,7 +94,7 @@ class Actions:
     def _take_apart(self, action: str) -> tuple[str, str]:
         """Canonical verb, and the object that the action names, "" for none."""
         words = action.split()
-        if action in self.groups or len(words) == 1:
+        if action in self.groups or len(words) < 2:
             return self.groups.get(action, action), ""
         if words[-1] in _OUTCOMES:
             outcome = "" if words[0] in _KEEPING else _OUTCOMES[words[-1]]

@@ -237,7 +237,7 @@ class Database:
                     pages.append(f"{table} {row}: refers to a row of {missing} that is not there")
                 broken = broken_tables(connection)
                 pages += broken or broken_values(connection)
-        except (sa.exc.DatabaseError, DamagedBook) as error:  # too damaged to be looked through
+        except (sa.exc.DatabaseError, DamagedBook, UnicodeDecodeError) as error:  # too damaged to be looked through
             pages.append(str(getattr(error, "orig", error)))
         return [page for page in pages if page != "ok"]
 

@@ -34,6 +34,9 @@ def broken_tables(connection: sa.Connection) -> list[str]:
         if table.name in there:
             lacking = [column.name for column in table.columns if column.name not in there[table.name]]
             found += [f"{table.name}: the column {name} is not there" for name in lacking]
+            referred = {row[2] for row in connection.exec_driver_sql(f"PRAGMA foreign_key_list({table.name})")}
+            strangers = sorted(referred - set(tables.metadata.tables))
+            found += [f"{table.name}: refers to a table {name!r}, which MEMO never makes" for name in strangers]
     if "meta" not in there:
         found.append("the table meta is not there")
     if found or _meta(connection).get("schema_version") != str(tables.SCHEMA_VERSION):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import attrs
@@ -68,8 +68,9 @@ def _copy(source: sqlite3.Connection, target: sqlite3.Connection, table: sa.Tabl
             at, missed = at + 1, missed + 1
             continue
         at, missed = row[0], 0
-        target.execute(f"INSERT OR REPLACE INTO {table.name} ({', '.join(columns)}) VALUES ({marks})", row[1:])
-        count += 1
+        with suppress(sqlite3.IntegrityError):  # a value is lost that no row of the table is without
+            target.execute(f"INSERT OR REPLACE INTO {table.name} ({', '.join(columns)}) VALUES ({marks})", row[1:])
+            count += 1
     return count
 
 
