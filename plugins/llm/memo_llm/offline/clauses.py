@@ -45,7 +45,9 @@ _FINITE = re.compile(
     r"doesn't|didn't|won't|can't|cannot|couldn't|hasn't|haven't|wouldn't|go|went|fell|hit|hits|came|got|gets|took|lost|made|"
     r"knocked|let|broke|threw|stuck|held|(?<=you )left|(?<=it )left|"
     r"shut|slid|swung|bent|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
-    r"wants?|likes?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
+    r"wants?|likes?|makes?|gives?|takes|holds|means|weighs|belongs?|burns?|breaks?|tips|spills?|drips?|leaks?|slips?|sticks?|stinks?|"
+    r"jams?|stands|hangs?|tastes?|smells?|costs?|bends?|tears?|cracks?|moves|stays|runs|taught|told|lie|lay|hurts?|scratches|"
+    r"wobbles?|rattles?|catches|bites?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
 )
 _AT = "next to|over|above|in|into|inside|on|onto|at|near|of|from|off|by|under|behind|beside|between|against"
 _TOUCHING = "to|than|as|hits?|hitting|bump\\w*|knock\\w*|touch\\w*|clear|miss|like|with|for"
@@ -82,7 +84,7 @@ _CARRIED = {
     "pivot": "open swing pull turn",
     "straight": "pull open",
 }
-_LIGHT = "go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
+_LIGHT = "lead guide follow go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
 _ALL_ACTS = frozenset(" ".join(_ACTS.values()).split()) | split_words(
     "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat "
     "withdraw fly scoot nudge ease carry clamp pinch set lay drop touch spread tighten loosen drag bring "

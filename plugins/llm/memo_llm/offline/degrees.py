@@ -120,7 +120,9 @@ class Degrees:
 def _compile(pattern: str, words: tuple[str, ...], amount: str, nouns: tuple[str, ...]) -> re.Pattern[str]:
     plain = "|".join(sorted({form for word in words for form in plain_forms(word)}, key=len, reverse=True))
     more = "|".join(sorted({form for word in words for form in comparatives(word)}, key=len, reverse=True))
-    more = f"(?:{more})(?: up| down| over| open)?"
+    more = (
+        rf"(?:{more})(?! (?:up|down|left|right|along)\b)" if "far" in words else f"(?:{more})(?: up| down| over| open)?"
+    )
     parts = _PARTS | {
         "AMOUNT": amount,
         "NOUN": rf"(?:{'|'.join(words)})",

@@ -73,7 +73,7 @@ _DONE_BEFORE = {
     "pick": r"\b(?:pick|grip|grab|grasp|held|took|taken|lift)\w*\b",
 }
 _OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
-_OF_ANY_MOTION = frozenset({"offset", "speed", "force"})
+_OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
 
 
 @attrs.frozen
@@ -107,10 +107,18 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     others = _others(scene, objects)
     readings = tuple(read_sentence(sentence, vocabulary, known, kind, others) for sentence in sentences)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
+    if recipe is None or kind == "push":  # nothing is gripped: what is to be firm or gentle is the pressing
+        edits = [_pressing(edit) for edit in edits]
+        readings = tuple(attrs.evolve(one, edits=tuple(_pressing(edit) for edit in one.edits)) for one in readings)
     done = recipe or habits.recipe("push", objects)  # what is done for a verb that is not known
     effective = done is not None and _effective(edits, done, habits, prompt, scene)
     question = _question(words, readings, edits, recipe, effective, vocabulary)
     return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def _pressing(edit: Edit) -> Edit:
+    grips = re.search(r"\b(?:grip|hold|squeez|grab|grasp|finger)", edit.said)
+    return attrs.evolve(edit, verb="press") if edit.kind == "force" and not (edit.verb or grips) else edit
 
 
 def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
@@ -297,7 +305,7 @@ def _question(
         return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
     if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):
         return f"I do not know this action; which way should the hand move for: {understood} You said: {quoted}"
-    if not effective:
+    if not effective and recipe is not None:
         return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
     return ""
 

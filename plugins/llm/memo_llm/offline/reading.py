@@ -149,6 +149,7 @@ def read_sentence(
             if edit.kind not in ("nothing", REFUSED) and _asks(edit, mood, clause, complains, kind)
         ]
         rest = core(rest, nouns - other_things, other_things)
+        rest = _of_the_thing(rest, kind, other_things)
         unknown = [
             w for w in re.findall(r"[^\W_][\w'-]*", rest) if not (_plain_word(w, vocabulary, nouns) or is_act(w))
         ]
@@ -159,6 +160,7 @@ def read_sentence(
         contrasted = (
             denied and re.search(r"^(?:never|not|no),? (?:by|at|on|from|around|with|near|in)\b", clause) is not None
         )
+        said_of = {word for edit in edits for word in re.findall(r"[a-z]+", edit.said)}  # "the stem, always the stem"
         beside = set() if part else other_things  # what stands beside what was read already may name anything
         open_words = unread(rest, kind, [edit.kind for edit in said], beside) if request and not denied else []
         doubtful = (mood in ("request", "told") and has_condition(rest)) or bool(open_words)
@@ -169,7 +171,7 @@ def read_sentence(
         doubtful |= (
             request
             and not contrasted
-            and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns)))
+            and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns | said_of)))
         )
         doubtful |= _clash(said, clause)
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
@@ -180,6 +182,17 @@ def read_sentence(
     if not edits:
         missed = [" ".join(text.split())]
     return Reading(tuple(edits), tuple(missed), praised, tuple(unsure))
+
+
+def _of_the_thing(rest: str, kind: str, others: set[str]) -> str:
+    """A clause's remainder without another name for what is in the hand: "hold the carton" of the milk."""
+    if kind not in ("pick", "place"):
+        return rest
+    verbs = "hold|carry|take|grab|grip|grasp|lift|pick up|put|set|lay|lower"
+    named = re.compile(
+        rf"\b({verbs})(ing)? (?:the|that|this|my|your) (\w+)(?= (?:\W|down|up|in|at|by|on|around|$)|$|  )"
+    )
+    return named.sub(lambda m: m.group() if m.group(3) in others else f"{m.group(1)}{m.group(2) or ''} it", rest)
 
 
 def _words(names: Iterable[str]) -> set[str]:
@@ -424,7 +437,9 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
     )
     moves = (
         "approach|mov|com|reach"
-        if kind in ("pick", "place", "push")
+        if kind in ("pick", "push")
+        else "approach|mov|com|reach|put|set|lay|lower|plac|down|drop"
+        if kind == "place"
         else "approach|mov|com|reach|pull|push|swing|shut|clos|open|turn|pour|slid"
     )
     if (

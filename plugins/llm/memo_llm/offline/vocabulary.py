@@ -183,6 +183,7 @@ class Vocabulary:
     def praises(self, text: str) -> bool:
         """Whether words approve of what was done."""
         plain = " ".join(re.sub(r"[^\w' ]", " ", text.lower().replace("’", "'")).split())
+        plain = re.sub(r"\bnot (?:even )?(?=a (?:crack|scratch|drop|chip|crumb|fault|hitch)\b)", "without ", plain)
         if any(word in plain.split() for word in ("but", "not", "wrong", "except", "however")) and not re.search(
             r"not (?:so |too |at all |half )?bad|no complaints|couldn't", plain
         ):
@@ -202,7 +203,8 @@ class Vocabulary:
             return Amount(float(match.group(1)) * _UNITS[match.group(2)], 1.0, match.group(0), True)
         for words in sorted(self.amounts, key=len, reverse=True):
             if re.search(rf"\b{re.escape(words)}\b", text):
-                return Amount(*self.amounts[words], words, False)
+                said = f"a {words}" if words in ("bit", "tad", "smidge", "tiny bit", "tiny tad") else words
+                return Amount(*self.amounts[words], said, False)
         return None
 
     def angle(self, text: str) -> float | None:
