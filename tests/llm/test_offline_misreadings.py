@@ -51,3 +51,48 @@ def test_further_to_an_angle_that_was_passed_already_is_asked_about():
 
 def test_what_need_not_be_done_is_not_forbidden():
     assert said("Pull further, you won't need to pull hard.")["corrections"] == ["Go further than in that attempt."]
+
+
+@pytest.mark.parametrize(
+    ("words", "graph", "subtask"),
+    [
+        ("Lift the flaps one at a time.", CRATE, "OPEN(crate)"),  # not one motion
+        ("The sink is where it belongs.", JUG, "PLACE(jug, mug)"),  # a thing, and no way down
+        ("Other way.", CRATE, "OPEN(crate)"),  # of a straight pull: round, or to another side?
+        ("It slides.", CRATE, "OPEN(crate)"),  # what has its handle at an edge slides to a side
+        ("Gently!", JUG, "STIR(jug)"),  # more slowly, or with less force
+        ("Let go and press the button.", CRATE, "OPEN(crate)"),  # in which order
+    ],
+)
+def test_what_has_two_readings_is_asked_about(words, graph, subtask):
+    answer = said(words, graph, subtask)
+    assert answer["corrections"] == answer["general"] == [] and answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask", "noted"),
+    [
+        ("Lift it straight up, really slowly.", "PICK_UP(jug)", ["Lift it straight up.", "Move slowly."]),
+        ("Take it round its belly.", "PICK_UP(jug)", ["Aim for the middle."]),
+        ("Hold the vessel lower, it is top heavy.", "PICK_UP(jug)", ["Go lower than in that attempt."]),
+        ("Put it down more softly.", "PLACE(jug, mug)", ["Move slower."]),
+        (
+            "Only let go of things when they're standing.",
+            "PLACE(jug, mug)",
+            ["Lower it until it touches before you let go."],
+        ),
+        ("Half the speed would do.", "PICK_UP(jug)", ["Move slower."]),
+        ("Use twice the force.", "PICK_UP(jug)", ["Use the gripper firmly."]),
+        ("Use a third of the force.", "PICK_UP(jug)", ["Use the gripper gently."]),
+        ("Press harder.", "WIPE(jug)", ["Press harder."]),
+    ],
+)
+def test_everyday_forms_are_noted_as_meant(words, subtask, noted):
+    assert said(words, JUG, subtask)["corrections"] == noted
+
+
+@pytest.mark.parametrize(
+    "words", ["Much better than before, keep doing it this way.", "I'm impressed.", "Not even a scratch!"]
+)
+def test_praise_in_other_words_is_asked_back_as_praise(words):
+    assert "right as it was" in said(words)["unclear"]

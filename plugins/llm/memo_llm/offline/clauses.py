@@ -84,7 +84,10 @@ _CARRIED = {
     "pivot": "open swing pull turn",
     "straight": "pull open",
 }
-_LIGHT = "lead guide follow go move come do get make try be keep use bring stay start begin continue reach approach aim work have"
+_LIGHT = (
+    "lead guide follow go move come do get make try be keep use bring stay start begin continue "
+    "reach approach aim work have"
+)
 _ALL_ACTS = frozenset(" ".join(_ACTS.values()).split()) | split_words(
     "spin press wait stop turn lower raise slide swing wiggle shake knock squeeze throw wipe clean tap retreat "
     "withdraw fly scoot nudge ease carry clamp pinch set lay drop touch spread tighten loosen drag bring "
@@ -191,6 +194,14 @@ def is_request(clause: str, before: bool = True) -> bool:
     if first in _ALL_ACTS or first in _LIGHT.split() or first in ("don't", "do", "never", "no", "stop", "avoid"):
         return True
     return _FINITE.search(plain[first.find("'") if "'" in first else len(first) :]) is None
+
+
+def in_parts(clause: str) -> bool:
+    """Whether it asks for one thing after the other, each by itself, which no single motion is."""
+    return (
+        re.search(r"\b(?:(?:one|two|three|\d+) (?:at a time|by one|after the other)|each of|in turn)\b", clause)
+        is not None
+    )
 
 
 def has_condition(clause: str) -> bool:

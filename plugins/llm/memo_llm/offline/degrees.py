@@ -121,7 +121,9 @@ def _compile(pattern: str, words: tuple[str, ...], amount: str, nouns: tuple[str
     plain = "|".join(sorted({form for word in words for form in plain_forms(word)}, key=len, reverse=True))
     more = "|".join(sorted({form for word in words for form in comparatives(word)}, key=len, reverse=True))
     more = (
-        rf"(?:{more})(?! (?:up|down|left|right|along)\b)" if "far" in words else f"(?:{more})(?: up| down| over| open)?"
+        rf"(?:{more})(?: a?round)?(?! (?:up|down|left|right|along)\b)"
+        if "far" in words
+        else f"(?:{more})(?: up| down| over| open)?"
     )
     parts = _PARTS | {
         "AMOUNT": amount,

@@ -17,6 +17,7 @@ from memo_llm.offline.reading import GENTLE, Edit, Reading, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart, than_that
 from memo_llm.offline.rendering import render
+from memo_llm.offline.surroundings import Surroundings
 from memo_llm.offline.vocabulary import Vocabulary
 
 _EVERYWHERE = re.compile(r"\b(always|never|every time|whenever|in general|generally|anything|any \w+|all \w+s)\b")
@@ -59,6 +60,13 @@ _STATES = frozenset(
     ]
 )
 
+# Said of a motion it is slowly, of a grip with less force.
+_GENTLY = r"(?:gent(?:ly|le|ler)|soft(?:ly)?|careful(?:ly)?|easy)\b"
+# What the other way is the other way of, where something is pulled.
+_WAY_ROUND = re.compile(
+    r"\b(?:a?round|about|swing\w*|direction|turn\w*|hinges?|arc|curve|side|edge|shut|clos\w+|tighten\w*|loos\w+)\b"
+)
+_ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Praise with one of these is praise with a reservation.
 _RESERVED = re.compile(
     r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
@@ -111,9 +119,29 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
         edits = [_pressing(edit) for edit in edits]
         readings = tuple(attrs.evolve(one, edits=tuple(_pressing(edit) for edit in one.edits)) for one in readings)
     done = recipe or habits.recipe("push", objects)  # what is done for a verb that is not known
+    aside = recipe is not None and recipe.kind == "open" and _slides_aside(words, edits, scene, recipe.thing)
     effective = done is not None and _effective(edits, done, habits, prompt, scene)
-    question = _question(words, readings, edits, recipe, effective, vocabulary)
+    question = (
+        _ASIDE.format(" ".join(words.split())[:200])
+        if aside
+        else _question(words, readings, edits, recipe, effective, vocabulary)
+    )
     return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def _slides_aside(words: str, edits: list[Edit], scene: SceneGraph, thing: str) -> bool:
+    """Whether "it slides" was said, and no more, of what has its handle near an edge, as doors have: those slide to a
+    side, what has it in the middle comes out."""
+    if not any(edit.kind == "straight" and re.search(r"\bslides?$", edit.said.strip()) for edit in edits):
+        return False
+    if re.search(r"\b(?:out|straight|towards?|line|in and|pull\w*)\b", words.lower()):
+        return False
+    around = Surroundings.of(scene, thing, None)
+    panel = around.door or around.thing
+    if panel is None or around.handle is None or around.handle is panel:
+        return False
+    off = [abs(a - b) for a, b in zip(around.handle.pose.position, panel.pose.position, strict=True)]
+    return any(distance > 0.3 * size for distance, size in zip(off[1:], panel.size[1:], strict=True))
 
 
 def _pressing(edit: Edit) -> Edit:
@@ -281,6 +309,8 @@ def _question(
             "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
             f"None of it is understood: {quoted}"
         )
+    if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
+        return f"is it to be done more slowly, or with less force? You said: {quoted}"
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
     understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
@@ -289,6 +319,8 @@ def _question(
     turned = [edit for edit in edits if edit.kind == "reverse"]
     if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
         return f"which way should the hand go? You said: {quoted}"
+    if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
+        return f"the other way round, or to another side? You said: {quoted}"
     swung = [edit for edit in edits if edit.kind in _OF_DOORS]
     led = [
         edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
@@ -297,6 +329,12 @@ def _question(
         return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
     if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
+    pressed = any(edit.kind == "press-part" for edit in edits)
+    if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
+        return f"is this before or after pressing: {_said(besides[0], None, None)} You said: {quoted}"
+    slid = [edit for edit in edits if edit.kind == "straight" and "handle" in _said(edit, None, None)]
+    if slid and recipe is not None and recipe.kind not in ("open", "close", "pull", "push"):
+        return f"which way should the hand go? You said: {quoted}"
     opposed = _opposed(edits, vocabulary)
     if opposed:
         return f"which of the two is meant: {opposed}? You said: {quoted}"

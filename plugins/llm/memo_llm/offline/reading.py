@@ -12,6 +12,7 @@ from memo_llm.offline.clauses import (
     core,
     ends_when,
     has_condition,
+    in_parts,
     is_act,
     is_own_act,
     is_request,
@@ -37,6 +38,8 @@ _BARE = r"(?:push|press|shove|lift|raise)(?: [\w' ]+?)??(?: (?:it|them|this|that
 _MATTERS = split_words(
     "in out up down off on away over back under only not no other another first more less about what here there"
 )
+_DETERMINERS = split_words("a an the my your his her our their this that each every kitchen in")
+_NOUNS_TOO = split_words("sink dip press push pull lift rest slide drop tip shake stretch reach draw")
 # Edits that say themselves how long something goes on.
 _ENDS = frozenset(["hold-for", "set-down", "extent", "all-the-way", "first-in", "hold-on", "less-far"])
 # An amount that is told and bounds what is to be done: "an inch is enough".
@@ -173,7 +176,7 @@ def read_sentence(
             and not contrasted
             and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns | said_of)))
         )
-        doubtful |= _clash(said, clause)
+        doubtful |= _clash(said, clause) or in_parts(clause)
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
@@ -366,7 +369,7 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
             while match := pattern.search(rest):
                 if not match.group().strip():
                     break
-                if match.start() <= when:
+                if match.start() <= when and not _a_noun(rest, match):
                     found.append((match.start(), phrase, match))
                 rest = rest[: match.start()] + "\x00" * (match.end() - match.start()) + rest[match.end() :]
     rest = vocabulary.complaints.sub(lambda m: "\x00" * len(m.group()), rest)
@@ -382,6 +385,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
         edits = [edit for edit in edits if edit.kind != "offset" or edit.degree or not _bare_way(edit)]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
+    if kind == "pick":
+        edits = [_lifted(edit) for edit in edits]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
         edits = [edit for edit in edits if edit.kind != "tilt" or edit.degrees is not None or edit.value]
     if any(
@@ -390,10 +395,18 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
         edits = [edit for edit in edits if edit.kind != "way" or not re.fullmatch(_BARE, edit.said.strip())]
     if any(edit.kind == "force" for edit in edits):  # "hold on to it tighter"
         edits = [edit for edit in edits if edit.kind != "hold-on"]
+    if kind in ("open", "close", "pull", "push"):  # "push it sideways": a way, and not an angle
+        edits = [edit for edit in edits if edit.kind != "angle" or not re.search(r"sideways|crosswise", edit.said)]
     edits = [_with_verb(edit, clause, kind) for edit in edits]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
     return edits, rest.replace("\x00", " ")
+
+
+def _a_noun(clause: str, match: re.Match[str]) -> bool:
+    """Whether what looks like a verb is a thing: "the sink"."""
+    before = clause[: match.start()].split()
+    return bool(before) and before[-1] in _DETERMINERS and match.group().split()[0] in _NOUNS_TOO
 
 
 def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary) -> Edit:
@@ -451,6 +464,13 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
         return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)
     return edit
+
+
+def _lifted(edit: Edit) -> Edit:
+    """What is picked up straight is lifted so."""
+    if edit.kind != "straight" or edit.phrase is None or not re.search(r"\bup\b|\blift", edit.said):
+        return edit
+    return attrs.evolve(edit, phrase=attrs.evolve(edit.phrase, say="Lift it straight up.", opposite=""))
 
 
 def _with_verb(edit: Edit, clause: str, kind: str) -> Edit:
