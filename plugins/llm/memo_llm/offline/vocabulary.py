@@ -184,9 +184,9 @@ class Vocabulary:
         """Whether words approve of what was done."""
         plain = " ".join(re.sub(r"[^\w' ]", " ", text.lower().replace("’", "'")).split())
         plain = re.sub(r"\bnot (?:even )?(?=a (?:crack|scratch|drop|chip|crumb|fault|hitch)\b)", "without ", plain)
-        if any(word in plain.split() for word in ("but", "not", "wrong", "except", "however")) and not re.search(
-            r"not (?:so |too |at all |half )?bad|no complaints|couldn't", plain
-        ):
+        if any(
+            word in plain.split() for word in ("but", "not", "wrong", "except", "however", "didn't", "doesn't")
+        ) and not re.search(r"not (?:so |too |at all |half )?bad|no complaints|couldn't", plain):
             return False
         return any(pattern.search(plain) for pattern in self.praise)
 
