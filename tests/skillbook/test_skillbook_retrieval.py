@@ -9,7 +9,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
@@ -113,6 +113,7 @@ _VERB = st.sampled_from(sorted(default_actions().groups))
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(_VERB, min_size=1, max_size=8, unique=True), _VERB, st.integers(1, 5))
+@example(["open fingers", "sweep"], "close fingers", 1)
 def test_opposites_are_never_served(verbs: list[str], asked: str, limit: int) -> None:
     chosen = RetrievalSettings(cut=-1.0, corrections=limit, templates=limit, newest=False)
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), chosen) as book:
