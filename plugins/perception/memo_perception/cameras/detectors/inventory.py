@@ -27,6 +27,7 @@ _BESIDE = 0.01  # m between pieces up to which they may be one thing
 _UNCOVERED = 0.9  # of a piece's outline, from which on it is taken to be seen whole
 _SMALL = 0.012  # m: pieces smaller than this in all directions are not reported
 _LEAST_POINTS = 40  # of an unknown thing
+_SLACK, _SLACK_NOISE = 0.006, 2.0  # m, and times the deviation of depth, by which pieces together may exceed a line
 _POINTS_DEVIATION = (0.005, 1.5)  # m, and share of the deviation of depth: of extents that only points tell
 
 
@@ -165,4 +166,5 @@ def _together(item: Item, piece: Piece, one: Piece, request: Request) -> Piece |
         return None
     grown = _piece((*piece.regions, *one.regions), request)
     wanted = np.sort(np.asarray(item.size, dtype=float))[::-1]
-    return grown if np.all(grown.extents <= 1.1 * wanted + 0.006) else None
+    slack = _SLACK + _SLACK_NOISE * max(0.0, request.noise - 0.0005)
+    return grown if np.all(grown.extents <= 1.1 * wanted + slack) else None

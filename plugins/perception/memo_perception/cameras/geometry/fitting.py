@@ -22,6 +22,7 @@ POINTS = 160  # of a thing that a fit uses
 _OUTLINE_SIGMA = 0.001  # m
 _SUPPORT_SIGMA = 0.002  # m
 _PRIOR_SIGMA = 0.02  # m: how far a fit may go from the points' extents where no outline speaks
+_BLUR = 3.0  # deviations of depth by which the extents of a sphere may seem to differ
 _STEP = 1e-5  # of the numerical Jacobian, m or rad
 _SUNK = 0.015  # m: a shape that reaches this far below what the thing stands on is wrong
 _NOT_THE_SHAPE = 0.0028  # m: outlines that miss by more are of something else
@@ -73,15 +74,16 @@ def fit_thing(seen: Seen) -> Fit:
     start = _start(box, low_high, seen)
     width, depth, height = box.size
     fits = [_fitted(Box(), start, seen)]
+    middle, radius = start[:3], (width + depth) / 4
     # The diagonal is a box's other explanation: start from there too when it is nearly square.
     if max(width, depth) < 1.35 * min(width, depth):
         turned = start.copy()
         turned[6] += np.pi / 4
         fits.append(_fitted(Box(), turned, seen))
-        middle, radius = start[:3], (width + depth) / 4
         fits.append(_fitted(Cylinder(), np.array([*middle, radius, start[5]]), seen))
-        if 0.75 < height / (2 * radius) < 1.33:
-            fits.append(_fitted(Sphere(), np.array([*middle, radius]), seen))
+    blur = _BLUR * seen.noise
+    if max(width, depth) < 1.35 * min(width, depth) + blur and abs(height / 2 - radius) < 0.3 * radius + blur / 2:
+        fits.append(_fitted(Sphere(), np.array([*middle, radius]), seen))
     best = min(fits, key=lambda fit: fit.residual * _COMPLEXITY[fit.shape])
     if seen.outlines < 8:
         return best if best.residual < 2 * _NOT_THE_SHAPE else box
