@@ -9,7 +9,9 @@ from memo_perception.cameras.backend import Cameras
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
+from memo_core.scene.description import Body, Free, Geom
 from memo_core.scene.name_corrections import read_name_corrections
+from memo_core.scene.pose import Pose
 from tests.perception.small_scene import looking_at, scene
 
 PLAIN = CamerasSettings(detector="inventory", simulated=SimulatedSettings(width=320))
@@ -102,3 +104,16 @@ def test_what_a_person_says_of_a_name_holds_for_later_looks_and_for_other_runs(w
     later.start(world)
     labels = {node.label for node in later.look().nodes}
     assert "candle" in labels and "can" not in labels and "red block" in labels
+
+
+@pytest.mark.parametrize("noise", ["none", "d435"])
+def test_two_things_of_one_colour_are_two_though_one_stands_before_the_other_in_a_picture(noise):
+    blue = Geom("box", (0.05, 0.05, 0.05), colour=(0.1, 0.2, 0.8, 1))
+    toy = Body("toy", (blue,), Pose((0.437, 0.365, 0.025)), Free(), label="toy block")
+    described = scene()
+    with looking_at(attrs.evolve(described, bodies=(*described.bodies, toy))) as context:
+        eyes = Cameras(attrs.evolve(PLAIN, simulated=SimulatedSettings(noise=noise)))
+        eyes.start(context)
+        graph = eyes.look()
+    assert np.linalg.norm(np.subtract(graph.node("can").pose.position, (0.40, 0.30, 0.055))) < 0.015
+    assert np.linalg.norm(np.subtract(graph.node("toy block").pose.position, (0.437, 0.365, 0.025))) < 0.015

@@ -173,34 +173,52 @@ def _foreground(view: View, weighted: np.ndarray, blocked: np.ndarray | None, ta
 
 def _joined(segments: list[_Segment]) -> list[list[_Segment]]:
     """Segments that show the same thing, by common cells and colours."""
-    parent = list(range(len(segments)))
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        return i
-
     grown = [_grown(one.cells) for one in segments]
-    for i, one in enumerate(segments):
-        for j in range(i):
-            other = segments[j]
-            dark, light = sorted((one.brightness + 0.02, other.brightness + 0.02))
-            if np.linalg.norm(one.chroma - other.chroma) > _CHROMA or dark < _SHADE * light:
-                continue
-            if one.frame == other.frame and (one.apart or other.apart):
-                continue
-            small, large = (i, j) if len(one.cells) <= len(other.cells) else (j, i)
-            common = len(segments[small].cells & grown[large])
-            size = len(segments[small].cells)
-            # Pieces of one picture touch along an edge only, but along more than a corner.
-            needed = _OVERLAP * size if one.frame != other.frame else max(_TOUCH * size, _SIDE * np.sqrt(size))
-            if common >= needed:
-                parent[root(i)] = root(j)
-    groups: dict[int, list[_Segment]] = {}
-    for i, one in enumerate(segments):
-        groups.setdefault(root(i), []).append(one)
-    return list(groups.values())
+    groups = [[i] for i in range(len(segments))]  # of each segment, shared by those in it
+
+    def join(i: int, j: int) -> None:
+        if groups[i] is not groups[j]:
+            groups[i] += groups[j]
+            for k in groups[j]:
+                groups[k] = groups[i]
+
+    def apart(i: int, j: int) -> bool:
+        """Whether another picture shows what is joined with each, and a gap between them."""
+        for frame in {segments[k].frame for k in groups[i]} - {segments[i].frame}:
+            here = [k for k in groups[i] if segments[k].frame == frame]
+            there = [k for k in groups[j] if segments[k].frame == frame]
+            if there and not any(segments[k].cells & grown[other] for k in here for other in there):
+                return True
+        return False
+
+    # Pieces of one picture touch where one stands before the other, too: what other pictures say goes first.
+    pairs = [(i, j) for i in range(len(segments)) for j in range(i)]
+    for i, j in pairs:
+        if segments[i].frame != segments[j].frame and _alike(segments[i], segments[j]):
+            common, size = _common(segments, grown, i, j)
+            if common >= _OVERLAP * size:
+                join(i, j)
+    for i, j in pairs:
+        one, other = segments[i], segments[j]
+        if one.frame == other.frame and not (one.apart or other.apart) and _alike(one, other):
+            common, size = _common(segments, grown, i, j)
+            # They touch along an edge only, but along more than a corner.
+            if common >= max(_TOUCH * size, _SIDE * np.sqrt(size)) and not apart(i, j):
+                join(i, j)
+    unique = {id(group): group for group in groups}
+    return [[segments[k] for k in sorted(group)] for group in unique.values()]
+
+
+def _alike(one: _Segment, other: _Segment) -> bool:
+    """Whether they are of one colour, lit or shaded."""
+    dark, light = sorted((one.brightness + 0.02, other.brightness + 0.02))
+    return bool(np.linalg.norm(one.chroma - other.chroma) <= _CHROMA and dark >= _SHADE * light)
+
+
+def _common(segments: list[_Segment], grown: list[frozenset[Cell]], i: int, j: int) -> tuple[int, int]:
+    """How many cells two segments have in common, and how many the smaller one has."""
+    small, large = (i, j) if len(segments[i].cells) <= len(segments[j].cells) else (j, i)
+    return len(segments[small].cells & grown[large]), len(segments[small].cells)
 
 
 def _grown(cells: frozenset[Cell]) -> frozenset[Cell]:
