@@ -27,7 +27,7 @@ _RELATIVE = 0.02  # of an extent, by which a list may be wrong
 _COVERED = (3.0, 0.05)  # of what is covered or touches others more may be missing: times as much, and of the extent
 _BARE = (1.5, 0.0)  # the same of what stands alone
 _UNSAID = 2.0  # cost of a line that says no size, or no colour
-_SHADED = 0.6
+_SHADED = 0.4
 _NEXT = {
     frozenset(pair)
     for pair in (
