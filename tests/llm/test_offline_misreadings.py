@@ -96,3 +96,43 @@ def test_everyday_forms_are_noted_as_meant(words, subtask, noted):
 )
 def test_praise_in_other_words_is_asked_back_as_praise(words):
     assert "right as it was" in said(words)["unclear"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "Open it only halfway, please.",
+        "Only half way.",
+        "Whoa, only about halfway, please, it'll come right off.",
+        "Just pull it half open.",
+    ],
+)
+def test_halfway_that_is_wished_for_is_never_further(words):
+    answer = said(words)
+    assert answer["corrections"] == [] and "half" in answer["unclear"]
+
+
+@pytest.mark.parametrize("words", ["It's only half open.", "You opened it only halfway."])
+def test_halfway_that_is_complained_of_is_further(words):
+    assert said(words)["corrections"] in (["Go further than in that attempt."], ["Go all the way."])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "Press the big button at the bottom and it pops open by itself.",
+        "You've got to push the thing down there and then the door jumps open.",
+        "Turn that off again and press the bottom one instead.",
+        "It goes up and then backwards.",
+    ],
+)
+def test_pressing_something_else_or_going_back_of_a_lid_is_asked_about(words):
+    assert said(words)["corrections"] == []
+
+
+def test_a_door_pushed_in_first_is_still_read():
+    assert said("Push it in and it pops open by itself.")["corrections"] == ["Push it in first, then let it come."]
+
+
+def test_holding_on_in_the_middle_is_no_place():
+    assert said("Don't let go in the middle.")["corrections"] == ["Keep hold of it."]

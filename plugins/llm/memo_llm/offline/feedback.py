@@ -68,6 +68,14 @@ _WAY_ROUND = re.compile(
 )
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Praise with one of these is praise with a reservation.
+# "Only halfway": a wish, unless somebody tells what it did ("it's only half open").
+_ONLY_PARTLY = re.compile(r"(?:only|just)(?: \w+){0,3}? (?:half|a quarter|a third)")
+_TOLD_PARTLY = re.compile(
+    r"(?:(?:\w+'s|is|was|are|were|still|got|came|went|moved|stands?|opened|turned|pulled|pushed|closed|stopped)"
+    r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
+)
+_PRESSED_PART = re.compile(r"\b(?:button|switch|lever|pedal|tab|trigger|catch|thing (?:\w+ )?there)\b")
+_UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:wards?)?\b")
 _RESERVED = re.compile(
     r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
 )
@@ -329,6 +337,13 @@ def _question(
         return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
     if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
+    longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
+    if longer and _wishes_part(words):
+        return f"only half of the way, or is it to go further than that? You said: {quoted}"
+    if any(edit.kind == "first-in" and _PRESSED_PART.search(edit.said) for edit in edits):
+        return f"what is to be pressed, and where is it? You said: {quoted}"
+    if _UP_AND_BACK.search(words.lower()) and any(edit.value == "towards" for edit in edits):
+        return f"is back away from the robot, or towards it? You said: {quoted}"
     pressed = any(edit.kind == "press-part" for edit in edits)
     if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
         return f"is this before or after pressing: {_said(besides[0], None, None)} You said: {quoted}"
@@ -346,6 +361,13 @@ def _question(
     if not effective and recipe is not None:
         return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
     return ""
+
+
+def _wishes_part(words: str) -> bool:
+    """Whether somebody says "only halfway" without telling what happened."""
+    plain = words.lower()
+    found = _ONLY_PARTLY.search(plain)
+    return found is not None and _TOLD_PARTLY.search(re.split(r"[.;,!?]\s*", plain[: found.start()])[-1]) is None
 
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
