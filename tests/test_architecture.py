@@ -23,7 +23,7 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events", "parsing", "redaction", "temporary_folders", "entry_points"),
+    ("errors", "events", "parsing", "redaction", "temporary_folders", "isolated_python", "entry_points"),
     ("stop_switch",),
     ("terminal",),
     ("scene",),

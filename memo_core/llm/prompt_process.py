@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import subprocess
-import sys
 import threading
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -16,6 +15,7 @@ from typing import Any
 
 import attrs
 
+from memo_core.isolated_python import end_isolated, start_isolated
 from memo_core.llm.prompt_filling import Unfit
 from memo_core.llm.prompt_worker import FIELDS, TEXT
 
@@ -88,28 +88,13 @@ class PromptProcess:
         self._kill()
         found = (find_spec(name) for name in _IMPORTED)
         folders = dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec is not None and spec.origin)
-        # -I and -S: neither the environment nor the current folder decides what is imported, and site is slow.
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-c", _SERVE, *folders],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={},
-            cwd="/",
-            start_new_session=True,  # Ctrl-C in a terminal goes to a whole group of processes
-        )
+        self._process = start_isolated(_SERVE, folders)
         return self._process
 
     def _kill(self) -> None:
         process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            assert pipe is not None
-            with contextlib.suppress(BrokenPipeError):  # what was still to be written to it
-                pipe.close()
+        if process is not None:
+            end_isolated(process)
 
 
 def plain(value: Any, depth: int = 6) -> Any:

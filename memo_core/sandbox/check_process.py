@@ -8,7 +8,6 @@ import json
 import os
 import select
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -19,6 +18,7 @@ import attrs
 
 import memo_core
 from memo_core.errors import Stopped
+from memo_core.isolated_python import end_isolated, start_isolated
 from memo_core.sandbox.check_worker import Checked, from_json
 from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.subset import Finding, SkillShape
@@ -97,16 +97,7 @@ class Checker:
             return self._process
         self._kill()
         folders = list(dict.fromkeys(str(Path(file).parents[1]) for file in _IMPORTED if file))
-        # -I and -S: neither the environment nor the current folder decides what is imported, and site is slow.
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-c", _SERVE, *folders],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={},
-            cwd="/",
-            start_new_session=True,  # Ctrl-C in a terminal goes to a whole group of processes
-        )
+        self._process = start_isolated(_SERVE, folders)
         self._answered = 0
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(self._greeting).encode() + b"\n")
@@ -114,14 +105,8 @@ class Checker:
 
     def _kill(self) -> None:
         process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            assert pipe is not None
-            with contextlib.suppress(BrokenPipeError):  # what was still to be written to it
-                pipe.close()
+        if process is not None:
+            end_isolated(process)
 
 
 def _shape(skill: Skill) -> SkillShape:
