@@ -21,6 +21,7 @@ from memo_core.llm.spending import Spent
 from memo_core.parsing import resolved
 
 _WAIT_S = 30.0  # for other processes that write
+_UNREADABLE = (sqlite3.Error, UnicodeDecodeError)  # the second: SQLite's own message quotes bytes of a damaged schema
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS calls (
     id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT NOT NULL,
@@ -65,7 +66,7 @@ class Ledger:
                 connection.execute("PRAGMA synchronous=FULL")
                 connection.execute(_SCHEMA)
                 _add_missing_column(connection)
-            except (OSError, sqlite3.Error) as error:
+            except (OSError, *_UNREADABLE) as error:
                 raise LedgerError(self.path, str(error)) from error
             self._connection = connection
 
@@ -131,7 +132,7 @@ class Ledger:
                     connection.execute("ROLLBACK")
                     raise
                 connection.execute("COMMIT")
-            except sqlite3.Error as error:
+            except _UNREADABLE as error:
                 raise LedgerError(self.path, str(error)) from error
             finally:
                 if not was_open:
@@ -168,5 +169,5 @@ def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
             connection.execute("BEGIN")  # both queries see the same calls
             runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]
             return runs, _sums(connection)
-    except sqlite3.Error as error:
+    except _UNREADABLE as error:
         raise LedgerError(path, f"it is not a ledger, or cannot be read ({error})") from error

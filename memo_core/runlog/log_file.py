@@ -12,7 +12,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.parsing import parse_json
+from memo_core.parsing import encodable, parse_json
 from memo_core.redaction import Redactor
 from memo_core.runlog.whole_files import writing
 
@@ -54,6 +54,9 @@ def read_lines(folder: Path) -> Lines:
     if version != VERSION:
         problem = f"{file} is of version {version}: it can be read, not resumed"
         raise InvalidArgument(_OPTION, problem, f"a run log of version {VERSION}")
+    for key in ("run", "task"):
+        if not isinstance(name := records[0].get(key), str) or not encodable(name):
+            raise damaged(file, 1, f"{key!r} is no text that can be stored")
     return Lines(tuple(records), len(data) - whole)
 
 

@@ -99,6 +99,8 @@ class DeviceDouble(ABC):
             if self._client is not None and self.keeps_first_client:
                 client.close()
                 return
+            while self._client is not None and self._serve():
+                pass  # what the replaced client said last counts
             if self._client is not None:
                 self._disconnect()
             client.setblocking(False)
@@ -106,20 +108,22 @@ class DeviceDouble(ABC):
             self._client, self._received = client, b""
             self._connected(host)
 
-    def _serve(self) -> None:
+    def _serve(self) -> bool:
+        """Answer what the client has sent, or take notice that it has gone. Returns whether there was either."""
         if self._client is None:
-            return
+            return False
         try:
             data = self._client.recv(65536)
         except BlockingIOError:
-            return
+            return False
         except OSError:
             data = b""
         if not data:
             self._disconnect()
-            return
-        self._received += data
-        self._answer_received()
+        else:
+            self._received += data
+            self._answer_received()
+        return True
 
     def _disconnect(self) -> None:
         assert self._client is not None

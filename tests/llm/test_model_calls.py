@@ -337,6 +337,14 @@ def test_a_ledger_that_is_none_is_said(tmp_path: Path):
     assert path.read_text().startswith("these are my notes")
     with pytest.raises(LedgerError):
         Ledger(tmp_path / "notes.txt" / "study.ledger").open()
+    with sqlite3.connect(tmp_path / "damaged") as connection:
+        connection.execute("CREATE TABLE calls (a)")
+        connection.execute("PRAGMA writable_schema = ON")
+        connection.execute("UPDATE sqlite_master SET sql = CAST(X'4352458B' AS TEXT)")
+    connection.close()
+    for read in (Ledger(tmp_path / "damaged").spent, lambda: read_ledger(tmp_path / "damaged")):
+        with pytest.raises(LedgerError, match="damaged"):
+            read()
 
 
 # -- secrets -----------------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import socket
 import time
 
 import pytest
@@ -207,6 +208,27 @@ def test_closing_is_announced_and_a_lost_client_is_a_fast_stop_that_is_told(doub
     driver.move(0.05, 20.0)
     assert until(lambda: "acknowledge its fast stop" in driver.health().problem) and double.acknowledged == 0
     driver.close()
+
+
+def test_closing_waits_until_the_gripper_has_heard_of_it(double):
+    answer = double._answer
+    double._answer = lambda command, payload: (time.sleep(0.03), answer(command, payload))
+    driver = opened(double)
+    driver.close()
+    assert double._announced
+
+
+def test_the_last_words_of_a_client_count_where_the_next_one_comes_at_once():
+    double = WsgDouble(next(ADDRESSES))
+    double.listen()
+    first = socket.create_connection((double.address, double.port))
+    double.round()
+    first.sendall(packed(Command.DISCONNECT))
+    first.close()
+    with socket.create_connection((double.address, double.port)):
+        double._accept()  # before anything of the first one was read
+        assert double._fault is None
+    double.stop()
 
 
 def test_a_cable_that_is_pulled_closes_no_connection(double):

@@ -63,7 +63,7 @@ class RunFolders(Kind):
         elif how < 0.2:
             files[name] = files[draw.choice(sorted(files))]
         elif name == "config.yaml":
-            changed = damaged_text(data.decode(), draw) if how < 0.7 else ""
+            changed = damaged_text(data.decode(errors="replace"), draw) if how < 0.7 else ""
             files[name] = changed.encode("utf-8", "surrogatepass") or damaged_bytes(data, draw)
         else:
             files[name] = self._damaged_lines(data, draw) if how < 0.85 else damaged_bytes(data, draw)

@@ -88,8 +88,7 @@ class WsgGripper(GripperDriver):
             self._thread.join(1.0)
             self._thread = None
         if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendall(packed(Command.DISCONNECT))
+            _take_leave(self._socket)
             self._socket.close()
             self._socket = None
             for end in self._wake:
@@ -222,3 +221,20 @@ class WsgGripper(GripperDriver):
                 self._wanted = self._wanted or self._running
             return True
         return status != Status.CMD_ABORTED
+
+
+def _take_leave(connection: socket.socket) -> None:
+    """Announce the end and wait for the answer: a connection that is closed with something unread is reset, which a
+    gripper may take for a lost client."""
+    received, end = b"", time.monotonic() + _PATIENCE_S
+    with contextlib.suppress(OSError, Broken):
+        connection.sendall(packed(Command.DISCONNECT))
+        while time.monotonic() < end:
+            connection.settimeout(_PATIENCE_S)
+            if not (data := connection.recv(4096)):
+                return
+            received += data
+            while (message := unpacked(received)) is not None:
+                command, _, received = message
+                if command == Command.DISCONNECT:
+                    return
