@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+import tracemalloc
 from importlib import resources
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import memo_llm
 import pytest
 import yaml
 from memo_llm.offline.reading import read_sentence
+from memo_llm.offline.typos import in_full
 from memo_llm.offline.vocabulary import Vocabulary
 
 from memo_core.errors import InvalidArgument
@@ -221,3 +223,11 @@ def test_no_name_of_a_task_or_object_occurs_in_the_backend():
     for path in files:
         words = set(re.findall(r"[a-z]+", path.read_text(encoding="utf-8").lower()))
         assert not words & set(NAMES), f"{path.name}: {sorted(words & set(NAMES))}"
+
+
+def test_a_word_that_is_as_long_as_a_page_costs_no_memory():
+    tracemalloc.start()
+    assert in_full("lower " + "h" * 20_000, {"lower"}).startswith("lower h")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 1_000_000

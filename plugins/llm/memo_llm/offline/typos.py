@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from functools import cache
+from functools import lru_cache
 
 _SHORT = {
     "til": "until",
@@ -34,7 +34,7 @@ _CONTRACTIONS = (
 )
 _APOSTROPHES = {word.replace("'", ""): word for word in _CONTRACTIONS.split()}
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
-SHORTEST = 5  # letters of a word that is put right
+SHORTEST, _LONGEST = 5, 30  # letters of a word that is put right
 
 
 def in_full(text: str, words: Collection[str]) -> str:
@@ -46,7 +46,7 @@ def in_full(text: str, words: Collection[str]) -> str:
     def full(match: re.Match[str]) -> str:
         word = match.group()
         word = _SHORT.get(word) or _APOSTROPHES.get(word) or word
-        if len(word) < SHORTEST or word in words or not word.isalpha():
+        if not SHORTEST <= len(word) <= _LONGEST or word in words or not word.isalpha():
             return word
         meant = [one for one in _slips(word) if one in words]
         return meant[0] if len(set(meant)) == 1 else word
@@ -54,7 +54,7 @@ def in_full(text: str, words: Collection[str]) -> str:
     return re.sub(r"w/o|[a-z']+", full, text)
 
 
-@cache
+@lru_cache(maxsize=500)
 def _slips(word: str) -> tuple[str, ...]:
     """What may have been meant: one letter left out or doubled, or two swapped. The first letter is taken as it is, and
     no letter is exchanged for another: "flower" and "tower" are words of their own."""
