@@ -15,9 +15,10 @@ import numpy as np
 from memo_core.skillbook.entry_index import EntryIndex
 from memo_core.skillbook.retrieval_score import TIE
 from memo_core.skillbook.shared_terms import Wanted
+from memo_core.skillbook.term_lists import within
 
-_FEW = 2_000  # entries that are simply all scored
-_FIRST = 300  # entries that are looked at first, under the most promising keys
+_KEYS_FIRST = 64  # the most promising keys, of which
+_FIRST = 300  # so many entries are looked at first
 _SCORED_FIRST = 256  # entries that are scored to learn which others cannot be among the best
 
 
@@ -32,6 +33,11 @@ class Weighed:
     by_text: np.ndarray
     by_terms: np.ndarray
     key_similar: np.ndarray  # cosine of the key's words and the subtask's
+    most: np.ndarray  # what the overlap of an entry there is at most
+
+    def only(self, slots: np.ndarray) -> Weighed:
+        """With the entries of these slots alone, bool."""
+        return attrs.evolve(self, base=np.where(slots, self.base, -np.inf))
 
 
 @attrs.frozen(eq=False)
@@ -60,64 +66,83 @@ def scored(asked: Weighed, positions: np.ndarray, overlap: np.ndarray | None = N
     return Scored(positions, index.similar(positions, asked.meant).astype(np.float64), known)
 
 
-def scores_of(asked: Weighed, found: Scored) -> np.ndarray:
-    slots = asked.index.slot(found.positions)
-    return asked.base[slots] + asked.by_text[slots] * found.similar + asked.by_terms[slots] * found.overlap
-
-
 def best_entries(asked: Weighed, count: int, near: np.ndarray, nearest: float, floor: float = -np.inf) -> Scored:
     """The ``count`` best entries and all that may tie with the last of them, in no order.
 
-    ``near``: positions of the entries that the store found; ``nearest``: the largest cosine that any other may have.
+    ``near``: positions of the entries that the store found, ascending; ``nearest``: the largest cosine that any other
+    may have.
     ``floor``: entries that share no term with the subtask are left out if the mean cosine of text and key is smaller.
     """
-    slots = np.flatnonzero(np.isfinite(asked.base))
     index = asked.index
+    slots = np.flatnonzero(np.isfinite(asked.base))
     if not len(slots) or count < 1:
         return scored(asked, np.zeros(0, np.int64))
-    if len(index) <= _FEW:
-        return _best(asked, scored(asked, *index.of_slots_with_overlap(slots, asked.wanted)), count, floor)[0]
-
-    most = index.most_overlap(asked.wanted)
-    limits = (asked.base + asked.by_text * nearest + asked.by_terms * most)[slots]
-    promising = slots[np.argsort(-limits, kind="stable")[:_FIRST]]
-    enough = int(np.searchsorted(np.cumsum(index.sizes[promising]), _FIRST)) + 1
+    limits = (asked.base + asked.by_text * nearest + asked.by_terms * asked.most)[slots]
+    order = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(slots) > _KEYS_FIRST else np.arange(len(slots))
+    order = order[np.argsort(-limits[order], kind="stable")]
+    order = order[: 1 + int(np.searchsorted(np.cumsum(index.sizes[slots[order]]), _FIRST))]
     near = near[np.isfinite(asked.base[index.slot(near)])]
-    likely = _likely(asked, promising[:enough], -np.inf, nearest, floor)
-    found = Scored.joined([scored(asked, near), scored(asked, *(column[:_SCORED_FIRST] for column in likely[:2]))])
-    found, least = _best(asked, found, count, floor)
 
-    positions, overlap, limit = _likely(asked, slots[limits >= least], least, nearest, floor)
-    for start, stop in ((0, _SCORED_FIRST), (_SCORED_FIRST, len(positions))):
-        some = slice(start, int(np.searchsorted(-limit[start:stop], -least, side="right")) + start)
-        more = scored(asked, positions[some], overlap[some])
-        found, least = _best(asked, Scored.joined([found, more]), count, floor)
+    first = _Likely.under(asked, slots[order], nearest, floor, near)
+    begun = scored(asked, np.concatenate([near, first.positions[:_SCORED_FIRST]]))
+    found, least = _best(asked, [begun], count, floor)
+    reaching = limits >= least
+    reaching[order] = False
+    others = _Likely.under(asked, slots[reaching], nearest, floor, near)
+    left = first.after(_SCORED_FIRST).joined(others)
+    for start, stop in ((0, _SCORED_FIRST), (_SCORED_FIRST, None)):
+        some = left.reaching(least).only(slice(start, stop))
+        if len(some.positions):
+            found, least = _best(asked, [found, scored(asked, some.positions, some.overlap)], count, floor)
     return found
 
 
-def _likely(
-    asked: Weighed, slots: np.ndarray, least: float, nearest: float, floor: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions under these keys whose score can be ``least`` or more, their overlaps, and what their scores are at
-    most, the largest first."""
-    positions, overlap = asked.index.of_slots_with_overlap(slots, asked.wanted)
-    of = asked.index.slot(positions)
-    limit = (asked.base + asked.by_text * nearest)[of] + asked.by_terms[of] * overlap
-    chosen = limit >= least
-    if np.isfinite(floor):
-        chosen &= (overlap > 0) | ((nearest + asked.key_similar[of]) / 2 >= floor)
-    chosen = np.flatnonzero(chosen)
-    chosen = chosen[np.argsort(-limit[chosen], kind="stable")]
-    return positions[chosen], overlap[chosen], limit[chosen]
+@attrs.frozen(eq=False)
+class _Likely:
+    """Entries with their overlaps and what their scores are at most, the largest first."""
+
+    positions: np.ndarray
+    overlap: np.ndarray
+    limit: np.ndarray
+
+    @classmethod
+    def under(cls, asked: Weighed, slots: np.ndarray, nearest: float, floor: float, but: np.ndarray) -> _Likely:
+        """Those under some keys that may be served, without those at the positions ``but``, ascending."""
+        positions = asked.index.of_slots(slots)
+        positions = positions[~within(positions, but)]
+        overlap, of = asked.index.overlap(positions, asked.wanted), asked.index.slot(positions)
+        if np.isfinite(floor):
+            chosen = (overlap > 0) | ((nearest + asked.key_similar[of]) / 2 >= floor)
+            positions, overlap, of = positions[chosen], overlap[chosen], of[chosen]
+        limit = asked.base[of] + asked.by_text[of] * nearest + asked.by_terms[of] * overlap
+        return cls(positions, overlap, limit).only(np.argsort(-limit, kind="stable"))
+
+    def only(self, chosen: np.ndarray | slice) -> _Likely:
+        return _Likely(self.positions[chosen], self.overlap[chosen], self.limit[chosen])
+
+    def after(self, count: int) -> _Likely:
+        return self.only(slice(count, None))
+
+    def joined(self, other: _Likely) -> _Likely:
+        columns = [np.concatenate([getattr(one, f.name) for one in (self, other)]) for f in attrs.fields(_Likely)]
+        both = _Likely(*columns)
+        return both.only(np.argsort(-both.limit, kind="stable"))
+
+    def reaching(self, least: float) -> _Likely:
+        """Those whose score can be ``least`` or more."""
+        return self.only(slice(0, int(np.searchsorted(-self.limit, -least, side="right"))))
 
 
-def _best(asked: Weighed, found: Scored, count: int, floor: float) -> tuple[Scored, float]:
+def _best(asked: Weighed, several: list[Scored], count: int, floor: float) -> tuple[Scored, float]:
     """The best of them, and what another one must score to be among them."""
-    if np.isfinite(floor) and len(found.positions):
-        key_similar = asked.key_similar[asked.index.slot(found.positions)]
-        found = found.only((found.overlap > 0) | ((found.similar + key_similar) / 2 >= floor))
-    if len(found.positions) < count:
+    columns = (np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(Scored))
+    found = Scored(*columns)
+    of = asked.index.slot(found.positions)
+    if np.isfinite(floor) and len(of):
+        chosen = (found.overlap > 0) | ((found.similar + asked.key_similar[of]) / 2 >= floor)
+        found, of = found.only(chosen), of[chosen]
+    if len(of) < count:
         return found, -np.inf
-    scores = scores_of(asked, found)
+    scores = asked.base[of] + asked.by_text[of] * found.similar + asked.by_terms[of] * found.overlap
     least = float(np.partition(scores, len(scores) - count)[len(scores) - count]) - TIE
     return found.only(scores >= least), least

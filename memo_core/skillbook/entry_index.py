@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from memo_core.skillbook.shared_terms import Terms, Wanted
-from memo_core.skillbook.term_lists import TermLists, ranges
+from memo_core.skillbook.term_lists import TermLists, ranges, sorted_unique
 from memo_core.skillbook.text_index import Likeness
 
 EXACT = 20_000  # entries; 30 MB of vectors at 384 components
@@ -36,7 +36,7 @@ class EntryIndex:
     def nbytes(self) -> int:
         """Bytes of memory in use."""
         used = self._count * (self._vectors.shape[1] * self._vectors.itemsize + 4 + 8 + 4 + 1)
-        return used + self.terms.nbytes + self._base_pairs.nbytes
+        return used + self.terms.nbytes + self._term_slots.nbytes + self._sorted_ids.nbytes + self._by_id.nbytes
 
     def __len__(self) -> int:
         return self._valid
@@ -49,6 +49,8 @@ class EntryIndex:
         if not self._count or total > len(self._ids) or not self._compare(asked):
             self._read_all(keys, total)
         self.sizes = np.bincount(self._slots[: self._count][self._there[: self._count]], minlength=self.slots)
+        self._starts, stops = np.array(self._spans, np.int64).reshape(-1, 2).T
+        self._lengths = stops - self._starts
 
     def clear(self) -> None:
         """Drop everything; the next ``follow`` reads it anew."""
@@ -66,11 +68,13 @@ class EntryIndex:
         self._slot_of: dict[int, int] = {}
         self._spans: list[tuple[int, int]] = []  # by slot: the positions of what was read at first
         self._appended: dict[int, list[int]] = {}  # by slot
-        self._base = 0  # positions before are of the first reading
-        self._by_id = np.zeros(0, np.int64)  # those positions in order of their ids
+        self._starts = self._lengths = np.zeros(0, np.int64)  # the same as arrays
+        self._sorted_ids = np.zeros(0, np.int64)  # of what was read at first
+        self._by_id = np.zeros(0, np.int32)  # and their positions
         self._appended_at: dict[int, int] = {}  # id -> position
         self.terms = TermLists(self._terms)
-        self._base_pairs = np.zeros(0, np.int64)  # term and slot, in order
+        self._term_slots = np.zeros(0, np.int32)  # of each term the slots where it occurs, of what was read at first
+        self._term_starts = np.zeros(1, np.int64)  # where those of each term begin, and the end
         self._pairs: dict[int, set[int]] = {}  # term -> slots, of what was appended
         self.sizes = np.zeros(0, np.int64)  # by slot, how many valid entries are there
 
@@ -95,10 +99,12 @@ class EntryIndex:
             text_of, terms = self._append(
                 ids, slots, np.concatenate([vectors for _, some, vectors in found if len(some)])
             )
-            pairs.append(np.unique((terms << 32) | slots[text_of]))
-        self._base = self._count
-        self._by_id = np.argsort(self._ids[: self._count], kind="stable")
-        self._base_pairs = np.unique(np.concatenate(pairs)) if pairs else self._base_pairs
+            pairs.append(sorted_unique((terms << 32) | slots[text_of]))
+        self._by_id = np.argsort(self._ids[: self._count], kind="stable").astype(np.int32)
+        self._sorted_ids = self._ids[self._by_id]
+        both = sorted_unique(np.concatenate(pairs)) if pairs else np.zeros(0, np.int64)
+        self._term_slots = (both & 0xFFFFFFFF).astype(np.int32)
+        self._term_starts = np.concatenate([[0], np.cumsum(np.bincount(both >> 32))])
 
     def _compare(self, keys: Sequence[int]) -> bool:
         """Take over what came and went under these keys. Returns whether there was room for it."""
@@ -163,32 +169,23 @@ class EntryIndex:
         return self._slots[positions]
 
     def positions(self, ids: np.ndarray) -> np.ndarray:
-        """Of those of the ids that are valid entries of this kind, int64."""
-        ids = np.asarray(ids, np.int64)
-        found = _find(self._ids[: self._base], self._by_id, ids)
-        later = [self._appended_at[one] for one in ids.tolist() if one in self._appended_at]
-        both = np.unique(np.concatenate([found, np.array(later, np.int64)]))
-        return both[self._there[both]]
+        """Of those of the ids that are valid entries of this kind, ascending, each once, int64."""
+        place = np.searchsorted(self._sorted_ids, ids)
+        place[place == len(self._sorted_ids)] = 0
+        found = self._by_id[place[self._sorted_ids[place] == ids]] if len(self._sorted_ids) else self._by_id
+        if self._appended_at:
+            later = [self._appended_at[one] for one in ids.tolist() if one in self._appended_at]
+            found = np.concatenate([found, np.array(later, np.int32)])
+        found = sorted_unique(found.astype(np.int64))
+        return found[self._there[found]]
 
     def of_slots(self, slots: np.ndarray) -> np.ndarray:
         """Positions of the valid entries under these keys, int64."""
-        found = self._everything_of(slots)
+        found = ranges(self._starts[slots], self._lengths[slots])
+        if self._appended:
+            later = [np.array(self._appended[slot], np.int64) for slot in slots.tolist() if slot in self._appended]
+            found = np.concatenate([found, *later])
         return found[self._there[found]]
-
-    def of_slots_with_overlap(self, slots: np.ndarray, wanted: Wanted) -> tuple[np.ndarray, np.ndarray]:
-        """The same, with the overlap of each."""
-        found = self._everything_of(slots)
-        spans = [self._spans[slot] for slot in slots.tolist()]
-        read = sum(stop - start for start, stop in spans)
-        overlap = np.concatenate([self.terms.overlap_between(spans, wanted), self.terms.overlap(found[read:], wanted)])
-        there = self._there[found]
-        return found[there], overlap[there]
-
-    def _everything_of(self, slots: np.ndarray) -> np.ndarray:
-        """Positions under these keys, first those that were read at first; also of entries that were retired."""
-        spans = np.array([self._spans[slot] for slot in slots.tolist()], np.int64).reshape(-1, 2)
-        later = [np.array(self._appended[slot], np.int64) for slot in slots.tolist() if slot in self._appended]
-        return np.concatenate([ranges(spans[:, 0], spans[:, 1] - spans[:, 0]), *later])
 
     def overlap(self, positions: np.ndarray, wanted: Wanted) -> np.ndarray:
         """``Terms.overlap`` of entries, float64."""
@@ -198,8 +195,8 @@ class EntryIndex:
         """By slot, what the overlap of an entry there is at most, float64."""
         found = np.zeros(self.slots)
         for term, weight in self.terms.numbers_of(wanted).items():
-            first, end = np.searchsorted(self._base_pairs, (term << 32, (term + 1) << 32))
-            slots = self._base_pairs[first:end] & 0xFFFFFFFF
+            first, end = self._term_starts[[min(number, len(self._term_starts) - 1) for number in (term, term + 1)]]
+            slots = self._term_slots[first:end]
             if term in self._pairs:
                 slots = np.union1d(slots, np.fromiter(self._pairs[term], np.int64))
             found[slots] += weight
@@ -223,12 +220,3 @@ class EntryIndex:
         for start in range(0, len(there), size):
             part = there[start : start + size]
             yield self._ids[part], self._vectors[part] * self._scales[part, None]
-
-
-def _find(values: np.ndarray, order: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Positions of those of ``wanted`` that occur in ``values``, which is sorted in this order."""
-    if not len(order):
-        return np.zeros(0, np.int64)
-    place = np.minimum(np.searchsorted(values, wanted, sorter=order), len(order) - 1)
-    found = order[place]
-    return found[values[found] == wanted]

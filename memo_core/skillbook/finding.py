@@ -15,12 +15,12 @@ from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.best_entries import Scored, Weighed, best_entries, scored
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entry_index import EntryIndex
-from memo_core.skillbook.newest import newest_of_people
 from memo_core.skillbook.question import Question, as_text
 from memo_core.skillbook.retrieval_cache import KINDS, Contents
 from memo_core.skillbook.retrieval_score import TIE, Candidates, best
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
-from memo_core.skillbook.shared_terms import GRIP, Terms
+from memo_core.skillbook.shared_terms import GRIP, RELEASE, Terms
+from memo_core.skillbook.speakers import Speakers
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
@@ -56,9 +56,9 @@ class Finder:
         self._vectors = vectors
         self._settings = settings
         self._terms = terms
-        self._likeness = likeness
         self._indexes = {kind: EntryIndex(likeness, kind, terms) for kind in KINDS}
         self._search = TextSearch(database, vectors, self._indexes, store)
+        self._speakers = Speakers(database)
         self._slots: dict[str, np.ndarray] = {}  # kind -> of each row the slot in its index, or -1
         self._rows: dict[str, np.ndarray] = {}  # kind -> of each slot the row, or -1
         self._key_words = np.zeros((0, 0), np.float32)  # by row
@@ -77,6 +77,8 @@ class Finder:
             slots = self._slots[kind] = index.slots_of(state.ids)
             rows = self._rows[kind] = np.full(index.slots, -1, np.int64)
             rows[slots[slots >= 0]] = np.flatnonzero(slots >= 0)
+        if self._settings.newest:
+            self._speakers.follow(anew=changed is None)
         if (before is None or before.book != state.book or before.ids != state.ids) and state.keys:
             self._key_words = self._vectors.get([as_text(key) for key in state.keys])
         self._followed = state
@@ -100,61 +102,67 @@ class Finder:
         return Nearby(found, nearest, similar)
 
     def candidates(self, kind: str, question: Question, state: Contents, near: Nearby) -> Candidates:
-        """Entries of a kind that may be among those served."""
-        limit, index = self._settings.limit(kind), self._indexes[kind]
+        """Entries of a kind that may be served; more than are served where more than their scores orders them."""
+        settings, index = self._settings, self._indexes[kind]
+        limit = settings.limit(kind)
         if not limit or not len(index) or not state.keys:
             return Candidates.none()
-        found = self._scored(kind, question, near, self._best(kind, question, state, near))
-        gripping = Candidates.none()
+        asked = self._weighed(kind, question, near)
+        several = [self._scored(kind, question, near, self._best(kind, question, state, near, asked))]
         if kind == "correction" and self._terms.grips(question.key.action, question.context):
-            gripping = self._about_gripping(question, state, near)
-        several = [gripping, found]
+            several.insert(0, self._about_gripping(question, state, near, asked))
         newest: list[int] = []
-        if kind == "correction" and self._settings.newest and (keys := question.own_keys(state)):
-            newest = newest_of_people(self._database, keys, self._settings.corrections)
-            positions = index.positions(np.array(newest, np.int64))
-            positions = positions[self._rows[kind][index.slot(positions)] >= 0]
-            several.append(self._scored(kind, question, near, scored(self._weighed(kind, question, near), positions)))
+        if kind == "correction" and settings.newest and (keys := question.own_keys(state)):
+            own = index.of_slots(self._slots[kind][[state.row_of[key] for key in keys]])
+            newest = self._speakers.newest(index.ids(own), settings.corrections)
+            several.append(self._scored(kind, question, near, scored(asked, index.positions(np.array(newest)))))
         joined = Candidates.joined(several)
         joined = attrs.evolve(joined, must=np.isin(joined.ids, newest)) if newest else joined
-        return joined.only(best(joined.scores(self._settings), joined.similar, _MORE * limit, joined.must))
+        scores = joined.scores(settings)
+        chosen = best(scores, joined.similar, _MORE * limit, joined.must)
+        joined, scores = joined.only(chosen), scores[chosen]
+        chosen = np.flatnonzero(joined.served(settings, settings.room(kind), scores))
+        more = self._more(kind, question)
+        first = best(scores[chosen], joined.similar[chosen], more * limit, joined.must[chosen])
+        return joined.only(chosen[first])
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _positions(self, ids: np.ndarray) -> dict[str, np.ndarray]:
         return {kind: index.positions(ids) for kind, index in self._indexes.items()}
 
-    def _best(self, kind: str, question: Question, state: Contents, near: Nearby) -> Scored:
+    def _more(self, kind: str, question: Question) -> int:
+        """Times as many entries are looked at as are served."""
+        built = self._settings.built_weight and any(question.context.structures)
+        return _MORE if kind == "template" or built else 1
+
+    def _best(self, kind: str, question: Question, state: Contents, near: Nearby, asked: Weighed) -> Scored:
         """Where enough entries pass the cut, the best of them; else all of them, and the best of the others."""
-        settings, scores = self._settings, question.scores.scores
-        reordered = kind == "template" or (settings.built_weight and any(question.context.structures))
-        more = _MORE if reordered else 1
-        served, there = state.sizes[kind] > 0, ~question.opposite
-        passing = there & served & (scores >= settings.cut - TIE)
+        settings, of, more = self._settings, self._rows[kind], self._more(kind, question)
+        there = (~question.opposite & (state.sizes[kind] > 0))[of]
+        passing = there & (question.scores.scores[of] >= settings.cut - TIE)
         found, nearest = near.positions[kind], near.nearest
         if np.isfinite(question.floor(kind, state, settings)):
-            return best_entries(
-                self._weighed(kind, question, near, passing), more * settings.limit(kind), found, nearest
-            )
+            return best_entries(asked.only(passing), more * settings.limit(kind), found, nearest)
         several = [
-            best_entries(self._weighed(kind, question, near, rows), count, found, nearest, floor)
-            for rows, count, floor in (
+            best_entries(asked.only(slots), count, found, nearest, floor)
+            for slots, count, floor in (
                 (passing, settings.room(kind), -np.inf),
-                (there & served, 1, -np.inf),
-                (there & served & ~passing, more * settings.room(kind), settings.text_floor),
+                (there, 1, -np.inf),
+                (there & ~passing, more * settings.room(kind), settings.text_floor),
             )
         ]
         return Scored.joined(several)
 
-    def _weighed(self, kind: str, question: Question, near: Nearby, rows: np.ndarray | None = None) -> Weighed:
-        """The question for an index, with the entries of some keys' rows (bool) or of all."""
+    def _weighed(self, kind: str, question: Question, near: Nearby) -> Weighed:
+        """The question for an index."""
         settings, index, of = self._settings, self._indexes[kind], self._rows[kind]
-        known = of >= 0
-        counts = (1 - question.scores.exchanged[of]) * known
+        counts = (1 - question.scores.exchanged[of]) * (of >= 0)
         by_text, by_terms = counts * settings.text_weight / 2, counts * settings.overlap_weight
         key_similar = near.key_similar[of]
         base = (1 - settings.text_weight - settings.overlap_weight) * question.scores.scores[of] + by_text * key_similar
-        base[~known if rows is None else ~(known & rows[of])] = -np.inf
-        return Weighed(index, question.meant, question.terms, base, by_text, by_terms, key_similar)
+        base[of < 0] = -np.inf
+        most = index.most_overlap(question.terms)
+        return Weighed(index, question.meant, question.terms, base, by_text, by_terms, key_similar, most)
 
     def _scored(self, kind: str, question: Question, near: Nearby, found: Scored) -> Candidates:
         index, scores = self._indexes[kind], question.scores
@@ -171,7 +179,7 @@ class Finder:
             scores.exchanged[rows],
         )
 
-    def _about_gripping(self, question: Question, state: Contents, near: Nearby) -> Candidates:
+    def _about_gripping(self, question: Question, state: Contents, near: Nearby, asked: Weighed) -> Candidates:
         """Remarks about how to hold a thing that were made at an action which undoes this one: how hard to grip is
         often noticed only when a thing is put down. They count as made at gripping what was moved."""
         index, sizes, moved = self._indexes["correction"], state.sizes["correction"], question.scores.moved_cosines
@@ -179,16 +187,13 @@ class Finder:
         rows = rows[np.argsort(-moved[rows], kind="stable")[:_OPPOSITE_KEYS]]
         rows = rows[: 1 + int(np.searchsorted(np.cumsum(sizes[rows]), _OPPOSITE_ENTRIES))]
         slots = self._slots["correction"][rows]
-        positions, gripping = index.of_slots_with_overlap(slots[slots >= 0], ({GRIP: 1.0}, 1.0))
-        found = scored(self._weighed("correction", question, near), positions[gripping > 0])
+        positions = index.of_slots(slots[slots >= 0])
+        found = scored(asked, positions[index.terms.have(positions, GRIP)])
         near_moved = moved[self._rows["correction"][index.slot(found.positions)]]
-        limit = _MORE * self._settings.corrections
-        likeliest = best(near_moved, found.similar, limit, np.zeros(len(near_moved), bool))
-        found, near_moved = found.only(likeliest), near_moved[likeliest]
-        texts = self._likeness.texts(index.ids(found.positions).tolist())
-        chosen = np.array([self._terms.about_gripping(text) for text in texts], dtype=bool)
-        one = self._scored("correction", question, near, found.only(chosen))
+        likeliest = best(near_moved, found.similar, _MORE * self._settings.corrections, np.zeros(len(near_moved), bool))
+        likeliest = likeliest[~index.terms.have(found.positions[likeliest], RELEASE)]
+        one, near_moved = self._scored("correction", question, near, found.only(likeliest)), near_moved[likeliest]
         by_action, by_moved = self._settings.weights
-        action, objects = np.ones(len(one.ids)), near_moved[chosen]
-        scores = (by_action * action + by_moved * objects) / (by_action + by_moved)
-        return attrs.evolve(one, key_scores=scores, action_cosines=action, objects_cosines=objects)
+        action = np.ones(len(one.ids))
+        scores = (by_action * action + by_moved * near_moved) / (by_action + by_moved)
+        return attrs.evolve(one, key_scores=scores, action_cosines=action, objects_cosines=near_moved)

@@ -32,7 +32,7 @@ class NotAKey(MemoError):
         return f"{shown!r} is no subtask: {self.problem}; expected ACTION(object) or ACTION(object, place)"
 
 
-@attrs.frozen(order=True)
+@attrs.frozen(order=True, cache_hash=True)
 class Key:
     """An action and its objects in normal spelling: lower case, single spaces, no articles.
 

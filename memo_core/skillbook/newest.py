@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol, TypeVar
 
+import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
@@ -18,7 +19,7 @@ from memo_core.skillbook.keys import Key
 from memo_core.skillbook.provenance import Provenance
 from memo_core.skillbook.text_vectors import PLACE_NAMES, places
 
-_LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
+LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
 
 
 class _HasEntry(Protocol):
@@ -36,7 +37,7 @@ _MINE = (
         _E.superseded_by.is_(None),
     )
     .order_by(_E.id.desc())
-    .limit(sa.literal_column(str(_LATEST)))
+    .limit(sa.literal_column(str(LATEST)))
     .offset(sa.literal_column("0"))
     .subquery()
 )
@@ -48,19 +49,34 @@ _SAID = (
 
 
 def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list[int]:
-    """The corrections under some keys, at most ``PLACES``, that were made of what each person said last there, the
-    latest speakers' first. If they would exceed ``most``, one correction per remark, so that every person is
-    represented."""
-    last: dict[str, tuple[float, int]] = {}
-    made: dict[tuple[float, int], list[int]] = {}
-    for entry, who, when, feedback in database.fetch(_SAID, {"kind": "correction"} | places(list(keys))):
-        moment = (when, feedback)
-        last[who] = max(last.get(who, moment), moment)
-        made.setdefault(moment, []).append(entry)
+    """``newest_of`` the corrections under some keys, at most ``PLACES``, from the book."""
+    rows = database.fetch(_SAID, {"kind": "correction"} | places(list(keys)))
+    if not rows:
+        return []
+    entries, who, when, feedback = (np.array(column) for column in zip(*rows, strict=True))
+    return newest_of(entries, np.unique(who, return_inverse=True)[1], when, feedback, most)
+
+
+def newest_of(entries: np.ndarray, who: np.ndarray, when: np.ndarray, feedback: np.ndarray, most: int) -> list[int]:
+    """The corrections that were made of what each person said last, the latest speakers' first. If they would exceed
+    ``most``, one correction per remark, so that every person is represented.
+
+    Of shape (n,), for each correction and each feedback that it was made of: ids of both, the number of the person who
+    gave the feedback, and when.
+    """
+    if not len(entries):
+        return []
+    order = np.lexsort((feedback, when, who))
+    last = order[np.append(np.diff(who[order]) != 0, True)]
+    last = feedback[last[np.lexsort((feedback[last], when[last]))[::-1]]]
+    made: dict[int, list[int]] = {number: [] for number in last.tolist()}
+    mine = np.isin(feedback, last)
+    for entry, number in zip(entries[mine].tolist(), feedback[mine].tolist(), strict=True):
+        made[number].append(entry)
     found: list[int] = []
-    for moment in sorted(last.values(), reverse=True):
-        mine = sorted(set(made[moment]).difference(found), reverse=True)
-        found += mine if len(found) + len(mine) <= most else mine[:1]
+    for several in made.values():
+        new = sorted(set(several).difference(found), reverse=True)
+        found += new if len(found) + len(new) <= most else new[:1]
     return found
 
 

@@ -31,10 +31,15 @@ class Provenance:
 
 def provenance_of(database: Database, entries: Sequence[int]) -> dict[int, Provenance]:
     """By entry; an entry without known words is left out."""
-    found: dict[int, Provenance] = {}
+    said: dict[int, list[tuple[str, float, str]]] = {}
     for part in batched(entries, PLACES):
         for entry, who, when, subtask in database.fetch(_SAID, places(part)):
-            before = found.get(entry, Provenance())
-            names = (*(name for name in before.who if name != who), who)
-            found[entry] = Provenance(names, float(when), subtask or before.subtask)
-    return found
+            said.setdefault(entry, []).append((who, when, subtask))
+    return {entry: _from(remarks) for entry, remarks in said.items()}
+
+
+def _from(remarks: Sequence[tuple[str, float, str]]) -> Provenance:
+    """Of remarks in the order in which they were made: who, when, and of which subtask."""
+    names = dict.fromkeys(who for who, _, _ in reversed(remarks))
+    subtask = next((subtask for _, _, subtask in reversed(remarks) if subtask), "")
+    return Provenance(tuple(reversed(names)), float(remarks[-1][1]), subtask)

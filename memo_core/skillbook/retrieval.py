@@ -8,8 +8,6 @@ found, but for a remark about gripping.
 from __future__ import annotations
 
 import threading
-from collections import Counter
-from itertools import islice
 from math import isnan, nan
 from typing import NamedTuple
 
@@ -166,11 +164,10 @@ class Retriever:
     # -- ranking -------------------------------------------------------------------------------------------------------
     def _ranked(self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question) -> list[_Ranked]:
         """The best of the candidates, by score, likeness of the text, confirmed uses and recency."""
-        there = np.array([entry in rows for entry in found.ids.tolist()], dtype=bool)
-        found = found if there.all() else found.only(there)
+        if not all(entry in rows for entry in found.ids.tolist()):  # of a damaged book
+            found = found.only(np.array([entry in rows for entry in found.ids.tolist()]))
         if not len(found.ids):
             return []
-        found = found.only(found.served(self._settings, self._settings.room(kind)))
         if self._settings.ranking == "key-and-text" and self._settings.built_weight:
             known = self._built.of(question.context, [rows[entry] for entry in found.ids.tolist()])
             found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in found.ids.tolist()]))
@@ -230,30 +227,27 @@ class Retriever:
     def _cut(self, question: Question, served: dict[str, tuple[Served, ...]], state: Contents) -> tuple[Cut, ...]:
         """Of the nearest keys those that nothing, or not everything, was served of."""
         rows = question.scores.best_first(_FIRST)
-        from_key = Counter((one.entry.kind, one.entry.key) for some in served.values() for one in some)
-        left = {
-            kind: [int(state.sizes[kind][row]) - from_key[kind, state.keys[row]] for row in rows.tolist()]
-            for kind in KINDS
-        }
+        place_of = {state.keys[row]: place for place, row in enumerate(rows.tolist())}
+        left = {kind: state.sizes[kind][rows] for kind in KINDS}  # copies
+        nothing = np.ones(len(rows), bool)
+        for kind in KINDS:
+            of = [place_of[one.entry.key] for one in served[kind] if one.entry.key in place_of]
+            np.subtract.at(left[kind], of, 1)
+            nothing[of] = False
         passing = question.scores.scores[rows] >= self._settings.cut - TIE
-        nothing = [not any(from_key[kind, state.keys[row]] for kind in KINDS) for row in rows.tolist()]
         below = f"below the cut {self._settings.cut:g}"
-        refused = (
-            self._cut_of(question, state, row, sum(left[kind][n] for kind in KINDS), rule)
-            for n, row in enumerate(rows.tolist())
-            for rule in ["opposite action" if question.opposite[row] else below]
-            if nothing[n] and (question.opposite[row] or not passing[n])
-        )
-        told = [*islice(refused, _SHOWN)]
+        opposite = question.opposite[rows]
+        told = [
+            self._cut_of(question, state, int(rows[n]), int(sum(left[kind][n] for kind in KINDS)), rule)
+            for n in np.flatnonzero(nothing & (opposite | ~passing))[:_SHOWN].tolist()
+            for rule in ["opposite action" if opposite[n] else below]
+        ]
         for kind in KINDS:
             limit = self._settings.limit(kind)
             if len(served[kind]) >= limit:
-                beyond = (
-                    self._cut_of(question, state, row, left[kind][n], f"beyond the first {limit} {kind}s")
-                    for n, row in enumerate(rows.tolist())
-                    if left[kind][n] and passing[n] and not question.opposite[row]
-                )
-                told += islice(beyond, _SHOWN)
+                rule = f"beyond the first {limit} {kind}s"
+                beyond = np.flatnonzero((left[kind] != 0) & passing & ~opposite)[:_SHOWN]
+                told += [self._cut_of(question, state, int(rows[n]), int(left[kind][n]), rule) for n in beyond]
         return tuple(told)
 
     def _cut_of(self, question: Question, state: Contents, row: int, entries: int, rule: str) -> Cut:

@@ -48,6 +48,8 @@ class Candidates:
     @classmethod
     def joined(cls, several: Sequence[Candidates]) -> Candidates:
         """All of them; of one that occurs more than once the first counts."""
+        if len(several) == 1:
+            return several[0]
         columns = [np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(cls)]
         _, first = np.unique(columns[0], return_index=True)
         first.sort()
@@ -77,14 +79,14 @@ class Candidates:
         """Whose key passes the cut, bool."""
         return np.asarray(self.key_scores >= settings.cut - TIE)
 
-    def served(self, settings: RetrievalSettings, room: int) -> np.ndarray:
+    def served(self, settings: RetrievalSettings, room: int, scores: np.ndarray | None = None) -> np.ndarray:
         """Which of them may be served, bool: those whose key passes the cut; and beside them, while fewer than
         ``room`` pass, those whose score is near the best one's and whose text shares a term with the subtask or is
-        like it."""
+        like it. ``scores``: theirs, where they are known."""
         passing = self.passing(settings)
-        if settings.ranking == "key" or not len(self.ids):
+        if settings.ranking == "key" or passing.all():
             return passing | self.must
-        scores = self.scores(settings)
+        scores = self.scores(settings) if scores is None else scores
         speaking = (self.overlap > 0) | (self.likeness >= settings.text_floor)
         beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
         chosen = passing | self.must

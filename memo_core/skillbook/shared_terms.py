@@ -14,6 +14,7 @@ from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
 
 GRIP = "~grip"  # the term of everything that says how a thing is held
+RELEASE = "~release"  # where texts are kept as numbers (``memo_core.skillbook.term_lists``): of those that ``releases``
 _SEEN, GRIPPED, _ATTRIBUTE = 0.5, 0.5, 0.25  # weights beside the 1 of what the subtask names
 _WORDS_STOP = """
 a about after an and are as at be before but by do don't for from if in into is isn't it its no not of off on onto or
@@ -50,8 +51,12 @@ class Terms:
 
     def about_gripping(self, text: str) -> bool:
         """Whether a text says how to hold a thing, and not how to let go of it."""
+        return GRIP in self.of_text(text) and not self.releases(text)
+
+    def releases(self, text: str) -> bool:
+        """Whether a text says how to let go of a thing."""
         lowered = text.lower()
-        return GRIP in self.of_text(text) and not any(words in lowered for words in self._releasing)
+        return any(words in lowered for words in self._releasing)
 
     def particular(self, text: str) -> bool:
         """Whether a text names an action or a part that things have, and so is about some subtasks only."""

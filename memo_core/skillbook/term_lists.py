@@ -1,7 +1,7 @@
 """The terms of many texts as numbers, so that the overlap of a subtask with thousands of texts is a table lookup.
 
-Texts are appended and never changed. A text has the terms that ``Terms.of_text`` gives it; ``TermLists.overlap`` is
-``Terms.overlap``.
+Texts are appended and never changed. A text has the terms that ``Terms.of_text`` gives it, and ``RELEASE`` if it says
+how a thing is held and let go of; ``TermLists.overlap`` is ``Terms.overlap``.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from memo_core.skillbook.shared_terms import WORD, Terms, Wanted
+from memo_core.skillbook.shared_terms import GRIP, RELEASE, WORD, Terms, Wanted
 
+_NO_TERM = 0  # number of a term that no subtask has: a text without terms has it
 _BETWEEN = "\0"  # between texts that are read together
 _WORDS = re.compile(f"{WORD.pattern}|{_BETWEEN}")
 _ROOM = 1024  # numbers that a growing array has room for at first
 
 
-class _Numbers:
+class Growing:
     """An array that grows at its end."""
 
     def __init__(self, dtype: type[np.generic]) -> None:
@@ -53,19 +54,20 @@ class TermLists:
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
         self._words = _Words({_BETWEEN: 0})
-        self._numbers: dict[str, int] = {}  # of terms
+        self._numbers = {"": _NO_TERM, GRIP: 1, RELEASE: 2}  # of terms
         self._of_words = np.zeros(0, np.int32)  # terms of word 0, of word 1, …
         self._first = np.zeros(1, np.int64)  # where those of each word begin, and the end
-        self._flat = _Numbers(np.int32)  # terms of text 0, of text 1, …, each once a text
-        self._lengths = _Numbers(np.int32)
-        self._ends = _Numbers(np.int64)
+        self._flat = Growing(np.int32)  # terms of text 0, of text 1, …, each once a text; of a text without, no term
+        self._starts = Growing(np.int64)  # where those of each text begin, and the end
+        self._starts.add(np.zeros(1, np.int64))
+        self._weighed: tuple[Wanted | None, np.ndarray] = (None, np.zeros(0))  # what was asked last, weights by number
 
     def __len__(self) -> int:
-        return len(self._lengths.values)
+        return len(self._starts.values) - 1
 
     @property
     def nbytes(self) -> int:
-        return sum(one.values.nbytes for one in (self._flat, self._lengths, self._ends))
+        return sum(one.values.nbytes for one in (self._flat, self._starts))
 
     def add(self, texts: Sequence[str]) -> np.ndarray:
         """Append texts. Returns which of them, counted from 0, has which term: int64 (2, n)."""
@@ -81,13 +83,17 @@ class TermLists:
         counts = self._first[words + 1] - self._first[words]
         some = counts > 0
         words, text_of, counts = words[some], text_of[some], counts[some]
-        numbers = self._of_words[ranges(self._first[words], counts)]
-        pairs = np.unique((np.repeat(text_of, counts) << 32) | numbers)
+        numbers, text_of = self._of_words[ranges(self._first[words], counts)], np.repeat(text_of, counts)
+        nothing = np.flatnonzero(np.bincount(text_of, minlength=len(texts)) == 0) << 32 | _NO_TERM
+        gripping = sorted_unique(text_of[numbers == self._numbers[GRIP]])
+        releasing = [place for place in gripping.tolist() if self._terms.releases(texts[place])]
+        more = np.array(releasing, np.int64) << 32 | self._numbers[RELEASE]
+        pairs = sorted_unique(np.concatenate([(text_of << 32) | numbers, nothing, more]))
         text_of, numbers = pairs >> 32, pairs & 0xFFFFFFFF
         lengths = np.bincount(text_of, minlength=len(texts))
-        self._ends.add(len(self._flat.values) + np.cumsum(lengths))
+        self._starts.add(len(self._flat.values) + np.cumsum(lengths))
         self._flat.add(numbers)
-        self._lengths.add(lengths)
+        self._weighed = (None, self._weighed[1])
         return np.stack([text_of, numbers])
 
     def numbers_of(self, wanted: Wanted) -> dict[int, float]:
@@ -96,31 +102,32 @@ class TermLists:
 
     def overlap(self, positions: np.ndarray, wanted: Wanted) -> np.ndarray:
         """The share of a subtask's terms that each of some texts has, 0 to 1, float64 (n,)."""
-        lengths = self._lengths.values[positions]
-        numbers = self._flat.values[ranges(self._ends.values[positions] - lengths, lengths)]
-        return self._sums(numbers, lengths, wanted)
-
-    def overlap_between(self, spans: Sequence[tuple[int, int]], wanted: Wanted) -> np.ndarray:
-        """The same of all texts from each start up to its stop, one span after the other."""
-        flat, lengths, ends = self._flat.values, self._lengths.values, self._ends.values
-        spans = [(start, stop) for start, stop in spans if stop > start]
-        if not spans:
+        if not len(positions):
             return np.zeros(0)
-        numbers = [flat[ends[start] - lengths[start] : ends[stop - 1]] for start, stop in spans]
-        return self._sums(
-            np.concatenate(numbers), np.concatenate([lengths[start:stop] for start, stop in spans]), wanted
-        )
+        numbers, firsts = self._of(positions)
+        return np.minimum(np.add.reduceat(self._weights(wanted)[numbers], firsts) / wanted[1], 1.0)
 
-    def _sums(self, numbers: np.ndarray, lengths: np.ndarray, wanted: Wanted) -> np.ndarray:
-        weights = self.numbers_of(wanted)
-        if not weights or not len(lengths):
-            return np.zeros(len(lengths))
-        table = np.zeros(len(self._numbers) + 1, np.float32)
-        table[list(weights)] = list(weights.values())
-        sums, some = np.zeros(len(lengths)), lengths > 0
-        if len(numbers):
-            sums[some] = np.add.reduceat(table[numbers], (np.cumsum(lengths) - lengths)[some])
-        return np.minimum(sums / wanted[1], 1.0)
+    def have(self, positions: np.ndarray, term: str) -> np.ndarray:
+        """Which of some texts have a term, bool (n,)."""
+        if not len(positions):
+            return np.zeros(0, bool)
+        numbers, firsts = self._of(positions)
+        return np.logical_or.reduceat(numbers == self._numbers.get(term, -1), firsts)
+
+    def _of(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the terms of texts, one text after the other, and where those of each begin."""
+        starts = self._starts.values[positions]
+        lengths = self._starts.values[positions + 1] - starts
+        return self._flat.values[ranges(starts, lengths)], np.cumsum(lengths) - lengths
+
+    def _weights(self, wanted: Wanted) -> np.ndarray:
+        """By number of a term, float64; a question asks several times."""
+        if self._weighed[0] is not wanted:
+            table = np.zeros(len(self._numbers))
+            for number, weight in self.numbers_of(wanted).items():
+                table[number] = weight
+            self._weighed = (wanted, table)
+        return self._weighed[1]
 
     def _learn(self) -> None:
         """The terms of words that were met for the first time."""
@@ -134,6 +141,21 @@ class TermLists:
         ]
         self._of_words = np.concatenate([self._of_words, np.array([n for some in each for n in some], np.int32)])
         self._first = np.concatenate([self._first, self._first[-1] + np.cumsum([len(some) for some in each])])
+
+
+def sorted_unique(values: np.ndarray) -> np.ndarray:
+    """``numpy.unique`` by sorting: of a million integers several times as fast as by hashing, which numpy does."""
+    ordered = np.sort(values)
+    new = np.ones(len(ordered), bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return ordered[new]
+
+
+def within(values: np.ndarray, ascending: np.ndarray) -> np.ndarray:
+    """Which of some numbers occur in an ascending array, bool."""
+    if not len(ascending):
+        return np.zeros(len(values), bool)
+    return np.asarray(ascending[np.minimum(np.searchsorted(ascending, values), len(ascending) - 1)] == values)
 
 
 def ranges(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import attrs
@@ -14,14 +15,16 @@ from memo_benchmarks.generated_book import BookSize, fill, keys_of
 from memo_benchmarks.skillbook import WordVectors
 from test_skillbook_retrieval_cache import KEYS, STEPS, change
 
-from memo_core.skillbook import best_entries, entry_index
+from memo_core.skillbook import best_entries, entry_index, queries
 from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.newest import newest_of_people
 from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
-from memo_core.skillbook.shared_terms import Terms
+from memo_core.skillbook.shared_terms import GRIP, RELEASE, Terms
+from memo_core.skillbook.speakers import Speakers
 from memo_core.skillbook.term_lists import TermLists
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
@@ -42,7 +45,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def pruned(monkeypatch: pytest.MonkeyPatch) -> None:
     """A small book is read as a large one is: most entries are never scored."""
-    monkeypatch.setattr(best_entries, "_FEW", 0)
+    monkeypatch.setattr(best_entries, "_KEYS_FIRST", 8)
     monkeypatch.setattr(best_entries, "_FIRST", 40)
     monkeypatch.setattr(best_entries, "_SCORED_FIRST", 30)
 
@@ -123,7 +126,10 @@ def _told(found: Retrieval) -> list[tuple[int, float, float]]:
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(
-        st.lists(st.sampled_from(["Open", "opening", "the", "shaker", "\0", "don't", "7", "knob", "é"])), max_size=9
+        st.lists(
+            st.sampled_from(["Open", "opening", "the", "shaker", "\0", "don't", "7", "knob", "é", "grip", "drop it"])
+        ),
+        max_size=9,
     ),
     st.sampled_from(["OPEN(shaker)", "ROTATE(knob)", "POKE(anvil)"]),
     st.integers(0, 9),
@@ -138,5 +144,30 @@ def test_terms_as_numbers_overlap_as_words_do(texts: list[list[str]], subtask: s
     each = [terms.overlap(wanted, text) for text in written]
     backwards = np.arange(len(written))[::-1]
     assert lists.overlap(backwards, wanted).tolist() == pytest.approx(each[::-1])
-    spans = [(1, len(written)), (0, min(1, len(written)))]
-    assert lists.overlap_between(spans, wanted).tolist() == pytest.approx(each[1:] + each[:1])
+    about = lists.have(backwards, GRIP) & ~lists.have(backwards, RELEASE)
+    assert about.tolist() == [terms.about_gripping(text) for text in written[::-1]]
+
+
+def test_who_spoke_last_in_memory_is_who_spoke_last_in_the_book(tmp_path: Path) -> None:
+    """Of people who said several things, of remarks that became several notes, and of more than may be served."""
+    path, keys = str(tmp_path / "b.db"), [Key.parse("OPEN(microwave)"), Key.parse("PULL(drawer)")]
+    draw = random.Random(3)
+    with Skillbook(path, FakeEmbedder()) as book:
+        speakers = Speakers(book._database)
+        for number in range(40):
+            who, key = draw.choice(["ana", "bob", "cid", f"guest {number}"]), draw.choice(keys)
+            notes = [f"note {number} {n}" for n in range(draw.choice((1, 2, 5)))]
+            book.add_many([Lesson("no", who, key, tuple(notes))])
+            if number == 30:
+                book.forget("ana")
+            speakers.follow(anew=number == 30)
+            if number % 5:
+                continue
+            for key in keys:
+                mine = [one.id for one in book.entries("correction", key)]
+                with book._database.read() as connection:
+                    [known] = [i for i, one in queries.keys_by_id(connection).items() if one == key] or [-1]
+                for most in (3, 20):
+                    expected = newest_of_people(book._database, [known], most)
+                    assert speakers.newest(np.array(mine, np.int64), most) == expected
+                    assert not mine or expected
