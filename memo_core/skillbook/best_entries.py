@@ -54,9 +54,16 @@ class Scored:
     @classmethod
     def joined(cls, several: list[Scored]) -> Scored:
         """All of them, each once."""
-        columns = [np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(cls)]
-        _, first = np.unique(columns[0], return_index=True)
-        return cls(*(column[first] for column in columns))
+        every = cls.appended(several)
+        return every.only(np.unique(every.positions, return_index=True)[1])
+
+    @classmethod
+    def appended(cls, several: list[Scored]) -> Scored:
+        """All of them, one after the other."""
+        if len(several) == 1:
+            return several[0]
+        columns = zip(*((one.positions, one.similar, one.overlap) for one in several), strict=True)
+        return cls(*[np.concatenate(column) for column in columns])
 
 
 def scored(asked: Weighed, positions: np.ndarray, overlap: np.ndarray | None = None) -> Scored:
@@ -124,8 +131,8 @@ class _Likely:
         return self.only(slice(count, None))
 
     def joined(self, other: _Likely) -> _Likely:
-        columns = [np.concatenate([getattr(one, f.name) for one in (self, other)]) for f in attrs.fields(_Likely)]
-        both = _Likely(*columns)
+        pairs = ((self.positions, other.positions), (self.overlap, other.overlap), (self.limit, other.limit))
+        both = _Likely(*[np.concatenate(pair) for pair in pairs])
         return both.only(np.argsort(-both.limit, kind="stable"))
 
     def reaching(self, least: float) -> _Likely:
@@ -135,8 +142,7 @@ class _Likely:
 
 def _best(asked: Weighed, several: list[Scored], count: int, floor: float) -> tuple[Scored, float]:
     """The best of them, and what another one must score to be among them."""
-    columns = (np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(Scored))
-    found = Scored(*columns)
+    found = Scored.appended(several)
     of = asked.index.slot(found.positions)
     if np.isfinite(floor) and len(of):
         chosen = (found.overlap > 0) | ((found.similar + asked.key_similar[of]) / 2 >= floor)

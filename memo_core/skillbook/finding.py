@@ -119,12 +119,12 @@ class Finder:
         joined = Candidates.joined(several)
         joined = attrs.evolve(joined, must=np.isin(joined.ids, newest)) if newest else joined
         scores = joined.scores(settings)
-        chosen = best(scores, joined.similar, _MORE * limit, joined.must)
-        joined, scores = joined.only(chosen), scores[chosen]
+        if len(scores) > _MORE * limit:
+            chosen = best(scores, joined.similar, _MORE * limit, joined.must)
+            joined, scores = joined.only(chosen), scores[chosen]
         chosen = np.flatnonzero(joined.served(settings, settings.room(kind), scores))
-        more = self._more(kind, question)
-        first = best(scores[chosen], joined.similar[chosen], more * limit, joined.must[chosen])
-        return joined.only(chosen[first])
+        count = limit * self._more(kind, question)
+        return joined.only(chosen[best(scores[chosen], joined.similar[chosen], count, joined.must[chosen])])
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _positions(self, ids: np.ndarray) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ _E, _K = tables.entries.c, tables.keys.c
 _COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
 _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
-_PLACES = (48, 128)  # what is served; and twice that, what people said last, and the general statements
+_PLACES = (32, 48, 64, 96, 128)  # numbers of entries that a prepared statement reads
 _CHUNK = 500
 _BATCH = 1_000  # rows of a whole book that are in memory at a time
 _PLACE_NAMES = {size: [f"id{n}" for n in range(size)] for size in _PLACES}
@@ -73,7 +73,7 @@ def generation_of(database: Database) -> int:
 
 def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key]) -> tuple[int, dict[int, Entry]]:
     """The book's generation and entries by id, as one statement and so of one state of the book. ``keys`` are those
-    that the caller knows, by id; entries under other keys are left out. The statement has one of two numbers of
+    that the caller knows, by id; entries under other keys are left out. The statement has one of a few numbers of
     parameters, padded with the first id, so that it is prepared only once.
     """
     size = next((size for size in _PLACES if len(ids) <= size), 0)

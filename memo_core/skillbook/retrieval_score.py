@@ -50,13 +50,28 @@ class Candidates:
         """All of them; of one that occurs more than once the first counts."""
         if len(several) == 1:
             return several[0]
-        columns = [np.concatenate([getattr(one, f.name) for one in several]) for f in attrs.fields(cls)]
+        columns = [np.concatenate(column) for column in zip(*(one._columns for one in several), strict=True)]
         _, first = np.unique(columns[0], return_index=True)
         first.sort()
         return cls(*(column[first] for column in columns))
 
     def only(self, chosen: np.ndarray) -> Candidates:
-        return Candidates(*(getattr(self, field.name)[chosen] for field in attrs.fields(Candidates)))
+        return Candidates(*[column[chosen] for column in self._columns])
+
+    @property
+    def _columns(self) -> tuple[np.ndarray, ...]:
+        return (
+            self.ids,
+            self.key_scores,
+            self.action_cosines,
+            self.objects_cosines,
+            self.similar,
+            self.key_similar,
+            self.overlap,
+            self.must,
+            self.exchanged,
+            self.built,
+        )
 
     @property
     def likeness(self) -> np.ndarray:
