@@ -1,8 +1,9 @@
 """What a language model makes of everyday sentences (``memo bench understanding FILE``).
 
-For each sentence the model writes code for the subtask untaught (phase 2), notes what the person said of it (phase 3)
-and writes code again with those notes. A hand without a robot runs both programs; what it does differently is compared
-with what the person meant, which the file says as ``effects``:
+For each sentence the model writes code for the subtask untaught (phase 2), unless the file holds the program whose
+attempt the person saw; it notes what the person said of it (phase 3) and writes code again with those notes. A hand
+without a robot runs both programs; what it does differently is compared with what the person meant, which the file says
+as ``effects``:
 
 - *understood*: all that was meant is in the second motion, and nothing that people talk about changed besides
 - *asked back*: no note was made, and the answer says what would have to be asked
@@ -66,6 +67,9 @@ class Saying:
     says: str
     means: str = ""
     effects: tuple[str, ...] = attrs.field(converter=tuple, default=())
+    code: str = ""  # the program of that attempt; without it the model writes one, which may do something else
+    printed: str = ""
+    ended: str = "a person found fault with it"
 
     @effects.validator
     def _known(self, _: Any, effects: tuple[str, ...]) -> None:
@@ -190,7 +194,7 @@ class _Listener:
 
     def hear(self, saying: Saying) -> Heard:
         scene = scene_for(saying.subtask)
-        code = self._code(saying, scene, [])
+        code = saying.code or self._code(saying, scene, [])
         notes = self._notes(saying, scene, code)
         said = (*notes.corrections, *notes.general)
         before, after = self._motion(code, scene), None
@@ -219,11 +223,10 @@ class _Listener:
         )
 
     def _notes(self, saying: Saying, scene: SceneGraph, code: str) -> Notes:
-        told = {"task": saying.task.replace("-", " "), "subtask": saying.subtask, "words": saying.says, "code": code}
+        told = {"task": saying.task.replace("-", " "), "subtask": saying.subtask, "words": saying.says}
+        attempt = {"code": code, "printed": saying.printed, "ended": saying.ended}
         try:
-            return self._answer(
-                "feedback", scene, read_notes, ended="a person found fault with it", plans=True, planning=False, **told
-            )
+            return self._answer("feedback", scene, read_notes, plans=True, planning=False, **told, **attempt)
         except Unreadable as error:
             return Notes((), (), str(error))
 

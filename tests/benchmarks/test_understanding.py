@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 
+import attrs
 import pytest
 from memo_benchmarks.sayings_scenes import scene_for
-from memo_benchmarks.understanding import Saying, agreement, judged, sayings_in
+from memo_benchmarks.understanding import Saying, agreement, bench_understanding, judged, sayings_in
 
 from memo_core.errors import InvalidArgument
+from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Notes
+from memo_core.skills.contract import BUILTIN_SKILLS
+from memo_core.skills.skill import skill_library
+from memo_core.testing.fake_llm import ScriptedModel
 
 
 def saying(*effects: str) -> Saying:
@@ -54,3 +59,17 @@ def test_a_sentence_without_judges_is_named(tmp_path):
     file.write_text('{"says": "x"}\n', "utf-8")
     with pytest.raises(InvalidArgument, match="sentence 1"):
         agreement(file)
+
+
+def test_what_was_said_of_a_program_is_noted_with_that_program_in_view():
+    notes = '{"corrections": ["Press harder than with 4 N."], "general": [], "plan": [], "unclear": ""}'
+    model = ScriptedModel({"feedback": [notes] * 2, "code": ["```python\nlook()\n```"] * 3})
+    code = "press([0, 0, -1], 4.0, seconds=0.5)"
+    of_none = Saying("punch holes", "PRESS(hole punch)", "it barely went down", "Harder!")
+    of_a_program = attrs.evolve(of_none, code=code, printed="4 N")
+    heard = bench_understanding(model, [of_a_program, of_none], skill_library(BUILTIN_SKILLS), Prompts())
+    assert [one.notes for one in heard] == [("Press harder than with 4 N.",)] * 2
+    first, second = model.prompts("feedback")
+    assert code in first and "## Printed by the code" in first
+    assert code not in second and "look()" in second, "the model's own"
+    assert [request.phase for request in model.asked] == ["feedback", "code", "code", "feedback", "code"]
