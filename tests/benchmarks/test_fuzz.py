@@ -9,6 +9,7 @@ import pytest
 from memo_benchmarks.fuzz.bench import Child, replay
 from memo_benchmarks.fuzz.child import faults_of
 from memo_benchmarks.fuzz.mutations import damaged_lines
+from memo_benchmarks.fuzz.run_folders import LOG, RunFolders
 
 FOUND = sorted(path for path in (Path(__file__).parents[1] / "fuzz").iterdir() if path.is_dir())
 
@@ -51,3 +52,9 @@ def test_the_same_number_gives_the_same_damage():
     records = [{"record": "book", "a": [1, 2]}, {"record": "entry", "text": "words"}]
     once, again = (damaged_lines(records, Random("imports 0 7")) for _ in range(2))
     assert once == again and once != damaged_lines(records, Random("imports 0 8"))
+
+
+def test_what_was_damaged_already_can_be_damaged_again():
+    files = {LOG: b"[" * 100_000, "config.yaml": b"task: \x97", "calls/1.json": b"\xff" * 9}
+    for number in range(300):
+        RunFolders()._damage(dict(files), Random(number))

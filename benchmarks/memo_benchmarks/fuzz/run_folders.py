@@ -10,6 +10,7 @@ from random import Random
 from memo_benchmarks.fuzz.kind import Command, Kind, Memo
 from memo_benchmarks.fuzz.mutations import damaged_bytes, damaged_lines, damaged_text
 from memo_benchmarks.fuzz.recordings import SETTINGS
+from memo_core.parsing import parse_json
 
 LOG = "log.jsonl"
 
@@ -70,10 +71,10 @@ class RunFolders(Kind):
 
     def _damaged_lines(self, data: bytes, draw: Random) -> bytes:
         try:
-            records = [json.loads(line) for line in data.splitlines()]
+            records = [parse_json(line) for line in data.splitlines()]
         except ValueError:  # one document, or no JSON
             try:
-                records = [json.loads(data)]
+                records = [parse_json(data)]
             except ValueError:
                 return damaged_bytes(data, draw)
         return damaged_lines(records, draw)
