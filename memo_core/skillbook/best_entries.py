@@ -18,8 +18,7 @@ from memo_core.skillbook.shared_terms import Wanted
 from memo_core.skillbook.term_lists import within
 
 _KEYS_FIRST = 64  # the most promising keys, of which
-_FIRST = 300  # so many entries are looked at first
-_SCORED_FIRST = 256  # entries that are scored to learn which others cannot be among the best
+_FIRST = 15  # times as many entries as are wanted are scored to learn which others cannot be among the best
 
 
 @attrs.frozen(eq=False)
@@ -87,17 +86,18 @@ def best_entries(asked: Weighed, count: int, near: np.ndarray, nearest: float, f
     limits = (asked.base + asked.by_text * nearest + asked.by_terms * asked.most)[slots]
     order = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(slots) > _KEYS_FIRST else np.arange(len(slots))
     order = order[np.argsort(-limits[order], kind="stable")]
-    order = order[: 1 + int(np.searchsorted(np.cumsum(index.sizes[slots[order]]), _FIRST))]
+    few = _FIRST * count
+    order = order[: 1 + int(np.searchsorted(np.cumsum(index.sizes[slots[order]]), few))]
     near = near[np.isfinite(asked.base[index.slot(near)])]
 
     first = _Likely.under(asked, slots[order], nearest, floor, near)
-    begun = scored(asked, np.concatenate([near, first.positions[:_SCORED_FIRST]]))
+    begun = scored(asked, np.concatenate([near, first.positions[:few]]))
     found, least = _best(asked, [begun], count, floor)
     reaching = limits >= least
     reaching[order] = False
     others = _Likely.under(asked, slots[reaching], nearest, floor, near)
-    left = first.after(_SCORED_FIRST).joined(others)
-    for start, stop in ((0, _SCORED_FIRST), (_SCORED_FIRST, None)):
+    left = first.after(few).joined(others)
+    for start, stop in ((0, few), (few, None)):
         some = left.reaching(least).only(slice(start, stop))
         if len(some.positions):
             found, least = _best(asked, [found, scored(asked, some.positions, some.overlap)], count, floor)

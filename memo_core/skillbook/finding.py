@@ -21,6 +21,7 @@ from memo_core.skillbook.retrieval_score import TIE, Candidates, best
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.shared_terms import GRIP, RELEASE, Terms
 from memo_core.skillbook.speakers import Speakers
+from memo_core.skillbook.term_lists import within
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
@@ -117,7 +118,7 @@ class Finder:
             newest = self._speakers.newest(index.ids(own), settings.corrections)
             several.append(self._scored(kind, question, near, scored(asked, index.positions(np.array(newest)))))
         joined = Candidates.joined(several)
-        joined = attrs.evolve(joined, must=np.isin(joined.ids, newest)) if newest else joined
+        joined = attrs.evolve(joined, must=within(joined.ids, np.sort(newest))) if newest else joined
         scores = joined.scores(settings)
         if len(scores) > _MORE * limit:
             chosen = best(scores, joined.similar, _MORE * limit, joined.must)

@@ -17,6 +17,7 @@ from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.provenance import Provenance
+from memo_core.skillbook.term_lists import within
 from memo_core.skillbook.text_vectors import PLACE_NAMES, places
 
 LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
@@ -70,7 +71,7 @@ def newest_of(entries: np.ndarray, who: np.ndarray, when: np.ndarray, feedback: 
     last = order[np.append(np.diff(who[order]) != 0, True)]
     last = feedback[last[np.lexsort((feedback[last], when[last]))[::-1]]]
     made: dict[int, list[int]] = {number: [] for number in last.tolist()}
-    mine = np.isin(feedback, last)
+    mine = within(feedback, np.sort(last))
     for entry, number in zip(entries[mine].tolist(), feedback[mine].tolist(), strict=True):
         made[number].append(entry)
     found: list[int] = []

@@ -40,7 +40,7 @@ class Terms:
         self._grasp_first = frozenset(phases.get("grasp_first", ()))
         self._gripping = frozenset(_stem(word) for word in phases.get("gripping", ()))
         self._parts = frozenset(_stem(part) for part in actions.parts)
-        self._releasing = phases.get("releasing", ())
+        self._releasing = re.compile("|".join(map(re.escape, phases.get("releasing", ()))) or "(?!)")  # "(?!)": never
         self.of_text = lru_cache(maxsize=20_000)(self._of_text)
         self.of_word = lru_cache(maxsize=20_000)(self._terms_of)  # of a large book few texts, but most words, recur
 
@@ -55,8 +55,7 @@ class Terms:
 
     def releases(self, text: str) -> bool:
         """Whether a text says how to let go of a thing."""
-        lowered = text.lower()
-        return any(words in lowered for words in self._releasing)
+        return self._releasing.search(text.lower()) is not None
 
     def particular(self, text: str) -> bool:
         """Whether a text names an action or a part that things have, and so is about some subtasks only."""

@@ -13,6 +13,8 @@ from memo_core.skillbook.newest import LATEST, newest_of
 from memo_core.skillbook.term_lists import Growing, ranges
 
 _F, _S = tables.feedback.c, tables.sources.c
+_LINKS = sa.select(_S.entry, _S.feedback).where(_S.entry > sa.bindparam("after")).order_by(_S.entry, _S.feedback)
+_SAID = sa.select(_F.id, _F.who, _F.time).where(_F.id > sa.bindparam("after")).order_by(_F.id)
 
 
 class Speakers:
@@ -32,13 +34,11 @@ class Speakers:
         """Read what came since the last time; ``anew``: everything, since some of it may be gone."""
         if anew:
             self._clear()
-        links = sa.select(_S.entry, _S.feedback).where(_S.entry > _last(self._entries))
-        said = sa.select(_F.id, _F.who, _F.time).where(_F.id > _last(self._feedback))
-        with self._database.read() as connection:
-            entries = connection.execute(links.order_by(_S.entry, _S.feedback)).all()
-            feedback = connection.execute(said.order_by(_F.id)).all()
-        self._entries.add(np.fromiter((row[0] for row in entries), np.int64, len(entries)))
-        self._made_of.add(np.fromiter((row[1] for row in entries), np.int64, len(entries)))
+        entries = self._database.fetch(_LINKS, {"after": _last(self._entries)})
+        feedback = self._database.fetch(_SAID, {"after": _last(self._feedback)})
+        both = np.array([tuple(row) for row in entries], np.int64).reshape(-1, 2)
+        self._entries.add(both[:, 0])
+        self._made_of.add(both[:, 1])
         who = [self._numbers.setdefault(row[1], len(self._numbers)) for row in feedback]
         self._feedback.add(np.fromiter((row[0] for row in feedback), np.int64, len(feedback)))
         self._who.add(np.array(who, np.int32))
@@ -46,13 +46,16 @@ class Speakers:
 
     def newest(self, corrections: np.ndarray, most: int) -> list[int]:
         """``newest_of`` the latest of these corrections, by their ids, int64 (n,)."""
+        known, said = self._entries.values, self._feedback.values
+        if not len(known) or not len(said):
+            return []
         latest = np.sort(corrections)[-LATEST:]
-        known = self._entries.values
-        starts, stops = np.searchsorted(known, latest), np.searchsorted(known, latest, side="right")
-        links = ranges(starts, stops - starts)
-        made_of = self._made_of.values[links]
-        of = np.searchsorted(self._feedback.values, made_of)
-        return newest_of(known[links], self._who.values[of], self._when.values[of], made_of, most)
+        starts = np.searchsorted(known, latest)
+        links = ranges(starts, np.searchsorted(known, latest + 1) - starts)
+        of = np.minimum(np.searchsorted(said, self._made_of.values[links]), len(said) - 1)
+        there = said[of] == self._made_of.values[links]  # all, unless somebody wrote between two readings
+        links, of = links[there], of[there]
+        return newest_of(known[links], self._who.values[of], self._when.values[of], said[of], most)
 
 
 def _last(ascending: Growing) -> int:
