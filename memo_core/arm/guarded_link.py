@@ -30,6 +30,7 @@ class GuardedLink(Link):
         self._limits = limits
         self.control_period = inner.control_period
         self.feels_force = inner.feels_force
+        self.gives_way = inner.gives_way
         self.servo_lag = inner.servo_lag
         self._stop = inner._stop  # one stop, latched in one place
         self._kinematics = Kinematics(self.description)
@@ -166,6 +167,8 @@ class GuardedLink(Link):
         if self._felt >= _FELT_TICKS:
             self._rest()
             problem = f"{felt:.0f} N felt, where {self._limits.max_force:g} N are allowed"
+            if self.gives_way:
+                problem += f" (a stiff arm; {self.gives_way} makes it give way to doors and other contact)"
             raise MotionError("motion", f"ended by this robot's safety limits: {problem}", cause="force")
 
     def _rest(self) -> None:

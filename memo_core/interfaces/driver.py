@@ -66,6 +66,7 @@ class RobotDriver(ABC):
     """Makes the link to one arm. ``simulated`` drivers need a simulator, hardware drivers get None."""
 
     simulated: bool = False
+    longest_tick: float = math.inf  # s, that a simulator's control period may have
 
     @property
     def address(self) -> str:

@@ -36,6 +36,9 @@ class Link(ABC):
     control_period: float = 0.01  # s between two sends
     can_restore: bool = False  # exact restore of the world (a simulator); hardware needs a guided reset
     feels_force: bool = False  # whether it has a ``contact_wrench``
+    gives_way: str = (
+        ""  # setting that would make its arm give way to contact, such as "robot.mode=impedance"; empty: none
+    )
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:

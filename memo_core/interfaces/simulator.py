@@ -7,6 +7,7 @@ several physics steps inside one.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from types import TracebackType
@@ -15,6 +16,7 @@ from typing import Self
 import attrs
 import numpy as np
 
+from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.mechanism_state import Mechanisms
@@ -75,6 +77,12 @@ class WorldState(ABC):
         """True pose of the tool frame."""
 
 
+def divided(seconds: float, timestep: float) -> tuple[float, int]:
+    """A physics time step of at most ``timestep`` (s), and how many of them take ``seconds``."""
+    steps = max(1, math.ceil(seconds / timestep - 1e-9))
+    return seconds / steps, steps
+
+
 class Simulator(WorldState):
     """A simulator with one robot in one scene. The constructor touches nothing; ``open`` imports and allocates."""
 
@@ -89,6 +97,13 @@ class Simulator(WorldState):
     @abstractmethod
     def close(self) -> None:
         """Idempotent."""
+
+    def shorten_tick(self, seconds: float) -> None:
+        """Before ``build``: let a tick take ``seconds`` where it would take longer. Raises ``InvalidArgument`` for a
+        simulator that cannot."""
+        if self.control_period > seconds * (1 + 1e-9):
+            given = f"has a control period of {1000 * self.control_period:g} ms, and cannot change it"
+            raise InvalidArgument("simulator", given, f"{1000 * seconds:g} ms or less for this robot driver")
 
     def __enter__(self) -> Self:
         self.open()

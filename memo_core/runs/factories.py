@@ -62,10 +62,12 @@ def world_of(experiment: Experiment, task: Task, seed: int) -> World:
             perception=experiment.create("perception"),
             settings=experiment.section("hardware"),
         )
+    simulator = experiment.create("simulator")
+    simulator.shorten_tick(driver.longest_tick)
     return SimulatedEnvironment(
         task,
         seed,
-        simulator=experiment.create("simulator"),
+        simulator=simulator,
         robot=experiment.create("robot"),
         perception=experiment.create("perception"),
         link=lambda simulator, robot: driver.link(robot, gripper, simulator),

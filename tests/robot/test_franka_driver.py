@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 
@@ -11,8 +12,8 @@ from memo_franka.driver import FrankaDriver
 from memo_franka.hand import FrankaHand
 from memo_franka.scheduling import Scheduling
 from memo_franka.settings import FrankaSettings, HandSettings
-from memo_franka.testing.hand import HandDouble
-from memo_franka.testing.wire import Error
+from memo_franka.testing.hand import Fingers, HandDouble
+from memo_franka.testing.wire import Error, HandCommand, HandStatus
 
 from memo_core.errors import RobotFault
 from memo_core.testing import gripper_driver, robot_driver
@@ -58,14 +59,15 @@ def test_the_hand_conforms(rule):
 @pytest.mark.parametrize(("mode", "allowed"), MODES.items())
 def test_a_smooth_motion_is_tracked_within_milliradians(cell, mode, allowed):
     link, worst = cell.link(mode=mode), 0.0
-    home = link.joint_targets()
+    home, times = link.joint_targets(), []
     for number, row in enumerate(swing(link), start=1):
         link.send(row)
         state = link._state  # one moment for both the clock and the joints
+        times.append(state.time.to_msec())
         t = number * link.control_period + state.time.to_sec() - link._due
         there = home + 0.15 * (1 - np.cos(2 * np.pi * min(t, 2.0) / 2.0))
         worst = max(worst, float(np.abs(np.array(state.q) - there).max()))
-    assert worst < allowed and not cell.box.arm.violations
+    assert worst < allowed and not cell.box.arm.violations, f"{worst} rad; the clock's steps: {np.diff(times)} ms"
 
 
 def test_only_the_threads_that_control_the_arm_have_its_priority(cell):
@@ -81,6 +83,13 @@ def test_only_the_threads_that_control_the_arm_have_its_priority(cell):
         moving |= priorities()
         assert Scheduling.current() == own, "the sandbox would inherit it"
     assert (99 in moving) == (own.policy == os.SCHED_FIFO), "franky gives the highest where it is allowed to"
+
+
+def until(condition, seconds: float = 10.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(condition())
 
 
 # -- the Hand ----------------------------------------------------------------------------------------------------------
@@ -101,6 +110,96 @@ def test_a_hand_that_is_stuck_is_told_after_its_deadline():
         started = time.monotonic()
         driver.close()
         assert time.monotonic() - started < 4
+
+
+def test_a_hand_that_answers_no_stop_delays_no_command_and_is_told():
+    with HandDouble(next(ADDRESSES)) as hand:
+        driver = FrankaHand(HandSettings(hand.address, deadline_s=0.5))
+        driver.open(ROBOT.gripper)
+        answer = hand._answer
+        hand._answer = lambda command, number, payload: (
+            None if command == HandCommand.STOP else answer(command, number, payload)
+        )
+        hand.fingers.command = lambda width, speed, force: None  # jammed
+        for width in (0.0, 0.05, 0.0):
+            started = time.monotonic()
+            driver.move(width, 30.0)
+            assert time.monotonic() - started < 0.3
+            time.sleep(0.1)
+        assert until(lambda: "did not end its motion" in driver.health().problem)
+        driver.close()
+
+
+@pytest.mark.parametrize(
+    ("status", "told"),
+    [(HandStatus.UNSUCCESSFUL, "did not reach 0.080 m"), (HandStatus.FAIL, "could not carry out a command")],
+)
+def test_a_hand_that_cannot_open_is_told_with_what_to_do(status, told):
+    with HandDouble(next(ADDRESSES), Fingers(0.03)) as hand:
+        driver = FrankaHand(HandSettings(hand.address))
+        driver.open(ROBOT.gripper)
+        end = hand._end
+        hand._end = lambda ended: end(status)
+        driver.move(0.08, 30.0)
+        assert until(lambda: told in driver.health().problem) and "home it" in driver.health().problem
+        driver.close()
+
+
+def test_of_motions_that_follow_quickly_the_last_counts():
+    with HandDouble(next(ADDRESSES)) as hand:
+        driver = FrankaHand(HandSettings(hand.address))
+        driver.open(ROBOT.gripper)
+        for width in (0.0, 0.08, 0.01, 0.05, 0.02):
+            driver.move(width, 30.0)
+            time.sleep(0.02)
+        assert until(lambda: abs(driver.width() - 0.02) < 0.001) and driver.health().ready
+        time.sleep(0.1)
+        assert abs(driver.width() - 0.02) < 0.001 and driver.health().ready
+        driver.close()
+
+
+# -- what lags ---------------------------------------------------------------------------------------------------------
+class Lagging:
+    """A robot whose ``lagging`` next states are those before; the client's thread loses ``slow`` (s) at each."""
+
+    def __init__(self, robot, state, lagging, slow=0.0):
+        self.real, self.last, self.lagging, self.slow = robot, state, lagging, slow
+
+    def __getattr__(self, name):
+        return getattr(self.real, name)
+
+    @property
+    def state(self):
+        if not self.lagging:
+            return self.real.state
+        self.lagging -= 1
+        time.sleep(self.slow)
+        return self.last
+
+
+def test_a_client_that_the_computer_starves_is_no_clock_that_stands_still(cell):
+    link = cell.link(clock_timeout_s=0.1)
+    link._robot = Lagging(link._robot, link._state, 1, slow=0.3)
+    link.joint_positions()
+    link._robot = Lagging(link._robot.real, link._state, 10**6)
+    with pytest.raises(RobotFault, match="clock has stood still"):
+        link.joint_positions()
+    link._robot = link._robot.real
+
+
+def test_a_state_that_lags_behind_the_end_of_a_motion_is_waited_for(cell):
+    link = cell.link()
+    for row in itertools.islice(swing(link), 40):
+        link.send(row)
+    before = link._state
+    cell.box.brakes(True)
+    while link._robot.is_in_control:
+        time.sleep(0.001)
+    link._robot = Lagging(link._robot, before, 20, slow=0.001)
+    with pytest.raises(RobotFault, match="Unlock joints") as caught:
+        link.send(link.joint_targets())
+    assert caught.value.fault == "brakes"
+    link._robot = link._robot.real
 
 
 def test_limits_are_those_of_both_the_description_and_the_library(cell):

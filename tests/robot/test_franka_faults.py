@@ -62,6 +62,40 @@ def check_rest(cell: Cell, since: Moment, record, told: object, acceleration: fl
     assert took > 0 and took <= needed + GRACE_MS
 
 
+COMPLIANT_MS, SLOW = 200, 0.1  # ms in which a compliant arm is slower than that (rad/s): it swings as a spring does
+
+
+def speeds_of(cell: Cell) -> list[tuple[int, float]]:
+    """The box's clock and the fastest joint's speed (rad/s) in each of its coming ticks under torques."""
+    ticks, drive = [], cell.box.body.drive
+
+    def noted(torques):
+        drive(torques)
+        ticks.append((cell.box.ticks, float(np.abs(cell.box.body.dq).max())))
+
+    cell.box.body.drive = noted
+    return ticks
+
+
+def check_slow(cell: Cell, ticks: list[tuple[int, float]], since: Moment, record) -> None:
+    """A compliant arm brakes by itself, while its motion goes on."""
+    cell.box.reader = None
+    while cell.box.ticks < since.tick + 2 * COMPLIANT_MS:
+        time.sleep(0.005)
+    fast = [tick - since.tick for tick, speed in ticks if speed > SLOW]
+    record("slow_ms", max(fast, default=0))
+    assert max(fast, default=0) <= COMPLIANT_MS and not cell.box.arm.violations
+
+
+def check_braked(cell: Cell, mode: str, ticks: list[tuple[int, float]], since: Moment, record, told: object) -> None:
+    """The arm brakes because nothing more is sent to it."""
+    if mode == "velocity":
+        check_rest(cell, since, record, told, ACCEPTED)
+    else:
+        check_slow(cell, ticks, since, record)
+    assert not cell.box.arm.violations
+
+
 def moment_of(link: FrankaLink) -> Moment:
     """When and how fast by the last state that the link has read."""
     return Moment(link._state.time.to_msec(), float(np.abs(link._state.dq_d).max()))
@@ -83,6 +117,7 @@ def test_a_fault_in_motion_ends_it_with_its_remedy(cell, name, mode, record_prop
     cause, fault, told = IN_MOTION[name]
     error = faulted(cell, cell.link(mode=mode), lambda: cause(cell.box))
     assert error.fault == fault and told in str(error), str(error)
+    assert ("robot.mode=impedance" in str(error)) == (name == "pushed with 40 N" and mode == "velocity")
     check_rest(cell, cell.box.disturbed, record_property, error)
 
 
@@ -131,7 +166,8 @@ def _frozen(box) -> None:
     [(_gone, ("network", "clock", "ended")), (_frozen, ("clock", "network"))],
     ids=["box killed", "clock frozen"],
 )
-def test_a_box_that_is_gone_is_a_fault_within_a_second(cause, faults, record_property):
+@pytest.mark.parametrize("mode", ["velocity", "impedance"])
+def test_a_box_that_is_gone_is_a_fault_within_a_second(cause, faults, mode, record_property):
     took = []
     for _ in range(TRIES):
         with running_cell() as cell:
@@ -141,7 +177,7 @@ def test_a_box_that_is_gone_is_a_fault_within_a_second(cause, faults, record_pro
                 cause(cell.box)
                 at.append(time.monotonic())
 
-            link = cell.link(clock_timeout_s=0.5)
+            link = cell.link(clock_timeout_s=0.5, mode=mode)
             with pytest.raises(RobotFault) as caught:
                 for number, row in enumerate(swing(link)):
                     if number == 60:
@@ -175,7 +211,7 @@ import numpy as np
 from memo_core.testing.fake_drivers import FakeGripper
 from memo_franka.description import fr3
 from memo_franka.driver import FrankaDriver, FrankaSettings
-link = FrankaDriver(FrankaSettings(sys.argv[1], clock_timeout_s=10.0)).link(fr3(), FakeGripper())
+link = FrankaDriver(FrankaSettings(sys.argv[1], clock_timeout_s=10.0, mode=sys.argv[2])).link(fr3(), FakeGripper())
 link.open()
 home = link.joint_targets()
 for n in itertools.count(1):
@@ -189,10 +225,12 @@ STALLED = "ctypes.PyDLL(None).usleep(500_000)"  # the interpreter too stands sti
 
 
 @pytest.mark.parametrize(
-    ("then", "killed"), [("pass", True), (STALLED, False)], ids=["killed with -9", "stalled 0.5 s"]
+    ("then", "killed", "mode"),
+    [("pass", True, "velocity"), ("pass", True, "impedance"), (STALLED, False, "velocity")],
+    ids=["killed with -9", "killed with -9, impedance", "stalled 0.5 s"],
 )
-def test_a_client_that_dies_or_stalls_in_motion_leaves_the_arm_at_rest(cell, then, killed, record_property):
-    command = [sys.executable, "-c", CLIENT.replace("{then}", then), cell.address]
+def test_a_client_that_dies_or_stalls_in_motion_leaves_the_arm_at_rest(cell, then, killed, mode, record_property):
+    command = [sys.executable, "-c", CLIENT.replace("{then}", then), cell.address, mode]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as client:
         tick, speed = client.stdout.readline().split()
         if killed:
@@ -216,8 +254,36 @@ def test_where_nothing_more_is_sent_the_arm_brakes_by_itself(cell, record_proper
     link.send(link.joint_targets())
 
 
-def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell, record_property):
-    link = cell.link()
+def test_a_compliant_arm_whose_program_stalls_slows_down_by_itself_and_goes_on(cell, record_property):
+    link, ticks = cell.link(mode="impedance"), speeds_of(cell)
+    rows = list(swing(link))
+    for row in rows[:60]:
+        link.send(row)
+    since = moment_of(link)
+    assert since.speed > 0.4
+    check_slow(cell, ticks, since, record_property)
+    cell.box.reader = lambda: link._now
+    for row in rows[60:]:
+        link.send(row)
+    assert np.abs(link.joint_positions() - rows[-1]).max() < 0.005
+    assert not cell.box.arm.violations and cell.box.recoveries == 0 and cell.box.mode.name == "MOVE"
+
+
+def test_a_fault_of_the_gripper_in_a_fast_motion_of_a_compliant_arm_brakes_it(cell, record_property):
+    with WsgDouble(next(ADDRESSES), width=80.0) as wsg:
+        link, ticks = cell.link(WsgGripper(WsgSettings(wsg.address)), mode="impedance"), speeds_of(cell)
+        for row in itertools.islice(swing(link), 60):
+            link.send(row)
+        since = moment_of(link)
+        link._gripper._problem = "it answers axis blocked to move"
+        with pytest.raises(RobotFault, match="axis blocked"):
+            link.send(link.joint_targets())
+        check_slow(cell, ticks, since, record_property)
+
+
+@pytest.mark.parametrize("mode", ["velocity", "impedance"])
+def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell, mode, record_property):
+    link, ticks = cell.link(mode=mode), speeds_of(cell)
     rows = list(itertools.islice(swing(link), 60))
     for row in rows:
         link.send(row)
@@ -225,11 +291,12 @@ def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell, record_proper
         InvalidArgument, match=r"joint\d would have to move at .* rad/s; expected steps of at most"
     ) as caught:
         link.send(rows[-1] + 0.2)
-    check_rest(cell, moment_of(link), record_property, caught.value, ACCEPTED)
+    check_braked(cell, mode, ticks, moment_of(link), record_property, caught.value)
     cell.box.reader = lambda: link._now
     for _ in range(100):
         link.send(rows[-1])
-    assert not cell.box.arm.violations and np.abs(link.joint_positions() - rows[-1]).max() < 0.001
+    allowed = 0.001 if mode == "velocity" else 0.005
+    assert not cell.box.arm.violations and np.abs(link.joint_positions() - rows[-1]).max() < allowed
 
 
 # -- grippers ----------------------------------------------------------------------------------------------------------
@@ -239,12 +306,12 @@ def _jammed(cell: Cell, link: FrankaLink) -> None:
     link.set_gripper(0.0, 30.0)
 
 
-def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell, record_property):
-    link = cell.link(hand_deadline_s=0.5)
+@pytest.mark.parametrize("mode", ["velocity", "impedance"])
+def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell, mode, record_property):
+    link, ticks = cell.link(hand_deadline_s=0.5, mode=mode), speeds_of(cell)
     error = faulted(cell, link, lambda: _jammed(cell, link), seconds=60.0)
     assert error.fault == "gripper" and "free its fingers" in str(error)
-    check_rest(cell, moment_of(link), record_property, error, ACCEPTED)
-    assert not cell.box.arm.violations
+    check_braked(cell, mode, ticks, moment_of(link), record_property, error)
     cell.close_links()
     assert not [thread.name for thread in threading.enumerate() if thread.name == "_work"], "it waits for ever"
 
@@ -260,15 +327,15 @@ GRIPPER_FAULTS = {
 }
 
 
+@pytest.mark.parametrize("mode", ["velocity", "impedance"])
 @pytest.mark.parametrize("name", GRIPPER_FAULTS)
-def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name, record_property):
+def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name, mode, record_property):
     cause, told = GRIPPER_FAULTS[name]
     with WsgDouble(next(ADDRESSES), width=80.0) as wsg:
-        link = cell.link(WsgGripper(WsgSettings(wsg.address)))
+        link, ticks = cell.link(WsgGripper(WsgSettings(wsg.address)), mode=mode), speeds_of(cell)
         error = faulted(cell, link, lambda: cause(link, wsg), seconds=10.0)
         assert error.fault == "gripper" and told in str(error) and wsg.acknowledged == 0
-        check_rest(cell, moment_of(link), record_property, error, ACCEPTED)
-        assert not cell.box.arm.violations
+        check_braked(cell, mode, ticks, moment_of(link), record_property, error)
 
 
 # -- a person acts -----------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.config import load_experiment
 from memo_core.environment.task_verification import run_code, verify_task
 from memo_core.errors import InvalidArgument, RobotFault
+from memo_core.interfaces.simulator import Simulator
 from memo_core.plugins import Registry
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.sections import SECTIONS
@@ -33,9 +34,9 @@ print(is_holding())
 """
 
 
-def experiment_with(*overrides: str):
+def experiment_with(*overrides: str, task: str = "stack-the-cubes"):
     given = ("robot=fr3", "robot.driver=franka-double", *overrides)
-    return load_experiment(Registry(), None, given, SECTIONS, "stack-the-cubes", 0)
+    return load_experiment(Registry(), None, given, SECTIONS, task, 0)
 
 
 def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
@@ -58,6 +59,59 @@ def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
         assert not link.holding() and link.gripper_width() > 0.075
         assert not run_code(world, "move_straight([0.4, 0.0, 0.5])", sandbox).error
         assert not link.box.arm.violations
+
+
+def test_in_the_mode_impedance_the_simulator_ticks_at_a_millisecond_by_itself():
+    for given, timestep in (("simulator.timestep=0.002",), 0.001), (("simulator.timestep=0.0004",), 0.001 / 3):
+        experiment = experiment_with("robot.mode=impedance", *given)
+        simulator = environment_of(experiment, task_of(experiment, "stack-the-cubes"), 0).simulator
+        assert simulator.control_period == pytest.approx(0.001) and simulator.timestep == pytest.approx(timestep)
+    experiment = experiment_with()
+    assert environment_of(experiment, task_of(experiment, "stack-the-cubes"), 0).simulator.control_period == 0.01
+
+
+class Standing(Simulator):
+    """One whose control period is what it is."""
+
+    control_period = 0.01
+
+
+def test_a_simulator_that_cannot_tick_so_fast_is_refused():
+    Standing.__abstractmethods__ = frozenset()
+    Standing().shorten_tick(0.01)
+    with pytest.raises(InvalidArgument, match="has a control period of 10 ms, and cannot change it"):
+        Standing().shorten_tick(0.001)
+
+
+def test_the_fridge_opens_without_much_force():
+    """The reference solution turns the handle about the hinge, not about a line that is millimetres from it."""
+    experiment = load_experiment(Registry(), None, ("robot=fr3",), SECTIONS, "open-the-fridge", 0)
+    task = task_of(experiment, "open-the-fridge")
+    with environment_of(experiment, task, 0) as world, sandbox_of(experiment) as sandbox:
+        felt = []
+        world.simulator.add_tick_listener(lambda: felt.append(np.linalg.norm(world.link.contact_wrench()[:3])))
+        execution = run_code(world, task.reference_solution, sandbox)
+        assert execution.succeeded and world.check().success, execution.error
+        assert max(felt) < 25.0, "it would end in a reflex, or at robot.safety.max_force, on a stiff real arm"
+
+
+def test_too_much_force_on_a_stiff_arm_is_told_with_what_makes_it_give_way():
+    pulled = """
+grip, out = get_position("fridge handle"), get_axes("fridge door")[0]
+out = [-v for v in out] if out[0] > 0 else out
+hand = side_orientation([-v for v in out], "horizontal")
+open_gripper(0.05)
+move_to([g + 0.1 * o for g, o in zip(grip, out)], hand)
+follow_path([[grip, hand]])
+close_gripper()
+follow_path([[[g + 0.2 * o for g, o in zip(grip, out)], hand]])
+"""
+    experiment = experiment_with(task="open-the-fridge")
+    with environment_of(experiment, task_of(experiment, "open-the-fridge"), 0) as world:
+        with sandbox_of(experiment) as sandbox:
+            execution = run_code(world, pulled, sandbox)
+        assert "40 N are allowed" in execution.error and "robot.mode=impedance" in execution.error
+        assert not world.link.box.arm.violations
 
 
 def test_a_fault_of_the_robot_is_a_failed_trial_of_the_sweep(monkeypatch):

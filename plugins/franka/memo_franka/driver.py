@@ -29,6 +29,7 @@ from memo_franka.streaming import ImpedanceStreaming, Streaming, VelocityStreami
 _SHARE = 0.95  # of the limits of acceleration and jerk that is used
 _REST_S = 2.0  # on the robot's clock, in which a halted arm comes to rest
 _POLL_S = 0.0005
+_TOLD_S = 0.1  # wall-clock time after a motion's end in which the robot's state tells why
 _TARE_STATES = 20
 
 
@@ -40,6 +41,7 @@ class FrankaLink(Link):
     def __init__(self, settings: FrankaSettings, robot: RobotDescription, gripper: GripperDriver) -> None:
         super().__init__(robot)
         self._settings = settings
+        self.gives_way = "robot.mode=impedance" if settings.mode == "velocity" else ""
         self._gripper = gripper
         self._franky: Any = None
         self._robot: Any = None
@@ -62,7 +64,7 @@ class FrankaLink(Link):
         try:
             self._robot = self._connected()
             self._read()
-            wrong = fault_of_state(self._settings.address, self._state)
+            wrong = self._told(self._state)
             if wrong is not None:
                 raise wrong
             self._set_up()
@@ -121,12 +123,12 @@ class FrankaLink(Link):
         ``RobotFault``."""
         self._read()
         self._targets = np.array(self._state.q_d)
-        self._due = self._now
         felt = []
         for _ in range(_TARE_STATES):
             self._read()
             felt.append(self._state.O_F_ext_hat_K)
         self._tare = np.mean(felt, axis=0)
+        self._due = self._now
 
     def close(self) -> None:
         if self._robot is not None and self._fault is None and self._state is not None:
@@ -181,7 +183,7 @@ class FrankaLink(Link):
         finally:
             if closed:
                 self._robot = None
-        if (wrong := fault_of_state(self._settings.address, self._state)) is not None:
+        if (wrong := self._told(self._state)) is not None:
             raise self._latched(wrong)
         if not closed:
             self.begin()
@@ -215,21 +217,26 @@ class FrankaLink(Link):
             problem = f"{self.description.joints[joint].name} would have to move at {abs(ahead[joint]):.1f} rad/s"
             raise InvalidArgument("targets", problem, f"steps of at most {allowed[joint]:.2f} rad/s")
         before, self._targets = self._targets, row
+        late = self._now - self._due if self._keeps_pace else 0.0
         assert self._streaming is not None
         try:
             with self._control.inherited():
-                self._streaming.send(state, before, row, self.control_period)
+                self._streaming.send(state, before, row, self.control_period, late)
         except Exception as error:
             raise self._failed(error) from error
         self._wait()
 
     def _wait(self) -> None:
         """Wait until the next command is due; after a pause the timing starts anew."""
-        period = self.control_period
-        self._due = self._due + period if self._now < self._due + 2 * period else self._now + period
+        self._due = (self._due if self._keeps_pace else self._now) + self.control_period
         while self._now < self._due - 1e-6:
             time.sleep(_POLL_S)
             self._read()
+
+    @property
+    def _keeps_pace(self) -> bool:
+        """Whether the command that is next follows the one before without a pause."""
+        return self._now < self._due + 2 * self.control_period
 
     def _rest(self) -> None:
         """Hold the last target until the arm is at rest, and leave it to the robot's own controller."""
@@ -257,6 +264,7 @@ class FrankaLink(Link):
         before = self._state
         since = time.monotonic()
         while True:
+            stood = time.monotonic() - since  # before the state is read: what delays this thread later is no fault
             try:
                 if not self._robot.is_in_control:
                     self._robot.poll_motion()  # raises what ended the motion
@@ -265,13 +273,15 @@ class FrankaLink(Link):
                 raise self._failed(error) from error
             if before is None or self._state.time.to_msec() != before.time.to_msec():
                 break
-            stood = time.monotonic() - since
             if stood > self._settings.clock_timeout_s:
                 raise self._latched(fault(self._settings.address, "clock", f"{stood:.1f} s"))
             time.sleep(_POLL_S)
-        if (wrong := fault_of_state(self._settings.address, self._state)) is not None and before is not None:
+        if (wrong := self._told(self._state)) is not None and before is not None:
             raise self._latched(wrong)
         return self._state
+
+    def _told(self, state: Any) -> RobotFault | None:
+        return fault_of_state(self._settings.address, state, self.gives_way)
 
     def _check(self) -> None:
         if self._robot is None:
@@ -287,8 +297,11 @@ class FrankaLink(Link):
             return self._latched(error)
         wrong = fault_of_error(self._settings.address, error)
         if wrong.fault in ("reflex", "ended", "user-stop"):
+            end, told = time.monotonic() + _TOLD_S, None
             try:
-                wrong = fault_of_state(self._settings.address, self._robot.state) or wrong
+                while told is None and time.monotonic() < end:
+                    told = self._told(self._robot.state)
+                wrong = told or wrong
             except Exception as further:
                 wrong = fault_of_error(self._settings.address, further)
         return self._latched(wrong)

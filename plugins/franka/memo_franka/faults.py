@@ -7,6 +7,7 @@ from typing import Any
 from memo_core.errors import RobotFault
 
 _RECOVER = "look what happened, then memo robot recover"
+_COLLISIONS = ("cartesian reflex", "joint reflex")
 _FAULTS = {
     "reflex": ("it ended the motion by a reflex: {detail}", _RECOVER),
     "user-stop": ("the user stop is pressed", "release the external activation device, then memo robot recover"),
@@ -29,13 +30,17 @@ def fault(robot: str, name: str, detail: str = "") -> RobotFault:
     return RobotFault(robot, name, problem.format(detail=detail), remedy)
 
 
-def fault_of_state(robot: str, state: Any) -> RobotFault | None:
-    """The fault shown by a state of franky; None if the robot accepts commands."""
+def fault_of_state(robot: str, state: Any, gives_way: str = "") -> RobotFault | None:
+    """The fault shown by a state of franky; None if the robot accepts commands. ``gives_way``: setting that makes a
+    stiff arm give way to contact, told where it collided."""
     mode = state.robot_mode.name
     if mode in ("Idle", "Move"):
         return None
     if mode == "Reflex":
-        return fault(robot, "reflex", errors_of(state))
+        told = fault(robot, "reflex", errors_of(state))
+        if gives_way and any(name in told.problem for name in _COLLISIONS):
+            told.remedy += f"; {gives_way} makes a stiff arm give way to doors and other contact"
+        return told
     names = {"UserStopped": "user-stop", "Guiding": "guiding", "Other": "brakes"}
     return fault(robot, names[mode]) if mode in names else fault(robot, "ended", "it recovers from an error")
 

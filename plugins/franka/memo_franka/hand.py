@@ -18,6 +18,7 @@ from memo_franka.faults import fault_of_error
 from memo_franka.settings import HandSettings
 
 _POLL_S = 0.02  # between two states that are read while nothing is commanded
+_AGAIN_S = 0.1  # after which a motion that goes on is told to stop again
 _CLOSED = 0.001  # m
 
 
@@ -32,7 +33,12 @@ class FrankaHand(GripperDriver):
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
         self._stopping = threading.Event()
-        self._since = 0.0  # when the call that is not answered yet began; 0 where none is
+        self._counting = threading.Lock()  # of the next three and what is wanted
+        self._motion = 0  # number of the newest that was begun
+        self._obsolete = 0  # the newest that is to end
+        self._asked = 0.0  # when the newest that has not ended was commanded; 0 where there is none
+        self._beginning = threading.Lock()  # no motion begins while a stop is sent
+        self._moving = False  # whether one is not answered yet
         self._width, self._grasped = 0.0, False
         self._problem = "it is not open"
 
@@ -51,7 +57,7 @@ class FrankaHand(GripperDriver):
             problem = f"the Hand at {self._settings.address} opens {state.max_width:.3f} m: it was never homed"
             remedy = f"home it in Desk; the description says {gripper.stroke:.3f} m"
             raise BackendUnavailable("gripper_driver", "franka-hand", problem, remedy)
-        self._problem = ""
+        self._problem, self._asked = "", 0.0
         self._closing.clear()
         self._stopping.clear()
         self._threads = [
@@ -74,7 +80,7 @@ class FrankaHand(GripperDriver):
         self._hand, self._problem = None, "it is not open"
 
     def health(self) -> Health:
-        if not self._problem and self._since and time.monotonic() - self._since > self._settings.deadline_s:
+        if not self._problem and self._asked and time.monotonic() - self._asked > self._settings.deadline_s:
             late = f"the Hand did not end its motion within {self._settings.deadline_s:g} s; free its fingers, home it"
             return Health(False, late)
         return Health(not self._problem, self._problem, {"width": self._width})
@@ -84,8 +90,10 @@ class FrankaHand(GripperDriver):
         if self._hand is None:
             raise BackendUnavailable("gripper_driver", "franka-hand", "it is not open", "open()")
         self._stopping.clear()
-        self._interrupt()
-        self._wanted.put((width, force))
+        with self._counting:
+            self._obsolete = self._motion  # the watching thread ends it: a Hand may take long to answer a stop
+            self._asked = time.monotonic()
+            self._wanted.put((width, force))
 
     def stop(self) -> None:
         self._stopping.set()  # only a flag: this may be called by a signal handler; the watching thread sends it
@@ -100,38 +108,57 @@ class FrankaHand(GripperDriver):
     def _work(self) -> None:
         """Start the newest requested motion and wait for its end."""
         while (wanted := self._wanted.get()) is not None:
-            while not self._wanted.empty():
-                newer = self._wanted.get()
-                if newer is None:
-                    return
-                wanted = newer
-            if self._stopping.is_set():
-                continue
-            self._since = time.monotonic()
-            try:
+            with self._counting:
+                while not self._wanted.empty():
+                    newer = self._wanted.get()
+                    if newer is None:
+                        return
+                    wanted = newer
+                self._motion += 1
+                asked = self._asked
+            with self._beginning:
+                self._moving = not self._stopping.is_set()
+            if self._moving:
                 self._perform(*wanted)
-                self._problem = ""
-            except Exception as error:
-                if type(error).__name__ != "CommandException":  # that one is a motion which was stopped
-                    self._problem = str(fault_of_error(self._settings.address, error))
-            self._since = 0.0
+            with self._counting:
+                if self._asked == asked:
+                    self._asked = 0.0
 
     def _perform(self, width: float, force: float) -> None:
+        """Move, and wait until the Hand has told the end."""
+        try:
+            arrived = self._arrives(width, force)
+            problem = "" if arrived else f"the Hand did not reach {width:.3f} m; free its fingers, home it"
+        except Exception as error:
+            if type(error).__name__ != "CommandException":
+                problem = str(fault_of_error(self._settings.address, error))
+            elif "aborted" in str(error):
+                problem = ""  # by a stop
+            else:
+                problem = f"the Hand could not carry out a command ({error}); free its fingers, home it"
+        self._moving = False
+        if self._obsolete < self._motion and not self._stopping.is_set():
+            self._problem = problem
+
+    def _arrives(self, width: float, force: float) -> bool:
+        """Whether the fingers get where they should. A grasp that holds nothing is no fault."""
         speed = self._gripper.speed
-        if width < self._width - _CLOSED:
-            stroke = self._gripper.stroke
-            self._hand.grasp(width, speed, force, epsilon_inner=stroke, epsilon_outer=stroke)
-        else:
-            self._hand.move(width, speed)
+        if width >= self._width - _CLOSED:
+            return bool(self._hand.move(width, speed))
+        stroke = self._gripper.stroke
+        self._hand.grasp(width, speed, force, epsilon_inner=stroke, epsilon_outer=stroke)
+        return True
 
     def _watch(self) -> None:
-        """Store the latest state and forward a stop."""
-        sent = False
+        """Store the latest state, and end motions that are obsolete or to be stopped."""
+        sent = 0.0
         while not self._closing.wait(_POLL_S):
-            stopping = self._stopping.is_set()
-            if stopping and not sent:
-                self._interrupt()
-            sent = stopping
+            if self._stopping.is_set():
+                self._obsolete = self._motion
+            with self._beginning:
+                if self._moving and self._motion <= self._obsolete and time.monotonic() - sent > _AGAIN_S:
+                    sent = time.monotonic()
+                    self._stop_motion()
             try:
                 state = self._hand.state
             except Exception as error:
@@ -139,10 +166,7 @@ class FrankaHand(GripperDriver):
                 return
             self._width, self._grasped = state.width, state.is_grasped
 
-    def _interrupt(self) -> None:
-        """End the current motion, if there is one."""
-        if not self._since or self._hand is None:
-            return
+    def _stop_motion(self) -> None:
         try:
             self._hand.stop()
         except Exception as error:

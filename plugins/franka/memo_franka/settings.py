@@ -80,7 +80,7 @@ class DoubleSettings:
     """Settings of ``franka-double``."""
 
     mode: Literal["velocity", "impedance"] = attrs.field(
-        default="velocity", metadata={"help": "as of the driver franka; impedance needs a simulator that ticks at 1 ms"}
+        default="velocity", metadata={"help": "as of the driver franka; with impedance the simulator ticks at 1 ms"}
     )
     collision_force: float = attrs.field(
         default=80.0,

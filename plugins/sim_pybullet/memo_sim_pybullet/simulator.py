@@ -15,7 +15,7 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
-from memo_core.interfaces.simulator import Contact, Simulator
+from memo_core.interfaces.simulator import Contact, Simulator, divided
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
 from memo_core.scene.description import Camera, SceneDescription
@@ -34,13 +34,21 @@ class PybulletSimulator(Simulator):
     """One robot in one scene. After ``build``, ``client`` is Bullet's own, for code that needs more."""
 
     def __init__(self, settings: PybulletSettings | None = None) -> None:
-        self.settings = settings or PybulletSettings()
-        self.timestep = self.settings.timestep
-        self.control_period = self.settings.timestep * self.settings.steps_per_tick
+        self._set(settings or PybulletSettings())
         self.client: Any = None
         self._listeners: tuple[Callable[[], None], ...] = ()
         self._world: Any = None
         self._window: Any = None
+
+    def _set(self, settings: PybulletSettings) -> None:
+        self.settings = settings
+        self.timestep = settings.timestep
+        self.control_period = settings.timestep * settings.steps_per_tick
+
+    def shorten_tick(self, seconds: float) -> None:
+        if self.control_period > seconds * (1 + 1e-9):
+            timestep, steps = divided(seconds, self.timestep)
+            self._set(attrs.evolve(self.settings, timestep=timestep, steps_per_tick=steps))
 
     # -- life ------------------------------------------------------------------------------------------------------
     def open(self) -> None:

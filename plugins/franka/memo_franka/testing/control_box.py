@@ -47,7 +47,7 @@ from memo_franka.testing.wire import (
 )
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
-_READER_ROUNDS = 100  # of this thread, without anything read, after which a reader counts as idle
+_READER_ROUNDS = 1000  # of this thread, without anything read, after which a reader counts as idle
 _REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
 

@@ -10,6 +10,7 @@ simulator is used by one thread, and the robot's clock stands still while nobody
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import queue
 import threading
@@ -50,16 +51,16 @@ class FrankaDouble(RobotDriver):
 
     def __init__(self, settings: DoubleSettings) -> None:
         self._settings = settings
+        self.longest_tick = DT if settings.mode == "impedance" else math.inf
 
     def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
         if simulator is None:
             raise InvalidArgument("robot.driver", "'franka-double' has no simulator", "an experiment with one")
         if not gripper.included:
             raise InvalidArgument("robot.gripper_driver", "the double brings its Hand", "included")
-        if self._settings.mode == "impedance" and simulator.control_period > 0.00101:
+        if simulator.control_period > 1.01 * self.longest_tick:
             given = f"has a control period of {1000 * simulator.control_period:g} ms"
-            expected = "1 ms for robot.mode=impedance: simulator.timestep=0.001 simulator.steps_per_tick=1"
-            raise InvalidArgument("simulator", given, expected)
+            raise InvalidArgument("simulator", given, "1 ms for robot.mode=impedance: shorten_tick(0.001)")
         return RehearsalLink(self._settings, robot, simulator)
 
 
