@@ -81,7 +81,7 @@ class ControlBox(FrankaServer):
         paced: bool = True,
     ) -> None:
         """``hand`` is moved by this box's clock. ``patience_s``: wall-clock time after which an unanswered state counts
-        as 20 lost packets. ``paced``: whether a tick takes at least 1 ms."""
+        as 20 lost packets. ``paced``: whether a tick takes at least 1 ms where a ``reader`` is followed too."""
         super().__init__(address, PORT)
         self.robot = robot
         self.version = version
@@ -185,11 +185,12 @@ class ControlBox(FrankaServer):
         if not waits:
             with self._ticking:
                 self._tick()
-        self._last = max(self._last + DT, time.monotonic())
         if waits and not self._frozen and time.monotonic() - self._sent > _REPEAT_S:
             self.repeat()
-        if waits or begins or self._paced:
-            time.sleep(max(0.0, self._last - time.monotonic()))
+        if waits or begins or self._paced or self.reader is None:
+            now = time.monotonic()
+            self._last = max(self._last + DT, now)  # a tick that did not sleep is not made up for
+            time.sleep(self._last - now)
 
     def _awaits_reader(self) -> bool:
         if self.reader is None:

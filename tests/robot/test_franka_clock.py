@@ -1,0 +1,70 @@
+"""The clock of the control box's double, on a wall clock of the test: nothing is waited for."""
+
+from __future__ import annotations
+
+import pytest
+from memo_franka.testing import control_box
+from memo_franka.testing.arm import DT
+from memo_franka.testing.control_box import ControlBox
+
+from tests.franka_cell import ADDRESSES, ROBOT
+
+
+class WallClock:
+    """In place of the module ``time``. A look takes ``look_s``, as the code between two looks does."""
+
+    def __init__(self, look_s: float = 1e-5) -> None:
+        self.now, self.look_s = 100.0, look_s
+        self.slept: list[float] = []
+
+    def monotonic(self) -> float:
+        self.now += self.look_s
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(seconds)
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = WallClock()
+    monkeypatch.setattr(control_box, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def box(clock):
+    box = ControlBox(ROBOT, next(ADDRESSES), paced=False)
+    box.listen()
+    box._last = clock.now
+    yield box
+    box.stop()
+
+
+def test_what_ran_faster_than_the_wall_clock_is_not_slept_off_later(box, clock):
+    """A rehearsal's ticks took a tenth of a millisecond; the first wait then slept for minutes."""
+    box.reader = lambda: box.ticks * DT
+    for _ in range(5000):
+        box.round()
+    assert box.ticks == 5000 and not clock.slept, "it follows its reader as fast as the computer can"
+    box.reader = lambda: 0.0
+    for _ in range(10):
+        box.round()
+    assert box.ticks == 5000 and len(clock.slept) == 10 and max(clock.slept) <= 1.001 * DT
+
+
+def test_a_box_without_a_reader_ticks_once_in_a_millisecond(box, clock):
+    """So that the world behind it does not grow old while a client is starting."""
+    began = clock.now
+    for _ in range(500):
+        box.round()
+    assert box.ticks == 500 and clock.now - began >= 0.99 * 500 * DT
+
+
+def test_a_reader_that_does_not_read_is_waited_for_no_longer_than_its_rounds(box, clock):
+    box.reader = lambda: 0.0
+    began = clock.now
+    for _ in range(2 * control_box._READER_ROUNDS):
+        box.round()
+    assert box.ticks > control_box._READER_ROUNDS / 2 and clock.now - began < 3 * control_box._READER_ROUNDS * DT
