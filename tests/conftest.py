@@ -25,6 +25,6 @@ def real_time() -> Iterator[None]:
     not served for a second is a lost connection, as on a real robot."""
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))  # in turns with a test beside it
     yield
     os.sched_setscheduler(0, policy, priority)

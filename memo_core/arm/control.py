@@ -14,6 +14,7 @@ from memo_core.arm.attached_objects import Attachment, bars, grasped, movable
 from memo_core.arm.collision import obstacles_of
 from memo_core.arm.force import SEARCH_SPEED, STRAY, ForceMotion, Pressed, spiral
 from memo_core.arm.motion import MotionPlanner, Plan, PlanningScene
+from memo_core.arm.settling import settle
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.interfaces.link import Link
@@ -28,8 +29,6 @@ from memo_core.skills.control import Control, Waypoints
 # the servos press with meanwhile is not limited: docs/force.md has the figures.
 _FREE_TOLERANCE = (0.01, 0.06)
 _CONTACT_TOLERANCE = (0.03, 0.2)
-_SETTLED = 0.0008  # rad of every joint from its target
-_SETTLE_TICKS = 60
 _ASTRAY = 0.05  # rad between a joint and its target from which on the target is taken back to the joint
 _FINGERS_STILL = 0.0003  # m
 _FINGERS_WINDOW = 10  # ticks
@@ -341,13 +340,8 @@ class ArmControl(Control):
         return targets + velocity * self._lag
 
     def _settle(self, skill: str, target: Array) -> None:
-        link = self._link
         try:
-            for tick in range(_SETTLE_TICKS):
-                link.send(target)
-                near = tick % 4 == 3 and np.abs(link.joint_positions() - target).max() < _SETTLED
-                if near and np.abs(link.joint_velocities()).max() < 0.03:
-                    return
+            settle(self._link, target)
         except Stopped:
             raise Stopped(skill) from None
 

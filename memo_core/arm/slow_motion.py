@@ -6,6 +6,7 @@ import numpy as np
 
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.motion import MotionPlanner, PlanningScene
+from memo_core.arm.settling import settle
 from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.link import Link
@@ -40,6 +41,7 @@ def _follow(link: Link, kinematics: Kinematics, targets: Array) -> None:
         for row in targets:
             link.send(row)
             sent += 1
+        settle(link, targets[-1])
     except Stopped:
         if sent > 1:
             link.halt(stopping(kinematics, targets[sent - 2], targets[sent - 1], link.control_period))

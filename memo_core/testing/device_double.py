@@ -7,7 +7,9 @@ down to its packets.
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
+import sys
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -70,6 +72,7 @@ class DeviceDouble(ABC):
 
     # -- the server thread ---------------------------------------------------------------------------------------------
     def _run(self) -> None:
+        _come_first()
         try:
             while self._running:
                 self.round()
@@ -152,3 +155,12 @@ class DeviceDouble(ABC):
 
     def _disconnected(self) -> None:
         """The client has closed the connection, or died."""
+
+
+def _come_first() -> None:
+    """Where the calling thread has inherited real-time priority, raise it by one: a device goes on whatever its client
+    computes, while threads of one priority wait for each other (``sched(7)``)."""
+    if sys.platform != "linux" or not (priority := os.sched_getparam(0).sched_priority):
+        return
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.sched_getscheduler(0), os.sched_param(priority + 1))

@@ -1,11 +1,14 @@
-"""The clock of the control box's double, on a wall clock of the test: nothing is waited for."""
+"""When a double of Franka's devices goes on: its clock, on a wall clock of the test, and its thread."""
 
 from __future__ import annotations
+
+import os
 
 import pytest
 from memo_franka.testing import control_box
 from memo_franka.testing.arm import DT
 from memo_franka.testing.control_box import ControlBox
+from memo_franka.testing.hand import HandDouble
 
 from tests.franka_cell import ADDRESSES, ROBOT
 
@@ -68,3 +71,16 @@ def test_a_reader_that_does_not_read_is_waited_for_no_longer_than_its_rounds(box
     for _ in range(2 * control_box._READER_ROUNDS):
         box.round()
     assert box.ticks > control_box._READER_ROUNDS / 2 and clock.now - began < 3 * control_box._READER_ROUNDS * DT
+
+
+@pytest.mark.parametrize("given", [None, "real_time"])
+def test_a_device_does_not_wait_for_the_priority_of_its_client(given, request):
+    """Two workers' plans took both processors in turns, and no state came for a second: a lost connection."""
+    if given:
+        request.getfixturevalue(given)
+    own = os.sched_getparam(0).sched_priority
+    with HandDouble(next(ADDRESSES)) as hand:
+        served = os.sched_getparam(hand._thread.native_id).sched_priority
+        while own and served == own:  # until it runs for the first time
+            served = os.sched_getparam(hand._thread.native_id).sched_priority
+    assert served == (own + 1 if own else 0)

@@ -82,7 +82,7 @@ def test_only_the_threads_that_control_the_arm_have_its_priority(cell):
         link.send(row)
         moving |= priorities()
         assert Scheduling.current() == own, "the sandbox would inherit it"
-    assert (99 in moving) == (own.policy == os.SCHED_FIFO), "franky gives the highest where it is allowed to"
+    assert (99 in moving) == (own.policy == os.SCHED_RR), "franky gives the highest where it is allowed to"
 
 
 def until(condition, seconds: float = 10.0) -> bool:

@@ -27,6 +27,10 @@ class Scheduling:
         """Give it to the calling thread. Raises ``PermissionError`` where a limit forbids it."""
         os.sched_setscheduler(0, self.policy, os.sched_param(self.priority))
 
+    def raised(self) -> Scheduling:
+        """One priority above it, where it is real-time: for what must not wait for threads that have it."""
+        return attrs.evolve(self, priority=self.priority + 1) if self.priority else self
+
     @contextmanager
     def inherited(self) -> Iterator[None]:
         """Threads that are started in the block have it; afterwards the calling thread has its own again."""

@@ -9,6 +9,7 @@ simulator is used by one thread, and the robot's clock stands still while nobody
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import os
@@ -31,6 +32,7 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 from memo_franka.driver import FrankaDriver, FrankaLink
+from memo_franka.scheduling import Scheduling
 from memo_franka.settings import DoubleSettings, FrankaSettings
 from memo_franka.testing.arm import DT, SceneBody
 from memo_franka.testing.control_box import ControlBox
@@ -167,7 +169,9 @@ class RehearsalLink(Link):
             return done.result()
 
     def _work(self) -> None:
-        """The driver's thread."""
+        """The driver's thread. It keeps the connection alive while the calling thread computes."""
+        with contextlib.suppress(OSError):
+            Scheduling.current().raised().take()
         while True:
             try:
                 job = self._jobs.get(timeout=_REPEAT_S)
