@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import os
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,14 @@ BUSY = {"clock_timeout_s": BUSY_S, "hand_deadline_s": 60.0}
 ACCELERATION, JERK = 10.0, 5000.0  # rad/s2 and rad/s3, of every joint of an FR3
 ACCEPTED = 7.5  # rad/s2, the most that PyPI's client library accepts for joint 2: a Panda's limit
 GRACE_MS = 60  # beyond what the limits need
+
+
+def until(condition: Callable[[], object], seconds: float = 60.0) -> bool:
+    """Whether it holds within wall-clock seconds."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.005)
+    return bool(condition())
 
 
 class Cell:
@@ -69,8 +78,7 @@ class Cell:
     def rest_ms(self, since: int) -> int:
         """Milliseconds of the box's clock from tick ``since`` until the arm is at rest, which is waited for."""
         self.box.reader = None
-        while not self.box.arm.resting:
-            time.sleep(0.005)
+        assert until(lambda: self.box.arm.resting), "it does not come to rest"
         return self.box.rested_at - since
 
 

@@ -16,6 +16,8 @@ from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import Self
 
+_SEND_S = 5.0  # in which a client takes a message
+
 
 class DeviceDouble(ABC):
     """One device at ``address``. Use as a context manager, or ``start`` and ``stop``. Without a thread of its own it is
@@ -138,9 +140,11 @@ class DeviceDouble(ABC):
         if self._client is None:
             return
         with contextlib.suppress(OSError):
-            self._client.setblocking(True)
-            self._client.sendall(message)
-            self._client.setblocking(False)
+            self._client.settimeout(_SEND_S)
+            try:
+                self._client.sendall(message)
+            finally:
+                self._client.setblocking(False)
 
     # -- for subclasses ------------------------------------------------------------------------------------------------
     @abstractmethod

@@ -10,7 +10,7 @@ from memo_franka.testing.arm import DT
 from memo_franka.testing.control_box import ControlBox
 from memo_franka.testing.hand import HandDouble
 
-from tests.franka_cell import ADDRESSES, ROBOT
+from tests.franka_cell import ADDRESSES, ROBOT, until
 
 
 class WallClock:
@@ -80,7 +80,5 @@ def test_a_device_does_not_wait_for_the_priority_of_its_client(given, request):
         request.getfixturevalue(given)
     own = os.sched_getparam(0).sched_priority
     with HandDouble(next(ADDRESSES)) as hand:
-        served = os.sched_getparam(hand._thread.native_id).sched_priority
-        while own and served == own:  # until it runs for the first time
-            served = os.sched_getparam(hand._thread.native_id).sched_priority
-    assert served == (own + 1 if own else 0)
+        served = lambda: os.sched_getparam(hand._thread.native_id).sched_priority
+        assert until(lambda: served() == (own + 1 if own else 0))

@@ -18,7 +18,7 @@ from memo_franka.testing.wire import Error, HandCommand, HandStatus
 from memo_core.errors import RobotFault
 from memo_core.testing import gripper_driver, robot_driver
 from memo_core.testing.link import RULES
-from tests.franka_cell import ADDRESSES, BUSY_S, ROBOT, running_cell, swing
+from tests.franka_cell import ADDRESSES, BUSY_S, ROBOT, running_cell, swing, until
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [
@@ -85,27 +85,17 @@ def test_only_the_threads_that_control_the_arm_have_its_priority(cell):
     assert (99 in moving) == (own.policy == os.SCHED_RR), "franky gives the highest where it is allowed to"
 
 
-def until(condition, seconds: float = 10.0) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return bool(condition())
-
-
 # -- the Hand ----------------------------------------------------------------------------------------------------------
 def test_a_hand_that_is_stuck_is_told_after_its_deadline():
     with HandDouble(next(ADDRESSES)) as hand:
         driver = FrankaHand(HandSettings(hand.address, deadline_s=0.3))
         driver.open(ROBOT.gripper)
         driver.move(0.0, 30.0)
-        while driver.width() > 0.001:
-            time.sleep(0.01)
+        assert until(lambda: driver.width() <= 0.001)
         hand.fingers.thing = 0.03
         hand.fingers.command = lambda width, speed, force: None  # jammed
         driver.move(0.08, 30.0)
-        end = time.monotonic() + 10
-        while driver.health().ready and time.monotonic() < end:
-            time.sleep(0.02)
+        assert until(lambda: not driver.health().ready)
         assert "did not end its motion" in driver.health().problem
         started = time.monotonic()
         driver.close()
@@ -193,8 +183,7 @@ def test_a_state_that_lags_behind_the_end_of_a_motion_is_waited_for(cell):
         link.send(row)
     before = link._state
     cell.box.brakes(True)
-    while link._robot.is_in_control:
-        time.sleep(0.001)
+    assert until(lambda: not link._robot.is_in_control)
     link._robot = Lagging(link._robot, before, 20, slow=0.001)
     with pytest.raises(RobotFault, match="Unlock joints") as caught:
         link.send(link.joint_targets())
@@ -232,8 +221,7 @@ def test_memo_robot_moves_checks_and_recovers_it(cell, capsys):
     command.home(None, given, True)
     assert np.abs(cell.box.arm.q_d - ROBOT.home).max() < 1e-3 and not cell.box.arm.violations
     cell.box.push([0.0, 0.0, 40.0])
-    while cell.box.mode.name != "REFLEX":
-        time.sleep(0.01)
+    assert until(lambda: cell.box.mode.name == "REFLEX")
     with pytest.raises(RobotFault, match="cartesian reflex"):
         command.home(None, given, True)
     cell.box.push([0.0, 0.0, 0.0])

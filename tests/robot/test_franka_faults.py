@@ -20,7 +20,7 @@ from memo_wsg.settings import WsgSettings
 from memo_wsg.testing.double import WsgDouble
 
 from memo_core.errors import InvalidArgument, RobotFault, Stopped
-from tests.franka_cell import ACCELERATION, ACCEPTED, ADDRESSES, GRACE_MS, Cell, braking_ms, running_cell, swing
+from tests.franka_cell import ACCELERATION, ACCEPTED, ADDRESSES, GRACE_MS, Cell, braking_ms, running_cell, swing, until
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [
@@ -80,8 +80,7 @@ def speeds_of(cell: Cell) -> list[tuple[int, float]]:
 def check_slow(cell: Cell, ticks: list[tuple[int, float]], since: Moment, record) -> None:
     """A compliant arm brakes by itself, while its motion goes on."""
     cell.box.reader = None
-    while cell.box.ticks < since.tick + 2 * COMPLIANT_MS:
-        time.sleep(0.005)
+    assert until(lambda: cell.box.ticks >= since.tick + 2 * COMPLIANT_MS)
     fast = [tick - since.tick for tick, speed in ticks if speed > SLOW]
     record("slow_ms", max(fast, default=0))
     assert max(fast, default=0) <= COMPLIANT_MS and not cell.box.arm.violations
@@ -236,8 +235,7 @@ def test_a_client_that_dies_or_stalls_in_motion_leaves_the_arm_at_rest(cell, the
         if killed:
             client.kill()
             client.wait()
-            while cell.box.disturbed.tick == 0:
-                time.sleep(0.001)
+            assert until(lambda: cell.box.disturbed.tick > 0)
         since = cell.box.disturbed if killed else Moment(int(tick), float(speed))
         check_rest(cell, since, record_property, "", ACCELERATION if killed else ACCEPTED)
         assert since.speed > 0.2 and cell.box.recoveries == 0 and not cell.box.arm.violations

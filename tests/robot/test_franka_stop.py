@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 from memo_core.stop_switch import StopSwitch
 from tests.arms import FixedPerception
-from tests.franka_cell import ROBOT, Cell, running_cell
+from tests.franka_cell import ROBOT, Cell, running_cell, until
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [
@@ -75,13 +74,10 @@ def test_ctrl_c_in_motion_brakes_at_once_within_the_limits_and_keeps_the_grip(ce
     def press() -> None:
         """The robot's clock waits until the signal has been handled."""
         os.kill(os.getpid(), signal.SIGINT)
-        end = time.monotonic() + 60
-        while not link.stopped and time.monotonic() < end:
-            time.sleep(0.001)
+        until(lambda: link.stopped)
 
     def person() -> None:
-        while cell.box._moment.speed < 0.2:
-            time.sleep(0.002)
+        assert until(lambda: cell.box._moment.speed >= 0.2)
         cell.box._inject(press)
         pressed.append(cell.box.disturbed)
 

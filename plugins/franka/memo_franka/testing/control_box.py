@@ -48,6 +48,7 @@ from memo_franka.testing.wire import (
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
 _READER_ROUNDS = 1000  # of this thread, without anything read, after which a reader counts as idle
+_INJECT_S = 120.0  # wall-clock time in which a fault takes effect on a busy computer
 _REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
 
@@ -159,11 +160,14 @@ class ControlBox(FrankaServer):
             self.disturbed = self._moment
             happen()
 
-        if self._thread is None:
+        if (serving := self._thread) is None:
             noted()
             return
         self._inbox.append(noted)
+        end = time.monotonic() + _INJECT_S
         while self._running and noted in self._inbox:
+            if not serving.is_alive() or time.monotonic() > end:
+                raise RuntimeError(f"the double at {self.address} serves no more: a fault does not take effect")
             time.sleep(DT)
 
     @property

@@ -128,7 +128,7 @@ class RehearsalLink(Link):
                 self._through(driven.close)
         finally:
             self._jobs.put(None)
-            self._thread.join()
+            self._thread.join(_PATIENCE_S)  # one that an interrupt has left in a call ends when no state comes
             self._thread = None
             self.box.stop()
             self.hand.stop()
@@ -161,6 +161,8 @@ class RehearsalLink(Link):
             done: Future[_Result] = Future()
             self._jobs.put((call, done))
             while not done.done():
+                if self._thread is None or not self._thread.is_alive():
+                    raise BackendUnavailable("robot_driver", "franka-double", "its driver's thread has ended", "open()")
                 self._ticking = True
                 try:
                     self.box.round()
