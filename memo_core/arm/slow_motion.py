@@ -13,6 +13,7 @@ from memo_core.interfaces.link import Link
 from memo_core.scene.pose import Array, Pose
 
 _SPEED = 0.3  # of the joints' full speed
+_NEAR, _SLOW = 0.0003, 0.003  # rad and rad/s: it is told to be at rest, and what is measured there is kept
 
 
 def move_joints(link: Link, goal: Array) -> None:
@@ -41,7 +42,7 @@ def _follow(link: Link, kinematics: Kinematics, targets: Array) -> None:
         for row in targets:
             link.send(row)
             sent += 1
-        settle(link, targets[-1])
+        settle(link, targets[-1], _NEAR, _SLOW)
     except Stopped:
         if sent > 1:
             link.halt(stopping(kinematics, targets[sent - 2], targets[sent - 1], link.control_period))
