@@ -106,11 +106,12 @@ follow_path([[grip, hand]])
 close_gripper()
 follow_path([[[g + 0.2 * o for g, o in zip(grip, out)], hand]])
 """
-    experiment = experiment_with(task="open-the-fridge")
+    # Without so low a limit the handle slips and hits a finger with 80 N, as much as ends a motion by a reflex.
+    experiment = experiment_with("robot.safety.max_force=12", task="open-the-fridge")
     with environment_of(experiment, task_of(experiment, "open-the-fridge"), 0) as world:
         with sandbox_of(experiment) as sandbox:
             execution = run_code(world, pulled, sandbox)
-        assert "40 N are allowed" in execution.error and "robot.mode=impedance" in execution.error
+        assert "12 N are allowed" in execution.error and "robot.mode=impedance" in execution.error
         assert not world.link.box.arm.violations
 
 
