@@ -20,7 +20,9 @@ from memo_franka.settings import FrankaSettings
 
 _GAIN = 10.0  # 1/s
 _LIFE_S = 0.035  # of a velocity that nothing follows, on the robot's clock
-_TORQUE_RATE = 800.0  # Nm/s, of the 1000 that the client library lets through
+_TORQUE_RATE = 800.0  # Nm/s, of the 1000 that the control box lets through
+_PASSED = 0.386  # of a torque's step in 1 ms, by the client library's filter (first order, 100 Hz)
+_TORQUE_STEP = 0.95 / _PASSED  # Nm a tick, that the library lets into its filter: it then leaves with 950 Nm/s
 _WATCH_S = 0.004  # wall-clock time between two looks whether a reference was renewed
 _STILL = 1e-4  # rad and rad/s: nothing is sent to an arm that stands where it should
 _SETTLED = 2e-3  # rad/s: a compliant arm is at rest
@@ -126,7 +128,9 @@ class ImpedanceStreaming(Streaming):
             if not velocity.any():
                 return
             self._velocity, self._offset, self._coasts = np.zeros(len(row)), np.zeros(len(row)), False
-            self._tracker = self._franky.JointImpedanceTracker(self._robot, stiffness=self._stiffness)
+            self._tracker = self._franky.JointImpedanceTracker(
+                self._robot, stiffness=self._stiffness, max_delta_tau=_TORQUE_STEP
+            )
         now, mass = state.time.to_sec(), np.asarray(self._robot.model.mass(state))
         with self._renewing:
             if self._coasts:
