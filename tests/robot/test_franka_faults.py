@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
-import threading
 import time
 from typing import Any
 
@@ -335,8 +334,9 @@ def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell, mode, record_prope
     error = faulted(cell, link, lambda: _jammed(cell, link), seconds=60.0)
     assert error.fault == "gripper" and "free its fingers" in str(error)
     check_braked(cell, link, mode, ticks, moment_of(link), record_property, error)
+    waiting, _ = link._gripper._threads
     cell.close_links()
-    assert not [thread.name for thread in threading.enumerate() if thread.name == "_work"], "it waits for ever"
+    assert not waiting.is_alive(), "it waits for ever, at full load"
 
 
 def _wsg_fails(link: FrankaLink, wsg: WsgDouble) -> None:
