@@ -47,7 +47,9 @@ from memo_franka.testing.wire import (
 )
 
 LOST_PACKETS = 20  # in a row, at which a motion ends
-_READER_ROUNDS = 1000  # of this thread, without anything read, after which a reader counts as idle
+_READER_ROUNDS = 1000  # of this thread, without anything read, after which a reader counts as idle in a motion
+_STILL_ROUNDS = 3  # the same while nothing moves: the client library then throws away the states that have arrived,
+# and waits for one more, for which it would wait while the box waits for it
 _INJECT_S = 120.0  # wall-clock time in which a fault takes effect on a busy computer
 _REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
@@ -191,7 +193,7 @@ class ControlBox(FrankaServer):
                 self._tick()
         if waits and not self._frozen and time.monotonic() - self._sent > _REPEAT_S:
             self.repeat()
-        if waits or begins or self._paced or self.reader is None:
+        if waits or begins or self._paced or self.reader is None or self._waited:
             now = time.monotonic()
             self._last = max(self._last + DT, now)  # a tick that did not sleep is not made up for
             time.sleep(self._last - now)
@@ -200,9 +202,10 @@ class ControlBox(FrankaServer):
         if self.reader is None:
             return False
         read = self.reader()
-        self._waited = 0 if read != self._read else self._waited + 1
+        ahead = self.ticks * DT > read + 1.5 * DT
+        self._waited = self._waited + 1 if ahead and read == self._read else 0
         self._read = read
-        return self.ticks * DT > read + 1.5 * DT and self._waited < _READER_ROUNDS
+        return ahead and self._waited < (_STILL_ROUNDS if self._move_id is None else _READER_ROUNDS)
 
     def _tick(self) -> None:
         moved = not self.arm.resting
