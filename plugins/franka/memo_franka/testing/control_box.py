@@ -51,6 +51,7 @@ _READER_ROUNDS = 1000  # of this thread, without anything read, after which a re
 _STILL_ROUNDS = 3  # the same while nothing moves: the client library then throws away the states that have arrived,
 # and waits for one more, for which it would wait while the box waits for it
 _INJECT_S = 120.0  # wall-clock time in which a fault takes effect on a busy computer
+_ANSWER_S = 0.0003  # wall-clock time in which most answers come: a thread that slept would wait for a busy computer
 _REPEAT_S = 0.05  # wall-clock time after which a waiting box sends its last state again
 _IDENTITY = np.eye(4).ravel()
 
@@ -271,8 +272,9 @@ class ControlBox(FrankaServer):
             if self._answered and wait <= 0:
                 self._lost = LOST_PACKETS
                 return None
-            ready, _, _ = select.select([self._udp, self._client], [], [], min(max(wait, 0.0), 0.02))
-            if not ready and self._answered:
+            soon = time.monotonic() - self._sent < _ANSWER_S
+            ready, _, _ = select.select([self._udp, self._client], [], [], 0.0 if soon else min(max(wait, 0.0), 0.02))
+            if not ready and self._answered and not soon:
                 self.repeat()
             if self._client in ready:
                 self._serve()
