@@ -109,6 +109,20 @@ def test_torch_takes_over_when_the_export_cannot_be_used(
     assert not list(tmp_path.glob(".export-*")), "scratch files were left"
 
 
+def test_what_torch_leaves_behind_at_an_export_goes_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import memo_embedder.sentence_transformers as module
+
+    python = tmp_path / "python"
+    python.write_text('#!/bin/sh\necho "$TMPDIR" > "$(dirname "$0")/where"; mkdir "$TMPDIR/torchinductor"; exit 1\n')
+    python.chmod(0o700)
+    monkeypatch.setattr(module.sys, "executable", str(python))
+    settings = SentenceTransformersSettings(runtime="onnxruntime", cache_dir=str(tmp_path / "cache"))
+    with pytest.raises(BackendUnavailable, match="exporting the model failed"):
+        SentenceTransformersEmbedder(settings).open()
+    where = Path((tmp_path / "where").read_text().strip())
+    assert where.parent == tmp_path / "cache" and not where.exists()
+
+
 @pytest.mark.parametrize("model", ["all-MiniLM-L7", "/nowhere", ""])
 def test_a_model_that_is_not_there_is_named(model: str) -> None:
     embedder = SentenceTransformersEmbedder(SentenceTransformersSettings(model=model))

@@ -157,6 +157,7 @@ class SentenceTransformersEmbedder(Embedder):
             made = Path(folder_name) / "model.onnx"
             command = [sys.executable, "-m", "memo_embedder.export", str(folder.path), str(made)]
             environment = {**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": str(self._settings.threads)}
+            environment["TMPDIR"] = folder_name  # torch leaves a cache in the temporary directory
             try:
                 ended = subprocess.run(
                     [*command, "--max-tokens", str(folder.max_tokens)],
