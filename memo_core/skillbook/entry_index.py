@@ -96,9 +96,10 @@ class EntryIndex:
                 slot = self._slot_of[key]
                 self._spans[slot] = (start, start + len(some))
                 start += len(some)
-            text_of, terms = self._append(
-                ids, slots, np.concatenate([vectors for _, some, vectors in found if len(some)])
-            )
+            vectors = np.concatenate([vectors for _, some, vectors in found if len(some)])
+            known = self._likeness.texts_under(self._kind, [key for key, *_ in found])
+            texts = [known.get(entry, "") for entry in ids.tolist()]  # "": retired just now, the generation tells
+            text_of, terms = self._append(ids, slots, vectors, texts)
             pairs.append(sorted_unique((terms << 32) | slots[text_of]))
         self._by_id = np.argsort(self._ids[: self._count], kind="stable").astype(np.int32)
         self._sorted_ids = self._ids[self._by_id]
@@ -136,7 +137,7 @@ class EntryIndex:
         return slot
 
     def _append(
-        self, ids: np.ndarray, slots: np.ndarray, vectors: np.ndarray, texts: Sequence[str] | None = None
+        self, ids: np.ndarray, slots: np.ndarray, vectors: np.ndarray, texts: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Returns which of them has which term."""
         start, stop = self._count, self._count + len(ids)
@@ -147,7 +148,7 @@ class EntryIndex:
         else:
             self._vectors[start:stop] = vectors
         self._ids[start:stop], self._slots[start:stop] = ids, slots
-        text_of, terms = self.terms.add(self._likeness.texts(ids.tolist()) if texts is None else texts)
+        text_of, terms = self.terms.add(texts)
         self._there[start:stop] = True
         self._count = stop
         self._valid += len(ids)

@@ -36,6 +36,7 @@ _KIND, _VALID = _E.kind == sa.bindparam("kind"), _E.superseded_by.is_(None)
 _MEMBERS = sa.select(_E.key, _E.id).where(_KIND, _VALID, _E.key.in_(_ONE_OF)).order_by(_E.key, _E.id)
 _SHEETS = sa.select(_S.key, _S.entries, _S.sketches).where(_S.kind == sa.bindparam("kind"), _S.key.in_(_ONE_OF))
 _TEXTS = sa.select(_E.id, _E.kind, _E.text).where(_E.id.in_(_ONE_OF))
+_TEXTS_UNDER = sa.select(_E.id, _E.text).where(_KIND, _VALID, _E.key.in_(_ONE_OF))
 
 
 @attrs.frozen(eq=False)
@@ -235,6 +236,14 @@ class Likeness:
             with self._database.read() as connection:
                 self._sheets = self._database.has(connection, tables.sheets)
         return self._sheets
+
+    def texts_under(self, kind: str, keys: Sequence[int]) -> dict[int, str]:
+        """Of the valid entries under some keys, as they are compared, by id."""
+        return {
+            entry: spoken(kind, text)
+            for part in batched(keys, PLACES)
+            for entry, text in self._database.fetch(_TEXTS_UNDER, {"kind": kind} | places(part))
+        }
 
     def texts(self, ids: list[int]) -> list[str]:
         """Of entries, as they are compared; "" for one that does not exist."""
