@@ -40,7 +40,7 @@ from memo_franka.testing.hand import HandDouble, SceneFingers
 
 _PATIENCE_S = 30.0  # wall-clock time in which a busy computer answers
 _REPEAT_S = 0.2  # the client library gives up after 1 s without a packet
-_HAND_S = 1.0  # wall-clock time in which the driver reads what the Hand has told
+_HAND_S = 10.0  # wall-clock time in which a command reaches the Hand, and the driver reads what it has told
 _SAME_M = 1e-4
 
 _Result = TypeVar("_Result")
