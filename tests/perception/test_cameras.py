@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from memo_perception.cameras.backend import Cameras
 from memo_perception.cameras.geometry.fitting import Seen, extents
+from memo_perception.cameras.geometry.measuring import _without_lone_points, _without_strays
 from memo_perception.cameras.memory import HIDDEN
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
@@ -144,3 +145,15 @@ def test_a_thick_wall_that_is_seen_belongs_to_no_inside():
     (room,) = [node for node in graph.nodes if node.kind == "space"]
     assert np.linalg.norm(np.subtract(room.pose.position, (0.734, 0.05, 0.13))) < 0.02
     assert graph.node("cupboard").size[1] == pytest.approx(0.42, abs=0.01)
+
+
+def test_flying_pixels_along_the_edges_of_a_thin_handle_are_none_of_it():
+    rng = np.random.default_rng(0)
+    handle = rng.uniform((0.5, -0.1, 0.35), (0.512, 0.1, 0.362), (1500, 3))
+    flying = rng.uniform((0.5, -0.1, 0.35), (0.512, 0.1, 0.362), (400, 3))
+    flying += rng.uniform(0.05, 1.5, (400, 1)) * np.array([0.8, 0.3, -0.5])  # on the way to what is behind
+    seen = Seen(np.concatenate([handle, flying]), np.zeros(1900), (), 0.0025)
+    kept = _without_lone_points(seen)
+    assert len(kept.points) > 1450 and len(kept.cameras) == len(kept.points)
+    assert np.all(np.ptp(kept.points, axis=0) < (0.04, 0.24, 0.04))
+    assert np.any(np.ptp(_without_strays(seen).points, axis=0) > 0.5), "percentiles alone do not tell them"

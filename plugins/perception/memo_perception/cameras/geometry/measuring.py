@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import attrs
 import numpy as np
+from scipy.spatial import cKDTree
 
 from memo_core.scene.appearance import colour_name
 from memo_core.scene.pose import Array, Pose
@@ -33,6 +34,7 @@ _PANEL = 0.06  # m: what is thicker is no door or drawer front
 _BAR = 1.6  # length, and height over what it is fixed to, against its width, from which on a handle is a bar on posts
 _SHAPED = (0.0025, 0.2)  # deviation of an extent that outlines tell: m, and share of the deviation of depth
 _UNSHAPED = (0.004, 0.8)  # the same of one that only points tell
+_LONE = 0.1  # of the neighbours that most points have, up to which one is a flying pixel
 _SECOND_COLOUR = 0.2  # share of the pixels from which on a second colour is named
 
 
@@ -156,6 +158,7 @@ def _found(
     if not points or sum(map(len, points)) < 5:
         return None
     seen = Seen(np.concatenate(points), np.concatenate(cameras), tuple(outlines), float(np.mean(noises)))
+    seen = seen if whole else _without_lone_points(seen)
     return _Found(detection, _without_strays(seen), pixels, np.concatenate(colours))
 
 
@@ -188,6 +191,13 @@ def _mask(view: View, detection: Detection, regions: dict[int, Region]) -> np.nd
     masks = [detection.masks[name]] if name in detection.masks else []
     masks += [regions[id].masks[name] for id in detection.regions if id in regions and name in regions[id].masks]
     return np.logical_or.reduce(masks) if masks else None
+
+
+def _without_lone_points(seen: Seen) -> Seen:
+    """Without points that have few others near them. Along the edges of a thin part in front of something far, flying
+    pixels are so many that its percentiles are theirs, but they are spread over the way to what is behind."""
+    near = cKDTree(seen.points).query_ball_point(seen.points, 0.01 + 2 * seen.noise, return_length=True)
+    return seen_at(seen, near > _LONE * np.median(near))
 
 
 def _without_strays(seen: Seen) -> Seen:
