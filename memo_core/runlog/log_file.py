@@ -54,8 +54,9 @@ def read_lines(folder: Path) -> Lines:
     if version != VERSION:
         problem = f"{file} is of version {version}: it can be read, not resumed"
         raise InvalidArgument(_OPTION, problem, f"a run log of version {VERSION}")
+    head = {"task": ""} | records[0]
     for key in ("run", "task"):
-        if not isinstance(name := records[0].get(key), str) or not encodable(name):
+        if not isinstance(head.get(key), str) or not encodable(head[key]):
             raise damaged(file, 1, f"{key!r} is no text that can be stored")
     return Lines(tuple(records), len(data) - whole)
 
