@@ -3,6 +3,7 @@ stderr."""
 
 from __future__ import annotations
 
+import datetime
 import json
 import sys
 import textwrap
@@ -14,6 +15,14 @@ from memo_core.terminal import console, discard_stdout
 
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+
+def local_time(moment: float, layout: str = "%Y-%m-%d %H:%M") -> str:
+    """``moment`` (s since 1970) for people; the number itself if no calendar has it, as in a damaged book."""
+    try:
+        return datetime.datetime.fromtimestamp(moment).strftime(layout)
+    except (OverflowError, ValueError, OSError):
+        return f"{moment:g}"
 
 
 def print_json(value: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import json as json_text
 import sys
 from pathlib import Path
@@ -19,7 +18,7 @@ from memo_core.cli import (
     skillbook_transfer,
 )
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import local_time, note, print_json, print_table
 from memo_core.errors import InvalidArgument, MemoError, close_match
 from memo_core.parsing import encodable, resolved
 from memo_core.runlog.whole_files import CannotWrite, whole_file
@@ -88,9 +87,8 @@ def show(
         print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
         print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
         for origin in origins:
-            when = datetime.datetime.fromtimestamp(origin.time).strftime("%Y-%m-%d %H:%M")
             about = f"{origin.subtask} ({origin.task})"
-            print(f"\nfrom {origin.who}, {when}, about {about}:\n  {origin.words or '(approved)'}")
+            print(f"\nfrom {origin.who}, {local_time(origin.time)}, about {about}:\n  {origin.words or '(approved)'}")
 
 
 @app.command()

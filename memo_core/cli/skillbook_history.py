@@ -3,7 +3,6 @@ retrieved."""
 
 from __future__ import annotations
 
-import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import local_time, note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
 
@@ -235,7 +234,7 @@ def _opened(book: str | None, config: Path | None, overrides: list[str] | None, 
 
 
 def _when(time: float) -> str:
-    return datetime.datetime.fromtimestamp(time).strftime("%Y-%m-%d %H:%M:%S")
+    return local_time(time, "%Y-%m-%d %H:%M:%S")
 
 
 def _key(revision: Revision) -> str:

@@ -3,7 +3,6 @@ damage."""
 
 from __future__ import annotations
 
-import datetime
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +12,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json, print_table
+from memo_core.cli.output import local_time, note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
 from memo_core.parsing import parse_json, read_at_most
 
@@ -95,7 +94,10 @@ def books(book: Book = None, config: ConfigFile = None, overrides: Overrides = N
         if json:
             print_json({"books": [attrs.asdict(one) for one in merged]})
             return
-        print_table(("whose", "book", "first", "last"), [(o.name, o.book, _day(o.first), _day(o.last)) for o in merged])
+        print_table(
+            ("whose", "book", "first", "last"),
+            [(o.name, o.book, local_time(o.first), local_time(o.last)) for o in merged],
+        )
 
 
 def check(
@@ -194,7 +196,3 @@ def _say(imported: Imported, url: str, dry_run: bool) -> None:
         )
     if imported.left_out:
         print(f"{imported.left_out} rows stay away: withdrawn here")
-
-
-def _day(moment: float) -> str:
-    return datetime.datetime.fromtimestamp(moment).strftime("%Y-%m-%d %H:%M")

@@ -21,6 +21,7 @@ DAMAGE = {
     "a table under another name": "ALTER TABLE answers RENAME TO other",
     "nothing in a column that is never without": NULL_WORDS,
     "an entry without feedback": "DELETE FROM sources",
+    "times that no calendar has": "UPDATE revisions SET time = 1e18; UPDATE feedback SET time = -1e300",
     "a key without an action": "UPDATE keys SET action = ''",
 }
 COMMANDS = [
@@ -29,6 +30,8 @@ COMMANDS = [
     ["rebuild", "--out", "new.db"],
     ["stats", "--json"],
     ["list"],
+    ["history"],
+    ["show", "1"],
     ["reembed"],
     ["export"],
     ["forget", "ana0", "--yes"],
