@@ -573,7 +573,7 @@ class Skillbook:
         """
         known = self.people()
         if who not in known:
-            raise UnknownName("person", who, tuple(known))
+            raise UnknownName("person", who, tuple(map(str, known)))
         with self._database.write() as connection:
             words = words_of(connection, who)
             forgotten, texts = forget_person(connection, who)

@@ -22,6 +22,7 @@ DAMAGE = {
     "nothing in a column that is never without": NULL_WORDS,
     "an entry without feedback": "DELETE FROM sources",
     "times that no calendar has": "UPDATE revisions SET time = 1e18; UPDATE feedback SET time = -1e300",
+    "people whose names are no text": "UPDATE feedback SET who = x'07ff'",
     "a key without an action": "UPDATE keys SET action = ''",
 }
 COMMANDS = [
