@@ -8,7 +8,7 @@ from random import Random
 import pytest
 from memo_benchmarks.fuzz.bench import Child, replay
 from memo_benchmarks.fuzz.child import faults_of
-from memo_benchmarks.fuzz.mutations import damaged_lines
+from memo_benchmarks.fuzz.mutations import Raw, damaged_lines
 from memo_benchmarks.fuzz.run_folders import LOG, RunFolders
 
 FOUND = sorted(path for path in (Path(__file__).parents[1] / "fuzz").iterdir() if path.is_dir())
@@ -58,3 +58,7 @@ def test_what_was_damaged_already_can_be_damaged_again():
     files = {LOG: b"[" * 100_000, "config.yaml": b"task: \x97", "calls/1.json": b"\xff" * 9}
     for number in range(300):
         RunFolders()._damage(dict(files), Random(number))
+
+
+def test_a_mark_of_an_earlier_damage_stays_as_it_is():
+    assert Raw(Random(0)).dumped({"a": "@@raw7@@"}) == '{"a": "@@raw7@@"}'

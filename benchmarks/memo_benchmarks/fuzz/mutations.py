@@ -104,7 +104,8 @@ class Raw:
 
     def dumped(self, value: Any) -> str:
         written = json.dumps(value, ensure_ascii=self._draw.random() < 0.5)
-        return _MARKED.sub(lambda found: self._values[int(found[1])], written)
+        known = len(self._values)  # a mark may also come from a document that was damaged before
+        return _MARKED.sub(lambda found: self._values[int(found[1])] if int(found[1]) < known else found[0], written)
 
 
 def damaged_value(value: Any, draw: Random, raw: Raw, times: int = 1) -> Any:
