@@ -22,7 +22,10 @@ _WAY = {"path", "extent", "legs", "closing", "pointing", "tipped"}
 _TURN = {"turned", "closing", "tipped", "extent", "path"}
 CHANGES: dict[str, set[str]] = {
     # where the hand touches or lets go, with "3cm" behind it where an amount was named
-    **{name: {"place", "extent", "path", "legs"} for name in ("lower", "higher", "left", "right", "nearer", "farther")},
+    **{
+        name: {"place", "extent", "path", "legs", "travel"}
+        for name in ("lower", "higher", "left", "right", "nearer", "farther")
+    },
     **{n: _PLACE for n in ("middle", "end", "from", "part", "object", "not", "over", "beside", "away", "place")},
     "nearer to others": _PLACE,
     "other object": _PLACE,
@@ -36,7 +39,8 @@ CHANGES: dict[str, set[str]] = {
     "less": {"extent", "turned", "place", "tipped", "path", "waits"},
     "lift straight": {"path"},
     "no lift": {"path", "extent", "legs"},
-    "retreat up": {"legs"},
+    "retreat up": {"legs", "leaving"},
+    "travel": {"travel"},
     # the hand and what it holds
     **{name: _TURN for name in ("turn", "cw", "ccw", "no turn", "level", "upright", "upside down")},
     "open wider": {"opening"},
@@ -99,6 +103,15 @@ def changed(before: Motion, after: Motion) -> dict[str, str]:
         old, new = getattr(before, name), getattr(after, name)
         if old != new and (name != "opening" or (old or STROKE) != (new or STROKE)):
             found[name.replace("_", " ")] = f"{name.replace('_', ' ')} {old} became {new}"
+    if after.highest - before.highest > max(0.01, after.contact[2] - before.contact[2] + 0.01):
+        found["travel"] = f"goes {100 * (after.highest - before.highest):.0f} cm higher on the way there"
+    if (
+        not found
+        and before.leaving is not None
+        and after.leaving is not None
+        and angle(before.leaving, after.leaving) > 15
+    ):
+        found["leaving"] = "leaves another way"
     if after.fastest != before.fastest:
         found.setdefault("speed", f"speed up to {after.fastest}")
     return found
@@ -109,6 +122,8 @@ def met(effect: str, before: Motion, after: Motion, subtask: str, scene: SceneGr
     amount = re.search(r"(\d+(?:\.\d+)?)(cm|deg|s)?$", effect)
     value = float(amount.group(1)) if amount else None
     name = effect[: amount.start()].strip() if amount else effect
+    if name == "higher" and value is None and "travel" in changed(before, after):
+        return True  # on the way there
     if name in _WAYS:
         return _moved(name, value, before, after)
     head = name.split(" ")[0]

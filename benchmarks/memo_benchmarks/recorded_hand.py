@@ -74,6 +74,8 @@ class Motion:
     waits: float
     released: bool  # the fingers open after the contact
     end: Array
+    highest: float = 0.0  # of the way to the contact, metres above the base
+    leaving: Array | None = None  # the way the hand goes right after it has let go
 
     @property
     def main(self) -> Leg | None:
@@ -124,7 +126,17 @@ def motion_of(acts: list[Command]) -> Motion | None:
         waits=sum(act.amount or 0.0 for act in acts if act.kind == "wait"),
         released=released,
         end=np.asarray(held[-1].position),
+        highest=max((act.pose.position[2] for act in before if act.kind == "go"), default=0.0),
+        leaving=_leaving(acts, at),
     )
+
+
+def _leaving(acts: list[Command], contact: int) -> Array | None:
+    """From where the fingers open after the contact to the goal that follows."""
+    for i in range(contact, len(acts) - 1):
+        if acts[i].kind == "open" and acts[i + 1].kind == "go":
+            return np.asarray(acts[i + 1].pose.position) - np.asarray(acts[i].pose.position)
+    return None
 
 
 def _contact(acts: list[Command]) -> int | None:

@@ -18,7 +18,7 @@ def split_words(words: str) -> frozenset[str]:
 _OPENERS = re.compile(
     r"^(?:(?:no|nope|well|ok|okay|please|hey|hm+|oh|ah|uh|um|just|then|now|so|and|but|next time|also|careful|really|"
     r"maybe|perhaps|"
-    r"always|in general|first|instead|actually|yes|sorry|still|again|here|there(?! is| are| was|'s)|"
+    r"always|in general|first|instead(?! of)|actually|yes|sorry|still|again|here|there(?! is| are| was|'s)|"
     r"this time|robot|it looks like|i think|"
     r"looks like|seems|as i said|i said|i mean)[, ]+)+"
 )
@@ -44,7 +44,7 @@ _FINITE = re.compile(
     r"(?:\b(?:is|are|was|were|am|be|been|has|have|had|does|did|will|would|could|can|might|may|isn't|aren't|wasn't|weren't|"
     r"doesn't|didn't|won't|can't|cannot|couldn't|hasn't|haven't|wouldn't|go|went|fell|hit|hits|came|got|gets|took|lost|made|"
     r"knocked|let|broke|threw|stuck|held|(?<=you )left|(?<=it )left|"
-    r"shut|slid|swung|bent|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
+    r"shut|slid|swung|bent|shook|flew|tore|rang|burst|split|spilt|sank|sprang|began|saw|felt|heard|spun|rose|drove|cost|looks|ended|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
     r"wants?|likes?|makes?|gives?|takes|holds|means|weighs|belongs?|burns?|breaks?|tips|spills?|drips?|leaks?|slips?|sticks?|stinks?|"
     r"jams?|stands|hangs?|tastes?|smells?|costs?|bends?|tears?|cracks?|moves|stays|runs|taught|told|lie|lay|hurts?|scratches|"
     r"wobbles?|rattles?|catches|bites?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
@@ -107,7 +107,9 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
     """What a clause does. ``request``: whether it asks for something (see ``is_request``); ``after_request``: whether
     something was asked for before it in the sentence, which "not so" then only sets off."""
     plain = _OPENERS.sub("", f"{clause} ").strip()
-    if re.match(r"like (?:a|an|the|some|it|you)\b", plain):
+    if re.match(
+        r"like (?:a|an|the|some|it|you)\b|(?:what|such) an? \w+|(?:of course|no wonder|thank (?:god|goodness))\b", plain
+    ):
         return "told"
     needless = re.match(
         r"(?:(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b)",

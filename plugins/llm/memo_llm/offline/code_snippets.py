@@ -107,6 +107,39 @@ def yaw_for(closing):
     """The yaw of a hand from the top whose fingers close along a horizontal direction."""
     return math.atan2(-closing[0], closing[1])
 ''',
+    "thin_axis": '''
+def thin_axis(name):
+    """The direction along which something is shortest."""
+    axes, size = get_axes(name), get_size(name)
+    return axes[size.index(min(size))]
+''',
+    "tip_to_vertical": '''
+def tip_to_vertical(direction):
+    """The axis and the angle (rad) of the shortest turn that makes a direction vertical."""
+    direction = direction if direction[2] >= 0 else opposite(direction)
+    across = cross(direction, [0.0, 0.0, 1.0])
+    size = math.sqrt(dot(across, across))
+    return (unit(across), math.asin(min(1.0, size))) if size > 0.01 else ([0.0, 1.0, 0.0], 0.0)
+''',
+    "lowest_after": '''
+def lowest_after(name, hand, axis, angle):
+    """How high above the fingertips (m) the lowest corner of a held thing is once it is turned about them."""
+    corners = [between(hand, get_position(name))]
+    for direction, size in zip(get_axes(name), get_size(name)):
+        corners = [along(corner, direction, side * size / 2) for corner in corners for side in (-1, 1)]
+    return min(turn_point(corner, [0.0, 0.0, 0.0], axis, angle)[2] for corner in corners)
+''',
+    "go_high": '''
+def go_high(start, hold, height):
+    """Up first, then across at a height (m) above both ends; what cannot be reached is told and left out."""
+    here = get_gripper_position()
+    high = max(here[2], start[2]) + height
+    try:
+        move_to([here[0], here[1], high])
+        move_to([start[0], start[1], high], hold)
+    except MotionError as error:
+        print("not that high:", error)
+''',
     "is_closed": """
 def is_closed(name):
     return "the " + name + " is closed" in look()

@@ -368,6 +368,28 @@ def _set_down(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     return attrs.evolve(recipe, gap=0.0)
 
 
+def _travel(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, travel=recipe.travel + (edit.amount.metres if edit.amount else rough["travel"]))
+
+
+def _retreat(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    steps = recipe.steps if "back-off" in recipe.steps else _back_off(recipe, edit, rough).steps
+    clearance = edit.amount.metres if edit.amount and edit.amount.exact else recipe.clearance
+    return attrs.evolve(recipe, steps=steps, retreat=edit.value, clearance=max(clearance, recipe.clearance))
+
+
+def _pose(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return recipe if edit.negated else attrs.evolve(recipe, pose=edit.value)
+
+
+def _ease_open(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return recipe if edit.negated else attrs.evolve(recipe, opens_slowly=True)
+
+
+def _slow_end(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, last_speed=rough["slow"])
+
+
 def _speed(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     slow = edit.value.startswith("slow")
     return attrs.evolve(recipe, speed=rough["slow"] if slow != edit.negated else rough["fast"])
@@ -449,6 +471,11 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "press-part": _press_part,
     "shake": _shake,
     "set-down": _set_down,
+    "travel": _travel,
+    "retreat": _retreat,
+    "pose": _pose,
+    "slow-end": _slow_end,
+    "ease-open": _ease_open,
     "stiff-hand": _stiff,
     "follow-hand": _follow,
 }

@@ -274,7 +274,19 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     asked_for = '"plan"' in prompt.section("answer")
     if not asked_for or not any(edit.kind == "plan" for edit in heard.edits):
         return []
-    return [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
+    _action, objects = prompt.subtask
+    if (
+        objects
+        and len(objects) > 1
+        and re.search(rf"\b(?:in|into|on|onto) the {re.escape(objects[1].lower())}\b", words.lower())
+    ) and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
+        return []  # where it goes anyway
+    notes = [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
+    named = f"The {objects[0].lower()}" if objects else "It"
+    return [
+        re.sub(r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)", named, note)
+        for note in notes
+    ]
 
 
 _ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)
@@ -329,6 +341,10 @@ def _question(
         return f"which way should the hand go? You said: {quoted}"
     if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
         return f"the other way round, or to another side? You said: {quoted}"
+    aside = [edit for edit in edits if edit.kind == "offset" and edit.value in ("left", "right")]
+    if aside and recipe is not None and recipe.kind == "turn" and not any(e.amount and e.amount.exact for e in aside):
+        way = _said(aside[0], None, None)
+        return f"is that clockwise or counterclockwise, as the hand looks at it: {way} You said: {quoted}"
     swung = [edit for edit in edits if edit.kind in _OF_DOORS]
     led = [
         edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
@@ -347,6 +363,11 @@ def _question(
     pressed = any(edit.kind == "press-part" for edit in edits)
     if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
         return f"is this before or after pressing: {_said(besides[0], None, None)} You said: {quoted}"
+    drawn = [
+        edit for edit in edits if edit.kind == "farther" and re.search(r"\b(?:pull|open|draw|tug)\w*\b", edit.said)
+    ]
+    if drawn and recipe is not None and recipe.kind in ("pick", "place"):
+        return f"what is to be opened further, and is that a step of its own? You said: {quoted}"
     slid = [edit for edit in edits if edit.kind == "straight" and "handle" in _said(edit, None, None)]
     if slid and recipe is not None and recipe.kind not in ("open", "close", "pull", "push"):
         return f"which way should the hand go? You said: {quoted}"
@@ -391,6 +412,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     ]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
         edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
+    if any(edit.kind == "hold-for" and edit.seconds is not None for edit in edits):
+        edits = [edit for edit in edits if edit.kind != "hold-for" or edit.seconds is not None]
     if "fingers" in kinds:  # how they lie in the end; a turn said beside it is the way there
         edits = [edit for edit in edits if edit.kind != "turn-hand"]
     return edits

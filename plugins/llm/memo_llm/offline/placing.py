@@ -19,6 +19,8 @@ def write_placing(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
         "hanging = hand[2] - get_bounds(THING)[0][2]",
     )
     sideways = _goal(recipe, around, sheet, clearance, gap)
+    if recipe.pose:
+        _posed(recipe, sheet, sideways)
     _as_asked(recipe, sheet, sideways)
     _steps(recipe, sheet, sideways, clearance)
 
@@ -79,6 +81,27 @@ def _goal(recipe: Recipe, around: Surroundings, sheet: Sheet, clearance: str, ga
     return sideways
 
 
+def _posed(recipe: Recipe, sheet: Sheet, sideways: bool) -> None:
+    """Turn the hand so that the thing is put down upright, flat or upside down."""
+    turned = {"upright": "tip_to_vertical(long_axis(THING))", "flat": "tip_to_vertical(thin_axis(THING))"}
+    if recipe.pose == "upside down":
+        sheet.add(
+            "# Turned over about the line in which the fingers close.", "tipping, tipped_by = [0.0, 1.0, 0.0], math.pi"
+        )
+    else:
+        sheet.add(
+            "# Tipped over by as much as it takes until it is so.",
+            f"tipping, tipped_by = {turned[recipe.pose]}",
+        )
+    sheet.add(
+        "hold = turn_orientation(hold, tipping, tipped_by)",
+        "low = lowest_after(THING, hand, tipping, tipped_by)  # of the thing, as seen from the fingertips",
+        "target[2] += -low - hanging",
+        "start[2] += -low - hanging",
+        *(["above[2] += -low - hanging"] if sideways else []),
+    )
+
+
 def _as_asked(recipe: Recipe, sheet: Sheet, sideways: bool) -> None:
     """Offsets and turns that people asked for."""
     if any(recipe.offset):
@@ -108,12 +131,21 @@ def _steps(recipe: Recipe, sheet: Sheet, sideways: bool, clearance: str) -> None
         if step == "open-hand":
             if recipe.hold:
                 sheet.add(f"wait({sheet.constant('HOLD', recipe.hold, 'seconds before it is let go')})")
+            if recipe.opens_slowly:
+                sheet.add(
+                    "for part in range(4):  # little by little",
+                    "    open_gripper(get_gripper_width() + 0.004)",
+                    "    wait(0.2)",
+                )
             sheet.add(f"open_gripper({opening})")
         elif step == "close-hand":
             sheet.add("close_gripper()")
         elif step == "approach":
             last = "[[above, hold], [target, hold]]" if sideways else "[[target, hold]]"
-            sheet.add(f"move_to(start, hold, then={last}{speed})", f"follow_path({last}{speed})")
+            final = speed if recipe.last_speed is None else f", speed={recipe.last_speed:g}"
+            if recipe.travel:
+                sheet.add(f"go_high(start, hold, {sheet.constant('TRAVEL', recipe.travel, 'metres')})")
+            sheet.add(f"move_to(start, hold, then={last}{speed})", f"follow_path({last}{final})")
         elif step == "path" and recipe.shape == "arc":
             angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
             sheet.add(
@@ -131,6 +163,11 @@ def _steps(recipe: Recipe, sheet: Sheet, sideways: bool, clearance: str) -> None
             sheet.add(f"rotate_gripper(math.radians({turn}))")
         elif step == "back-off":
             back = "[above, start]" if sideways else "[start]"
-            sheet.add(f"follow_path({back})" if at == "target" else f"follow_path([along({at}, out, {clearance})])")
+            leaving = ", speed=0.2" if recipe.retreat == "slowly" else ""
+            if recipe.retreat == "up" and not sideways:
+                sheet.add(f"follow_path([along({at}, [0.0, 0.0, 1.0], {clearance})])")
+            else:
+                lines = f"follow_path({back}{leaving})" if at == "target" else ""
+                sheet.add(lines or f"follow_path([along({at}, out, {clearance})]{leaving})")
         elif step == "look":
             sheet.add("look()")

@@ -21,7 +21,9 @@ from memo_llm.offline.clauses import (
     time_part,
     unread,
 )
+from memo_llm.offline.composition import TIMES
 from memo_llm.offline.degrees import REFUSED, Degree
+from memo_llm.offline.meaning import Meant, meaning
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.typos import in_full
 from memo_llm.offline.vocabulary import Amount, Phrase, Vocabulary
@@ -36,7 +38,8 @@ _CARRIED_BY_WAY = ("offset", "farther", "less-far", "all-the-way", "angle")
 _BARE = r"(?:push|press|shove|lift|raise)(?: [\w' ]+?)??(?: (?:it|them|this|that))?"
 # Fillers that say which, when or whether, where nothing else was read.
 _MATTERS = split_words(
-    "in out up down off on away over back under only not no other another first more less about what here there"
+    "in out up down off on away over back under only not no other another first more less about what here there finger "
+    "fingers"
 )
 _DETERMINERS = split_words("a an the my your his her our their this that each every kitchen in")
 _NOUNS_TOO = split_words("sink dip press push pull lift rest slide drop tip shake stretch reach draw")
@@ -46,6 +49,10 @@ _ENDS = frozenset(["hold-for", "set-down", "extent", "all-the-way", "first-in", 
 _BOUNDED = (
     r"\d (?:cm|mm|inch|m|degrees|seconds)\b.*\b(?:plenty|enough|all|do)\b|\b(?:at (?:least|most)|no more than) \d"
 )
+_SIDES = frozenset(["left", "right", "front", "back", "top", "bottom", "upper", "lower"])
+_SIDED = ("force", "speed")
+# What only a composition of parts says.
+_COMPOSED_ONLY = frozenset(["travel", "retreat", "slow-end", "ease-open", "pose", "set-down", "finger-width"])
 _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _MOTIONS = {
@@ -138,7 +145,13 @@ def read_sentence(
     found, plain = _read_whole(_plain(text, vocabulary, nouns), vocabulary, kind)
     edits += found
     request, praised = True, False
+    when = ""
     for clause, part in _parted(plain):
+        if not part and _only_when(clause, vocabulary, nouns - other_things, other_things):
+            when = f"{when} {clause}"
+            continue
+        if when and not part:
+            clause, when = f"{clause}{when}", ""
         mood = mood_of(clause, is_request(clause, request), bool(edits))
         request = mood == "request"
         if edits and (amount := _amount_alone(clause, vocabulary)) and not _measured(edits[-1]):
@@ -157,6 +170,7 @@ def read_sentence(
             w for w in re.findall(r"[^\W_][\w'-]*", rest) if not (_plain_word(w, vocabulary, nouns) or is_act(w))
         ]
         praised |= not said and vocabulary.praises(clause)
+        before = list(edits)
         for edit in said:
             edits += [] if any(_same(edit, other) for other in edits) else [edit]
         denied = vocabulary.negations.search(clause) is not None and not said
@@ -167,24 +181,96 @@ def read_sentence(
         beside = set() if part else other_things  # what stands beside what was read already may name anything
         open_words = unread(rest, kind, [edit.kind for edit in said], beside) if request and not denied else []
         doubtful = (mood in ("request", "told") and has_condition(rest)) or bool(open_words)
-        if unknown and not said:
-            missed.append(clause)
-        else:
-            missed += unknown
         doubtful |= (
             request
             and not contrasted
             and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns | said_of)))
         )
         doubtful |= _clash(said, clause) or in_parts(clause)
+        doubtful |= any(edit.kind in ("offset", "approach") for edit in said) and _beside_another(clause, other_things)
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
+        if not part:
+            composed = _composed(clause, mood, vocabulary, kind, nouns - other_things, other_things)
+            if composed is not None and _preferred(composed, said, doubtful):
+                edits = [*before, *(edit for edit in composed if not any(_same(edit, other) for other in before))]
+                continue
+        if unknown and not said:
+            missed.append(clause)
+        else:
+            missed += unknown
         if doubtful:
             unsure.append(clause)
+    if len({edit.value for edit in edits if edit.kind == "offset"}) > 1 and re.search(
+        r"\b(?:then|before|after)\b", plain
+    ):
+        unsure.append(plain)  # one after the other, which is no place
     if not edits:
         missed = [" ".join(text.split())]
     return Reading(tuple(edits), tuple(missed), praised, tuple(unsure))
+
+
+def _composed(
+    clause: str, mood: Mood, vocabulary: Vocabulary, kind: str, own: set[str], others: set[str]
+) -> list[Edit] | None:
+    """Edits of a clause that is made up of known parts throughout; None where it is not, or where they mean nothing."""
+    if mood not in ("request", "told"):
+        return None
+    parts = vocabulary.lexicon.parts(re.sub(r"^so ", "", clause), frozenset(own), frozenset(others))
+    if not parts:
+        return None
+    meant = meaning(parts, kind)
+    if meant is not None and "lever" in own and any(one.kind == "turn-thing" for one in meant):
+        return None  # which way a lever's end goes is not which way round it is turned
+    if meant is None or (mood == "told" and not any(part.kind in ("too", "enough") for part in parts)):
+        return None
+    return [_as_edit(one, clause, vocabulary, kind) for one in meant]
+
+
+def _only_when(clause: str, vocabulary: Vocabulary, own: set[str], others: set[str]) -> bool:
+    """Whether a clause only says when what follows it is to be done: "when you have let go"."""
+    if time_part(clause) != 0:
+        return False
+    parts = vocabulary.lexicon.parts(clause, frozenset(own), frozenset(others))
+    return bool(parts) and all(part.kind in TIMES for part in parts or ())
+
+
+def _preferred(composed: list[Edit], said: list[Edit], doubtful: bool) -> bool:
+    """Whether a clause's reading as a composition of parts stands in place of what its phrases say."""
+    if not said:
+        return True
+    if not composed:  # it asks for nothing: in place of what nothing would follow from
+        return all(edit.negated for edit in said)
+    if doubtful or any(edit.kind in _COMPOSED_ONLY for edit in composed):
+        return True
+    kinds, phrased = {edit.kind for edit in composed}, {edit.kind for edit in said}
+    if phrased == {"farther"} and "offset" in kinds:
+        return True  # "lower it 2 cm": which way is said, too
+    return kinds < phrased or (
+        kinds == phrased and any(_senses(composed, kind) != _senses(said, kind) for kind in _SIDED)
+    )
+
+
+def _senses(edits: list[Edit], kind: str) -> set[bool]:
+    """Which ends of a scale the edits of a kind ask for: gentle or slow is the low one."""
+    return {edit.value in GENTLE or edit.value.startswith("slow") for edit in edits if edit.kind == kind}
+
+
+def _as_edit(one: Meant, clause: str, vocabulary: Vocabulary, kind: str) -> Edit:
+    phrases = [p for p in vocabulary.phrases if p.edit == one.kind and p.value in ("", one.value) and not p.flip]
+    phrase = next((p for p in phrases if kind in p.only), None) or next((p for p in phrases if not p.only), None)
+    return Edit(
+        one.kind,
+        one.value,
+        vocabulary.amount(one.amount),
+        vocabulary.angle(one.amount) if one.kind != "angle" else vocabulary.angle(one.value),
+        vocabulary.seconds(one.amount),
+        verb=one.verb,
+        said=f"lift {clause}" if one.lifted else clause,
+        phrase=phrase,
+        degree=True,
+    )
 
 
 def _of_the_thing(rest: str, kind: str, others: set[str]) -> str:
@@ -259,6 +345,14 @@ def _clash(edits: list[Edit], clause: str) -> bool:
     )
 
 
+def _beside_another(clause: str, others: set[str]) -> bool:
+    """Whether a way is one from or to another thing: "further away from the tray", "from the right box"."""
+    named = "|".join(map(re.escape, sorted(others - _SIDES))) or "(?!)"
+    sides = "|".join(sorted(others & _SIDES)) or "(?!)"  # of several alike, the one on that side
+    the = r"\b(?:from|to|than) (?:the|that|my|your|a) (?:\w+ )?"
+    return re.search(rf"{the}(?:(?:{named})\b|(?:{sides}) (?!side|hand|and|or|but|of)\w)", clause) is not None
+
+
 def _forbids(clause: str, rest: str, vocabulary: Vocabulary, nouns: set[str], kind: str) -> bool:
     """Whether a clause says what not to do, and it is not known what follows from that."""
     denial = vocabulary.negations.search(clause)
@@ -312,8 +406,12 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
     plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
-    plain = re.sub(r"\b(?:can't|couldn't|can|could|would|won't|why don't|will) you\b", "", plain)  # asked politely
+    plain = re.sub(
+        r"\b(?:(?:can't|couldn't|can|could|would|won't|will) you|why (?:don't|not)(?: you)?)\b", "", plain
+    )  # asked politely
     plain = in_figures(" ".join(plain.split()))
+    if vocabulary is not None:
+        plain = vocabulary.lexicon.as_request(plain)
     return re.sub(r"\b(?:maybe|roughly|like|say|approximately|perhaps|i'd say|something like) (?=\d)", "", plain)
 
 
@@ -397,6 +495,8 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
         edits = [edit for edit in edits if edit.kind != "hold-on"]
     if kind in ("open", "close", "pull", "push"):  # "push it sideways": a way, and not an angle
         edits = [edit for edit in edits if edit.kind != "angle" or not re.search(r"sideways|crosswise", edit.said)]
+    if kind == "close" and len(edits) > 1:  # "shut it more slowly": what it does anyway
+        edits = [edit for edit in edits if edit.said.strip() not in ("shut", "closed")]
     edits = [_with_verb(edit, clause, kind) for edit in edits]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
@@ -455,11 +555,12 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
         if kind == "place"
         else "approach|mov|com|reach|pull|push|swing|shut|clos|open|turn|pour|slid"
     )
+    set_down = kind == "place" and re.search(_GRIPS_ALONE, clause) is None
     if (
         edit.kind == "force"
         and edit.value in GENTLE
-        and (moved or re.search(rf"\b(?:{moves})\w*\b", clause))
-        and not re.search(_GRIPS, clause)
+        and (moved or set_down or re.search(rf"\b(?:{moves})\w*\b", clause))
+        and (set_down or not re.search(_GRIPS, clause))
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
         return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)

@@ -52,6 +52,11 @@ class Recipe:
     hold: float = 0.0  # seconds that the hand stays before it lets go or leaves
     shakes: int = 0  # up and down, of what is held
     gap: float = 0.008  # that a thing is let fall
+    travel: float = 0.0  # above the stop before the last stretch, on the way there
+    last_speed: float | None = None  # of the last, straight stretch
+    opens_slowly: bool = False  # to let go
+    retreat: str = ""  # after letting go: up, slowly; "": the way it came
+    pose: str = ""  # of what is put down: upright, flat, upside down; "": as it was taken
     over: float = 0.04  # above its place on the way into something that opens to the side
 
     @property

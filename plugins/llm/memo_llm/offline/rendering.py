@@ -386,6 +386,9 @@ def _eased(recipe: Recipe, sheet: Sheet, has_out: bool, then: str, speed: str) -
 
 
 def _approach_lines(recipe: Recipe, sheet: Sheet, leads_on: bool, speed: str) -> None:
+    final = speed if recipe.last_speed is None else f", speed={recipe.last_speed:g}"
+    if recipe.travel:
+        sheet.add(f"go_high(start, hold, {sheet.constant('TRAVEL', recipe.travel, 'metres')})")
     if leads_on and recipe.shape == "arc":
         sheet.add(
             "# The arm must arrive in a posture from which it can go the whole way. Where the hand cannot turn with",
@@ -403,13 +406,13 @@ def _approach_lines(recipe: Recipe, sheet: Sheet, leads_on: bool, speed: str) ->
             '            print("the hand turning", share, "of the way,", part, "of the arc:", error)',
             "if not reached:",
             '    raise RuntimeError("the arm cannot follow that arc")',
-            f"follow_path([[grasp, hold]], then=path + [[after, path[-1][1]]]{speed})",
+            f"follow_path([[grasp, hold]], then=path + [[after, path[-1][1]]]{final})",
         )
     elif leads_on:
         sheet.add(f"move_to(start, hold, then=[[grasp, hold]] + path{speed})")
-        sheet.add(f"follow_path([[grasp, hold]], then=path{speed})")
+        sheet.add(f"follow_path([[grasp, hold]], then=path{final})")
     else:
-        sheet.add(f"move_to(start, hold, then=[[grasp, hold]]{speed})", f"follow_path([[grasp, hold]]{speed})")
+        sheet.add(f"move_to(start, hold, then=[[grasp, hold]]{speed})", f"follow_path([[grasp, hold]]{final})")
 
 
 def _shaking(recipe: Recipe, sheet: Sheet) -> list[str]:

@@ -89,6 +89,9 @@ def in_figures(text: str) -> str:
     text = re.sub(r"\b(?:a |one )?(half|quarter|third|eighth) (?:of )?a turn\b", r"a \1 turn", text)
     text = _TURNS.sub(_in_degrees, text)
     text = re.sub(rf"\b({_NUMBER}) more (?=(?:{_UNIT})\b)(\S+)", r"\1 \2 more", text)
+    text = re.sub(rf"\b(another|an extra|one more) (?=(?:{_UNIT})\b)", r"\1 1 ", text).replace(
+        "one more 1 ", "another 1 "
+    )
     return _AMOUNT.sub(_figures, text)
 
 

@@ -11,6 +11,7 @@ import attrs
 import yaml
 
 from memo_core.errors import InvalidArgument
+from memo_llm.offline.composition import Lexicon
 from memo_llm.offline.degrees import Degrees, Scale, comparatives, plain_forms
 from memo_llm.offline.spelling import number
 
@@ -74,6 +75,7 @@ class Vocabulary:
     small_talk: frozenset[str]
     degrees: Degrees
     spelled: frozenset[str]  # every word that stands in the vocabulary
+    lexicon: Lexicon
 
     @classmethod
     def load(cls, path: str = "") -> Vocabulary:
@@ -99,6 +101,7 @@ class Vocabulary:
         } - set(data)
         if missing:
             raise InvalidArgument("llm.vocabulary", f"no key {sorted(missing)[0]!r}", "the keys of vocabulary.yaml")
+        composition = read_yaml("", "composition.yaml", "llm.vocabulary")
         numbers = {str(k): float(v) for k, v in data["numbers"].items()}
         amounts = {str(k): (float(v[0]), float(v[1])) for k, v in data["amounts"].items()}
         angles = {str(k): float(v) for k, v in data["angles"].items()}
@@ -147,7 +150,7 @@ class Vocabulary:
         degrees = Degrees.of(
             [_scale(item, i) for i, item in enumerate(data["scales"])], f"(?:{groups['amount']}|{groups['angle']})"
         )
-        text = " ".join([*_strings(data), *(form for scale in data["scales"] for form in _forms(scale))])
+        text = " ".join([*_strings([data, composition]), *(form for scale in data["scales"] for form in _forms(scale))])
         in_it = frozenset(word for word in re.findall(r"[a-z']{3,}", text))
         return cls(
             tuple(phrases),
@@ -163,6 +166,7 @@ class Vocabulary:
             small_talk,
             degrees,
             in_it,
+            Lexicon.of(composition, groups),
         )
 
     def scope(self, text: str) -> tuple[str, str]:
