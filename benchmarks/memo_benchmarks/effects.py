@@ -103,6 +103,10 @@ def changed(before: Motion, after: Motion) -> dict[str, str]:
         old, new = getattr(before, name), getattr(after, name)
         if old != new and (name != "opening" or (old or STROKE) != (new or STROKE)):
             found[name.replace("_", " ")] = f"{name.replace('_', ' ')} {old} became {new}"
+    if after.cleared and not before.cleared:
+        found["travel"] = "moves the arm out of the way before it begins"
+    if after.rounds > before.rounds + 1:
+        found["legs"] = f"lets go {after.rounds} times instead of {before.rounds}"
     if after.highest - before.highest > max(0.01, after.contact[2] - before.contact[2] + 0.01):
         found["travel"] = f"goes {100 * (after.highest - before.highest):.0f} cm higher on the way there"
     if (
@@ -129,6 +133,8 @@ def met(effect: str, before: Motion, after: Motion, subtask: str, scene: SceneGr
     head = name.split(" ")[0]
     if name in ("part", "middle", "end") or head in ("part", "object"):
         return _at(effect, after, scene, before)
+    if head == "place":
+        return _beside(effect, after, scene)
     check = _CHECKS.get(name) or _CHECKS.get(head)
     return check is not None and check(name, value, before, after)
 
@@ -160,6 +166,16 @@ def _at(effect: str, after: Motion, scene: SceneGraph, before: Motion) -> bool:
         if (after.contact > low - 0.025).all() and (after.contact < high + 0.025).all():
             return True
     return False
+
+
+def _beside(effect: str, after: Motion, scene: SceneGraph) -> bool:
+    """Whether something is put down on that side of a thing: "place left of tray"."""
+    said = re.fullmatch(r"place (left|right) of (.+)", effect)
+    node = next((n for n in scene.nodes if said is not None and n.label == said.group(2)), None)
+    if said is None or node is None:
+        return False
+    low, high = node.bounds()
+    return bool(after.contact[1] > high[1] if said.group(1) == "left" else after.contact[1] < low[1])
 
 
 def _bent(leg: Leg | None) -> bool:

@@ -19,6 +19,9 @@ _REVERSAL = math.radians(75)  # a sharper change of direction begins a new leg
 class RecordedHand(RecordingControl):
     """Also records pressing and waiting; every requested force is reached immediately."""
 
+    def go_home(self) -> None:
+        self._record("home", None)
+
     def wait(self, seconds: float) -> None:
         self._record("wait", seconds)
 
@@ -75,6 +78,8 @@ class Motion:
     released: bool  # the fingers open after the contact
     end: Array
     highest: float = 0.0  # of the way to the contact, metres above the base
+    cleared: bool = False  # whether the arm goes home before the contact
+    rounds: int = 1  # how often the fingers open after a contact
     leaving: Array | None = None  # the way the hand goes right after it has let go
 
     @property
@@ -127,6 +132,8 @@ def motion_of(acts: list[Command]) -> Motion | None:
         released=released,
         end=np.asarray(held[-1].position),
         highest=max((act.pose.position[2] for act in before if act.kind == "go"), default=0.0),
+        cleared=any(act.kind == "home" for act in before),
+        rounds=sum(act.kind == "open" for act in acts[at:]),
         leaving=_leaving(acts, at),
     )
 

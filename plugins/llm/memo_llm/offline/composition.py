@@ -172,11 +172,15 @@ class Lexicon:
             part = self._longest(clause, at, patterns)
             if part is None:
                 return None
-            if found and found[-1].kind == "prep" and part.kind not in ("thing", "other", "pronoun", "hand", "vessel"):
+            if (
+                found
+                and found[-1].kind in ("prep", "relation")
+                and part.kind not in ("thing", "other", "pronoun", "hand", "vessel")
+            ):
                 return None
             found.append(part)
             at += len(part.said)
-        return None if found and found[-1].kind == "prep" else found
+        return None if found and found[-1].kind in ("prep", "relation") else found
 
     def _longest(self, clause: str, at: int, patterns: Iterable[tuple[str, str, re.Pattern[str]]]) -> Part | None:
         best: Part | None = None
@@ -221,7 +225,8 @@ def _inflected(base: str, irregular: dict[str, object]) -> list[tuple[str, bool]
     behind = f" {particle}" if particle else ""
     stem = word[:-1] if word.endswith("e") and not word.endswith("ee") else word
     doubled = stem + stem[-1] if re.search(r"[^aeiou][aeiou][bdgmnpt]$", word) else stem
+    ending = "es" if re.search(r"(?:s|sh|ch|x|o)$", word) else "s"
     past = irregular.get(word) or [f"{doubled}ed"]
-    forms = [(word, False), (f"{doubled}ing", False), (f"{word}s", False)]
+    forms = [(word, False), (f"{doubled}ing", False), (word + ending, False)]
     forms += [(form, form != word) for form in past]  # type: ignore[attr-defined]
     return [(form + behind, told) for form, told in dict(reversed(forms)).items()]

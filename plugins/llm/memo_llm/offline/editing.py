@@ -223,7 +223,10 @@ def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         at = steps.index("path") if "path" in steps else _after_grip(steps)
         steps = (*steps[:at], "turn", *steps[at:])
     # Clockwise is as one sees it who looks along the hand, which is right-handed about the way it points.
-    return attrs.evolve(recipe, steps=steps, turn=0.0 if edit.negated else (-degrees if counter else degrees))
+    turn = 0.0 if edit.negated else -degrees if counter else degrees
+    if recipe.press and not edit.value:
+        turn = math.copysign(turn, recipe.turn)  # how far, not which way
+    return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value != "")
 
 
 def _fingers(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -339,7 +342,7 @@ def _press_turn(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         at = _after_grip(steps)
         steps = (*steps[:at], "turn", *steps[at:])
     # Caps and knobs that guard against children open counterclockwise; a way that somebody named stays.
-    turn = -90.0 if recipe.turn in (0.0, 90.0) else recipe.turn
+    turn = recipe.turn if recipe.way_named or recipe.turn not in (0.0, 90.0) else -90.0
     return attrs.evolve(recipe, steps=steps, turn=turn, press=rough["press"])
 
 
@@ -384,6 +387,18 @@ def _pose(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 def _ease_open(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     return recipe if edit.negated else attrs.evolve(recipe, opens_slowly=True)
+
+
+def _beside(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    side, _, noun = edit.value.rpartition(" the ")
+    if edit.negated or not noun or noun == recipe.thing.lower():
+        return recipe
+    gap = edit.amount.metres if edit.amount and edit.amount.exact else rough["offset"]
+    return attrs.evolve(recipe, beside=(side, noun, gap))
+
+
+def _clear_first(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return recipe if edit.negated else attrs.evolve(recipe, clear_first=True)
 
 
 def _slow_end(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -476,6 +491,8 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "pose": _pose,
     "slow-end": _slow_end,
     "ease-open": _ease_open,
+    "clear-first": _clear_first,
+    "beside": _beside,
     "stiff-hand": _stiff,
     "follow-hand": _follow,
 }

@@ -75,6 +75,7 @@ _TOLD_PARTLY = re.compile(
     r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
 )
 _PRESSED_PART = re.compile(r"\b(?:button|switch|lever|pedal|tab|trigger|catch|thing (?:\w+ )?there)\b")
+_ONLY_WAY = re.compile(r"(?:(?:go|move|push|try|just) )*(?:up|down)(?:wards?)?")
 _UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:wards?)?\b")
 _RESERVED = re.compile(
     r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
@@ -341,7 +342,13 @@ def _question(
         return f"which way should the hand go? You said: {quoted}"
     if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
         return f"the other way round, or to another side? You said: {quoted}"
-    aside = [edit for edit in edits if edit.kind == "offset" and edit.value in ("left", "right")]
+    if recipe is not None and recipe.kind in ("pick", "place") and any(edit.kind == "angle" for edit in edits):
+        return f"what is to be turned that far, and about which axis? You said: {quoted}"
+    aside = [
+        edit
+        for edit in edits
+        if edit.kind == "offset" and (edit.value in ("left", "right") or _ONLY_WAY.fullmatch(edit.said.strip()))
+    ]
     if aside and recipe is not None and recipe.kind == "turn" and not any(e.amount and e.amount.exact for e in aside):
         way = _said(aside[0], None, None)
         return f"is that clockwise or counterclockwise, as the hand looks at it: {way} You said: {quoted}"
@@ -412,6 +419,12 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     ]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
         edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
+    if "travel" in kinds:  # "up, across, then down"
+        edits = [edit for edit in edits if edit.kind != "offset" or not _ONLY_WAY.fullmatch(edit.said.strip())]
+    if "set-down" in kinds:  # "reach right down and set it on the bottom"
+        edits = [edit for edit in edits if edit.kind != "offset" or edit.value != "down" or edit.amount is not None]
+    if "hold-for" in kinds and kind == "push":  # "hold it at the bottom for a second"
+        edits = [edit for edit in edits if edit.kind != "hold-at"]
     if any(edit.kind == "hold-for" and edit.seconds is not None for edit in edits):
         edits = [edit for edit in edits if edit.kind != "hold-for" or edit.seconds is not None]
     if "fingers" in kinds:  # how they lie in the end; a turn said beside it is the way there
@@ -442,7 +455,7 @@ def _opposed(edits: list[Edit], vocabulary: Vocabulary) -> str:
             if one.kind != other.kind or one.negated or other.negated:
                 continue
             opposite = vocabulary.opposites.get(one.value) == other.value != ""
-            if opposite and one.kind in ("offset", "force", "speed", "pivot"):
+            if opposite and one.kind in ("offset", "force", "speed", "pivot", "turn-thing"):
                 return f"{_said(one, None, None)} {_said(other, None, None)}"
     return ""
 
@@ -477,12 +490,17 @@ def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
         value = {"up": "top", "down": "bottom"}.get(value, value)
     lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
     say = "Lift it {amount} {value}." if lifted else edit.phrase.say
+    if edit.kind == "straight" and recipe is not None and recipe.kind in ("close", "push"):
+        say = "Push it straight, in one line."
     if edit.verb:
         hard = "hard" if edit.negated else "harder"
         say = f"{edit.verb.capitalize()} {'less hard' if edit.value in GENTLE else hard}."
     text = say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
     text = (
-        re.sub(r"\s+(?=[.,])", "", " ".join(text.split())).replace(" by.", ".").replace(" from.", " from another side.")
+        re.sub(r"\s+(?=[.,])", "", " ".join(text.split()))
+        .replace(" by.", ".")
+        .replace(" from.", " from another side.")
+        .replace(", away.", ".")
     )
     if edit.kind == "turn-hand" and edit.value:
         text = text.removesuffix(".") + f" {edit.value}."

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import attrs
 
 from memo_llm.offline.composition import NEUTRAL, Part
-from memo_llm.offline.putting_down import of_opening, of_pose, of_release, of_retreat, of_travel
-from memo_llm.offline.request import OPPOSITE, Clause, Item, Meant, items_of, way_of
+from memo_llm.offline.putting_down import of_opening, of_pose, of_relation, of_release, of_retreat, of_travel
+from memo_llm.offline.request import OPPOSITE, Clause, Item, Meant, bare, items_of, way_of
 
 _LED = ("open", "close", "pull", "push", "turn", "pour", "")
 _HANDLED = ("pick", "place", "pour")
@@ -32,7 +32,8 @@ def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Mea
         return None
     verbs = frozenset(name for part in parts if part.kind == "verb" for name in part.classes)
     there = {part.kind for part in parts} - NEUTRAL
-    if "other" in there:
+    above = any(part.kind == "prep" and part.value == "over" for part in parts)
+    if "other" in there and not above and "relation" not in there:
         return None
     said = frozenset(there)
     hand = {part.value for part in parts if part.kind == "hand"}
@@ -53,11 +54,14 @@ def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Mea
         return []  # "no pushing": setting down beside it says how
     if denied and not faulted and not bounded:
         return None  # what not to do does not say what to do
-    if not items and not denied and not told:
-        if any(part.kind == "prep" and part.value == "over" for part in parts) and kind in ("place", "pour") and verbs:
-            return [Meant("centre")]
-        if verbs:
-            return _of_verbs(verbs, hand, kind, " ".join(part.said for part in parts if part.kind == "verb"))
+    if above and not denied and not told and (travels := _over(parts, items, verbs, kind)) is not None:
+        return travels
+    if kind == "place" and "relation" in there:
+        return of_relation(parts, items, verbs, denied)
+    if "other" in there:
+        return None
+    if not items and not denied and not told and verbs:
+        return _of_verbs(verbs, hand, kind, " ".join(part.said for part in parts if part.kind == "verb"))
     readers = (_of_swing, of_opening, of_release, _of_fingers, of_retreat, of_pose, of_travel, _of_lead)
     clause = Clause(items, verbs, said, frozenset(hand), kind)
     for reader in readers:
@@ -65,6 +69,17 @@ def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Mea
         if found is not None:
             return found
     return _of_each(clause)
+
+
+def _over(parts: Sequence[Part], items: list[Item], verbs: frozenset[str], kind: str) -> list[Meant] | None:
+    """Over something: on the way there, or where it is put down or poured; None where neither is sure."""
+    rest = [item for item in items if item.part.value != "first" and item.part.kind != "before_down"]
+    up = [item.part.value for item in rest] == ["up"] and not (rest[0].too or rest[0].denied)
+    top = any(part.kind == "prep" and " top " in part.said for part in parts)
+    goes = verbs & {"go", "bring", "lift", "clear"}
+    if kind in ("pick", "place") and goes and (up or (not rest and (top or "other" in {part.kind for part in parts}))):
+        return [Meant("travel", "", rest[0].amount if rest else "")]
+    return [Meant("centre")] if not rest and verbs and kind in ("place", "pour") else None
 
 
 def _of_verbs(verbs: frozenset[str], hand: set[str], kind: str, lifted: str) -> list[Meant] | None:
@@ -131,6 +146,8 @@ def _of_lead(clause: Clause) -> list[Meant] | None:
     ):
         return None
     ways = [item for item in clause.items if item.part.kind != "manner"]
+    if len(ways) > 1:
+        ways = [item for item in ways if not bare(item)]
     beside = [_manner(item, clause, False) for item in clause.items if item.part.kind == "manner"]
     if len(ways) != 1 or any(one is None for one in beside):
         return None
@@ -155,6 +172,10 @@ def _led(item: Item, clause: Clause) -> list[Meant] | None:
         and (item.amount or item.more)
     ):
         return [Meant("farther", amount=item.amount)]
+    if item.part.kind == "angle" and clause.kind in ("pour", "turn", "open") and not (item.too or item.denied):
+        return [Meant("farther" if item.more else "angle", amount=item.part.said)]
+    if item.part.kind == "turning" and clause.kind == "turn" and not (item.too or item.denied):
+        return [Meant("turn-thing", item.part.value)]
     if item.part.kind == "extent" and item.part.value == "far":
         return [Meant("less-far" if item.too else "farther")] if item.too or item.enough else None
     if item.part.kind == "extent":
@@ -181,12 +202,13 @@ def _of_each(clause: Clause) -> list[Meant] | None:
         handles = [item for item in clause.items if item.part.kind != "hold_at" or item.part.value == "handle"]
         clause = attrs.evolve(clause, items=handles)
     found: list[Meant] = []
-    last = any(item.part.kind == "last_bit" for item in clause.items)
+    last = any(_of_the_end(item, clause) for item in clause.items)
     how = any(item.part.kind == "manner" for item in clause.items)
+    came = any(item.part.kind == "side" for item in clause.items)
     for item in clause.items:
-        if how and item.part.kind == "dir" and _bare(item):
-            continue  # "come down slowly": how, not where to
-        if item.part.kind in ("when_above", "last_bit", "while_lift", "before_down", "not"):
+        if (how or came) and item.part.kind == "dir" and bare(item):
+            continue  # "come down slowly", "come down from the top": how, not where to
+        if _of_the_end(item, clause) or item.part.kind in ("when_above", "while_lift", "before_down", "not"):
             continue
         one = _one(item, clause, last)
         if one is None:
@@ -195,6 +217,13 @@ def _of_each(clause: Clause) -> list[Meant] | None:
     if last and not any(one.kind == "slow-end" for one in found):
         return None
     return found if found else None
+
+
+def _of_the_end(item: Item, clause: Clause) -> bool:
+    """Whether a part is about the last stretch: "slower at the end", which is no part to hold."""
+    manners = any(other.part.kind == "manner" for other in clause.items)
+    ends = item.part.kind == "hold_at" and re.match(r"(?:at|to|on|near) the (?:very )?end$", item.part.said) is not None
+    return item.part.kind == "last_bit" or (ends and manners and not clause.verbs & _GRIPS)
 
 
 def _one(item: Item, clause: Clause, last: bool) -> Meant | None:
@@ -214,10 +243,12 @@ def _one(item: Item, clause: Clause, last: bool) -> Meant | None:
         and re.match(r"(?:the|its)\b", item.part.said)
     ):
         return Meant("")  # "hold the handle tighter"
+    pushed = clause.kind in ("close", "push")
     if item.part.kind == "hold_at" and clause.kind in ("pick", "open", "close", "pull", "turn", "push"):
         return (
             Meant("hold-at", item.part.value)
-            if (clause.verbs & {"hold", "squeeze"} or not clause.verbs) and item.part.said.split()[0] != "from"
+            if (clause.verbs & {"hold", "squeeze"} or not clause.verbs or (pushed and "push" in clause.verbs))
+            and item.part.said.split()[0] != "from"
             else None
         )
     if (
@@ -291,12 +322,6 @@ def _manner(item: Item, clause: Clause, last: bool) -> Meant | None:
     return None
 
 
-def _bare(item: Item) -> bool:
-    """Whether a way says no more than where the motion goes anyway."""
-    plain = re.fullmatch(r"(?:straight )?(?:up|down)|upwards?|downwards?|low|high|deep", item.part.said)
-    return plain is not None and not (item.amount or item.more or item.too or item.enough)
-
-
 def _place(item: Item, clause: Clause) -> Meant | None:
     value = way_of(item)
     if item.part.said.endswith("above it") or (" above " in item.part.said and clause.kind == "pick"):
@@ -312,9 +337,9 @@ def _place(item: Item, clause: Clause) -> Meant | None:
         clause.verbs & {"pull", "push", "turn", "tilt", "retreat", "release", "stop", "wait", "shake", "wipe"}
     ) and not (clause.verbs & {"go", "shift"}):
         return None
-    if _bare(item) and "when_above" in clause.said:
+    if bare(item) and "when_above" in clause.said:
         return None
-    if _bare(item) and clause.verbs & {"put", "lower", "hold", "lift", "stand", "open", "close"}:
+    if bare(item) and clause.verbs & {"put", "lower", "hold", "lift", "stand", "open", "close"}:
         return None  # "put it down", "pick it up": what the subtask does anyway
     if clause.kind == "pick" and "lift" in clause.verbs and not clause.verbs & {"hold"}:
         return Meant("offset", value, item.amount, lifted=True) if value in ("up", "down") else None

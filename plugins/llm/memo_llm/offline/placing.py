@@ -5,7 +5,7 @@ from __future__ import annotations
 from memo_llm.offline.code_builder import Sheet
 from memo_llm.offline.directions import BASE_WAYS, heading_of
 from memo_llm.offline.recipe import Recipe
-from memo_llm.offline.surroundings import Surroundings
+from memo_llm.offline.surroundings import Surroundings, find
 
 
 def write_placing(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
@@ -28,6 +28,8 @@ def write_placing(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
 def _goal(recipe: Recipe, around: Surroundings, sheet: Sheet, clearance: str, gap: str) -> bool:
     """``target`` for the point between the fingertips, ``start`` before it, the way ``out`` and the hand's orientation
     ``hold``. Returns whether the hand goes in from the side, ``above`` the target."""
+    if recipe.beside is not None and (other := find(around.scene, recipe.beside[1])) is not None:
+        return _beside(recipe, other.label, sheet, clearance, gap)
     space, support = around.goal_space, around.goal
     sideways = space is not None and space.opening is not None and abs(space.opening[2]) < 0.5
     if space is not None:
@@ -79,6 +81,31 @@ def _goal(recipe: Recipe, around: Surroundings, sheet: Sheet, clearance: str, ga
         ) or f"opposite({heading_of(recipe)})"
         sheet.add(f"out = {coming}", f"start = along(target, out, {clearance})")
     return sideways
+
+
+def _beside(recipe: Recipe, other: str, sheet: Sheet, clearance: str, gap: str) -> bool:
+    """``_goal`` for a place beside another thing, on what that stands on."""
+    assert recipe.beside is not None
+    side, _, metres = recipe.beside
+    ways = {"left": "left", "right": "right", "in front": "towards", "behind": "away"}
+    way = next((BASE_WAYS[to] for said, to in ways.items() if said in side), "")
+    name = sheet.constant("BESIDE", other)
+    between = sheet.constant("BETWEEN", metres, "metres between the two")
+    sheet.add(
+        "hold = get_gripper_orientation()",
+        f"other = get_position({name})",
+        f"aside = {way}"
+        if way
+        else "aside = [0.0, 1.0 if hand[1] > other[1] else -1.0, 0.0]  # on the side it comes from",
+        f"apart = (extent({name}, aside) + extent(THING, aside)) / 2 + {between}",
+        "target = along(other, aside, apart)",
+        "beside = between(get_position(THING), hand)",
+        f"floor = get_bounds({name})[0][2]",
+        f"target = [target[0] + beside[0], target[1] + beside[1], floor + hanging + {gap}]",
+        "out = [0.0, 0.0, 1.0]",
+        f"start = along(target, out, {clearance})",
+    )
+    return False
 
 
 def _posed(recipe: Recipe, sheet: Sheet, sideways: bool) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from memo_llm.offline.request import Clause, Meant, way_of
+import re
+from collections.abc import Sequence
+
+from memo_llm.offline.composition import Part
+from memo_llm.offline.request import Clause, Item, Meant, way_of
 
 
 def of_release(clause: Clause) -> list[Meant] | None:
@@ -152,3 +156,18 @@ def of_travel(clause: Clause) -> list[Meant] | None:
         return None
     amount = next((item.amount for item in clause.items if item.amount), "")
     return [Meant("travel", "", amount)]
+
+
+def of_relation(parts: Sequence[Part], items: list[Item], verbs: frozenset[str], denied: bool) -> list[Meant] | None:
+    """Beside what something is put down."""
+    at = [i for i, part in enumerate(parts) if part.kind == "relation"]
+    if len(at) != 1 or denied or not (verbs & {"put", "go", "belong", "bring", "shift", "stand"} or not verbs):
+        return None
+    named = parts[at[0] + 1]
+    if named.kind not in ("thing", "other") or any(item.part.kind not in ("relation", "amount") for item in items):
+        return None
+    noun = re.sub(r"^(?:(?:the|that|this|my|your|its|a|an|those|these) )+", "", named.said)
+    amount = next((item.amount for item in items if item.part.kind == "amount"), "")
+    if amount and not re.search(r"\d", amount):
+        return None
+    return [Meant("beside", f"{parts[at[0]].value} the {noun}", amount)]

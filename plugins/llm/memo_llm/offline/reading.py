@@ -52,7 +52,7 @@ _BOUNDED = (
 _SIDES = frozenset(["left", "right", "front", "back", "top", "bottom", "upper", "lower"])
 _SIDED = ("force", "speed")
 # What only a composition of parts says.
-_COMPOSED_ONLY = frozenset(["travel", "retreat", "slow-end", "ease-open", "pose", "set-down", "finger-width"])
+_COMPOSED_ONLY = frozenset(["travel", "retreat", "slow-end", "ease-open", "pose", "set-down", "finger-width", "beside"])
 _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _MOTIONS = {
@@ -217,13 +217,19 @@ def _composed(
     """Edits of a clause that is made up of known parts throughout; None where it is not, or where they mean nothing."""
     if mood not in ("request", "told"):
         return None
-    parts = vocabulary.lexicon.parts(re.sub(r"^so ", "", clause), frozenset(own), frozenset(others))
+    parts = vocabulary.lexicon.parts(
+        re.sub(r"^so (?=\w+ (?:it|the|your|that|up|down)\b)", "", clause), frozenset(own), frozenset(others)
+    )
     if not parts:
         return None
     meant = meaning(parts, kind)
     if meant is not None and "lever" in own and any(one.kind == "turn-thing" for one in meant):
         return None  # which way a lever's end goes is not which way round it is turned
-    if meant is None or (mood == "told" and not any(part.kind in ("too", "enough") for part in parts)):
+    normal = kind == "place" and any(part.said in ("goes", "go", "belongs", "belong", "should go") for part in parts)
+    if normal and meant is not None and [one.kind for one in meant] == ["beside"]:
+        return [_as_edit(one, clause, vocabulary, kind) for one in meant]  # "forks go to the left of the plate"
+    tells = any(part.kind in ("verb", "thing", "pronoun", "be", "other", "not") for part in parts)
+    if meant is None or (mood == "told" and tells and not any(part.kind in ("too", "enough") for part in parts)):
         return None
     return [_as_edit(one, clause, vocabulary, kind) for one in meant]
 
@@ -241,7 +247,7 @@ def _preferred(composed: list[Edit], said: list[Edit], doubtful: bool) -> bool:
     if not said:
         return True
     if not composed:  # it asks for nothing: in place of what nothing would follow from
-        return all(edit.negated for edit in said)
+        return all(edit.negated or (edit.kind == "tilt" and not edit.value and edit.degrees is None) for edit in said)
     if doubtful or any(edit.kind in _COMPOSED_ONLY for edit in composed):
         return True
     kinds, phrased = {edit.kind for edit in composed}, {edit.kind for edit in said}
@@ -264,7 +270,7 @@ def _as_edit(one: Meant, clause: str, vocabulary: Vocabulary, kind: str) -> Edit
         one.kind,
         one.value,
         vocabulary.amount(one.amount),
-        vocabulary.angle(one.amount) if one.kind != "angle" else vocabulary.angle(one.value),
+        vocabulary.angle(one.amount) if one.amount else vocabulary.angle(one.value),
         vocabulary.seconds(one.amount),
         verb=one.verb,
         said=f"lift {clause}" if one.lifted else clause,
@@ -405,6 +411,7 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
     if vocabulary is not None:
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
+    plain = re.sub(r"\brighty[- ]tighty,? (?:and )?lefty[- ]loosey\b", " ", plain)  # a rhyme, and no request
     plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
     plain = re.sub(
         r"\b(?:(?:can't|couldn't|can|could|would|won't|will) you|why (?:don't|not)(?: you)?)\b", "", plain
@@ -424,6 +431,8 @@ def _parted(plain: str) -> list[tuple[str, bool]]:
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
     plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
     plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
+    plain = re.sub(r"\bup and over\b", "up over", plain)
+    plain = re.sub(r"\b(too|so) (\w+) and (\1) (\w+)", r"\1 \2; \3 \4", plain)
     plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
     plain = re.sub(r"\b(?:and then|and|then)\b(?! (?:far|much|that))", ";", plain)
     plain = re.sub(r"(?<!soon )(?<!far )(?<!much )\bas(?= (?:you|they|i|we|there|your)\b)", ";", plain)

@@ -42,6 +42,8 @@ class Recipe:
     sense: int = 1  # -1: the other way round
     hand_follows: bool = True
     turn: float = 0.0  # of the held thing, about the approach
+    way_named: bool = False  # whether somebody said which way it is turned
+    clear_first: bool = False  # the arm goes home before anything else
     repeat: int = 1
     force: float | None = None
     speed: float | None = None
@@ -51,6 +53,7 @@ class Recipe:
     press: float = 0.0  # newtons along the approach while turning
     hold: float = 0.0  # seconds that the hand stays before it lets go or leaves
     shakes: int = 0  # up and down, of what is held
+    beside: tuple[str, str, float] | None = None  # (which side, of what, metres between them), where it is put down
     gap: float = 0.008  # that a thing is let fall
     travel: float = 0.0  # above the stop before the last stretch, on the way there
     last_speed: float | None = None  # of the last, straight stretch

@@ -293,6 +293,8 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     from_above = "TILT" in sheet.constants and recipe.kind == "pick" and around.inside is None
     coming = "[0.0, 0.0, 1.0]" if from_above else "opposite(heading)"
     sheet.add(f"start = along(grasp, {coming}, {clearance})", "")
+    if recipe.clear_first:
+        sheet.add("go_home()  # out of the way first")
     speed = f", speed={recipe.speed:g}" if recipe.speed is not None else ""
     opening = (
         "" if recipe.opening is None else sheet.constant("OPENING", recipe.opening, "metres between the open fingers")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import attrs
@@ -126,3 +127,9 @@ def way_of(item: Item) -> str | None:
     if item.too or item.less:
         return others.get(value)
     return value
+
+
+def bare(item: Item) -> bool:
+    """Whether a way says no more than where the motion goes anyway."""
+    plain = re.fullmatch(r"(?:straight )?(?:up|down)|upwards?|downwards?|low|high|deep", item.part.said)
+    return plain is not None and not (item.amount or item.more or item.too or item.enough)

@@ -225,7 +225,7 @@ class Vocabulary:
         """How often: "twice" 2, "three times" 3, "again" 2."""
         if "thrice" in text:
             return 3
-        match = re.search(r"(\w+) (?:more )?(?:good |hard )?(?:times|shakes)", text)
+        match = re.search(r"(\w+) (?:more )?(?:good |hard |quick |short |little )*(?:times|shakes)", text)
         value = number(match.group(1)) if match else None
         return max(1, int(value)) if value is not None else 2
 
