@@ -99,7 +99,7 @@ def scene_for(subtask: str) -> SceneGraph:
         if name != "table" and name not in nodes:
             _add(name, nodes, relations, opened, _PLACES[len(nodes) % len(_PLACES)])
     hand, width, holding = Pose((0.4, 0.0, 0.5), _LEVEL), 0.08, False
-    if action in ("PLACE", "POUR", "SEASON", "SPRINKLE", "SHAKE", "WIPE") and names[0] in nodes:
+    if action in ("PLACE", "PUT", "POUR", "SEASON", "SPRINKLE", "SHAKE", "WIPE") and names[0] in nodes:
         held = "shaker" if action in ("SEASON", "SPRINKLE") else "sponge" if action == "WIPE" else names[0]
         held = held if held in nodes else names[0]
         relations.append(Relation(held, "held"))
@@ -112,6 +112,12 @@ def _companions(action: str, names: list[str]) -> list[str]:
     more = {"button": "microwave", "lever": "toaster", "can": "left can", "left can": "right can"}
     more |= {"right can": "left can", "cup": "can", "red cube": "blue cube", "blue cube": "red cube", "burner": "stove"}
     found = [more[name] for name in names if name in more]
+    if (
+        action in ("PLACE", "PUT")
+        and names[1:] == ["table"]
+        and names[0] in ("fork", "knife", "spoon", "napkin", "glass")
+    ):
+        found.append("plate")  # cutlery is put down beside one
     return found + {"SEASON": ["shaker"], "SPRINKLE": ["shaker"], "WIPE": ["sponge"]}.get(action, [])
 
 

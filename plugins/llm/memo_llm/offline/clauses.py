@@ -121,6 +121,10 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
         r"(?:not|instead of|rather than)\b(?! (?:so|that|too|as|quite|far|enough|only)\b)", plain
     ):
         return "contrast"
+    if after_request and re.fullmatch(
+        r"(?:don't|do not|never|no) (?:pull|push|drag|shov|yank|slid)(?:e|ing)?(?: (?:it|on it|at it|straight))?", plain
+    ):
+        return "contrast"
     if re.match(r"(?:otherwise|or else|else|so that|or|in case)\b", plain):
         return "hypothesis"
     if re.match(

@@ -178,6 +178,8 @@ class Lexicon:
                 and part.kind not in ("thing", "other", "pronoun", "hand", "vessel")
             ):
                 return None
+            if part.kind == "vessel" and (not found or found[-1].kind not in ("prep", "relation")):
+                return None
             found.append(part)
             at += len(part.said)
         return None if found and found[-1].kind in ("prep", "relation") else found

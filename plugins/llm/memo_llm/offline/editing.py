@@ -397,6 +397,11 @@ def _beside(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     return attrs.evolve(recipe, beside=(side, noun, gap))
 
 
+def _settle_grip(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    seconds = edit.seconds if edit.seconds is not None else rough["settle"]
+    return recipe if edit.negated else attrs.evolve(recipe, grip_wait=seconds)
+
+
 def _clear_first(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     return recipe if edit.negated else attrs.evolve(recipe, clear_first=True)
 
@@ -492,6 +497,7 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "slow-end": _slow_end,
     "ease-open": _ease_open,
     "clear-first": _clear_first,
+    "settle-grip": _settle_grip,
     "beside": _beside,
     "stiff-hand": _stiff,
     "follow-hand": _follow,

@@ -127,15 +127,42 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     if recipe is None or kind == "push":  # nothing is gripped: what is to be firm or gentle is the pressing
         edits = [_pressing(edit) for edit in edits]
         readings = tuple(attrs.evolve(one, edits=tuple(_pressing(edit) for edit in one.edits)) for one in readings)
+    if kind in ("open", "close") and recipe is not None:
+        edits = _screwed(edits, scene, recipe, vocabulary)
+        readings = tuple(
+            attrs.evolve(one, edits=tuple(_screwed(list(one.edits), scene, recipe, vocabulary))) for one in readings
+        )
     done = recipe or habits.recipe("push", objects)  # what is done for a verb that is not known
     aside = recipe is not None and recipe.kind == "open" and _slides_aside(words, edits, scene, recipe.thing)
     effective = done is not None and _effective(edits, done, habits, prompt, scene)
     question = (
         _ASIDE.format(" ".join(words.split())[:200])
         if aside
-        else _question(words, readings, edits, recipe, effective, vocabulary)
+        else _question(words, readings, edits, recipe, effective, vocabulary, _swings(scene, recipe))
     )
     return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def _swings(scene: SceneGraph, recipe: Recipe | None) -> bool:
+    """Whether a thing may have a door: it has one, or a handle, or stands fixed; yes, where it is not to be seen."""
+    around = None if recipe is None else Surroundings.of(scene, recipe.thing, None)
+    if around is None or around.thing is None:
+        return True
+    return around.door is not None or around.handle is not None or around.thing.kind != "object"
+
+
+def _screwed(edits: list[Edit], scene: SceneGraph, recipe: Recipe, vocabulary: Vocabulary) -> list[Edit]:
+    """Edits of what has no door: to turn that is to screw it."""
+    if _swings(scene, recipe):
+        return edits
+    phrase = next(p for p in vocabulary.phrases if p.edit == "turn-thing" and not (p.value or p.lesson))
+    way = "counterclockwise" if recipe.kind == "open" else "clockwise"
+    return [
+        attrs.evolve(edit, kind="turn-thing", value=way, phrase=phrase)
+        if edit.kind == "arc" and re.search(r"\b(?:turn|twist|rotat|screw|spin)", edit.said)
+        else edit
+        for edit in edits
+    ]
 
 
 def _slides_aside(words: str, edits: list[Edit], scene: SceneGraph, thing: str) -> bool:
@@ -320,6 +347,7 @@ def _question(
     recipe: Recipe | None,
     effective: bool,
     vocabulary: Vocabulary,
+    doors: bool = True,
 ) -> str:
     """What has to be asked before anything is noted; "" where the words are surely understood."""
     quoted = " ".join(words.split())[:200]
@@ -342,6 +370,16 @@ def _question(
         return f"which way should the hand go? You said: {quoted}"
     if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
         return f"the other way round, or to another side? You said: {quoted}"
+    if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
+        return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
+    if (
+        recipe is not None
+        and recipe.kind == "place"
+        and any(edit.kind == "hold-on" and not edit.negated for edit in edits)
+    ):
+        return f"is it not to be let go at all, or when? You said: {quoted}"
+    if recipe is not None and recipe.kind == "pour" and any(edit.kind == "tilt" and edit.value for edit in edits):
+        return f"is that how far it is tipped, or how it is brought back? You said: {quoted}"
     if recipe is not None and recipe.kind in ("pick", "place") and any(edit.kind == "angle" for edit in edits):
         return f"what is to be turned that far, and about which axis? You said: {quoted}"
     aside = [
@@ -358,7 +396,7 @@ def _question(
     ]
     if led and recipe is not None and recipe.kind == "place":
         return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
-    if swung and recipe is not None and recipe.kind not in ("open", "close", "pull"):
+    if swung and recipe is not None and (recipe.kind not in ("open", "close", "pull") or not doors):
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
     longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
     if longer and _wishes_part(words):
@@ -423,6 +461,14 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edits = [edit for edit in edits if edit.kind != "offset" or not _ONLY_WAY.fullmatch(edit.said.strip())]
     if "set-down" in kinds:  # "reach right down and set it on the bottom"
         edits = [edit for edit in edits if edit.kind != "offset" or edit.value != "down" or edit.amount is not None]
+    if "shake" in kinds:  # to shake harder is not to grip harder
+        edits = [edit for edit in edits if edit.kind != "force" or re.search(r"grip|hold|squeez", edit.said)]
+    if len(kinds) > 1:  # "push harder at the end"
+        edits = [edit for edit in edits if edit.kind != "hold-at" or edit.said.strip() != "at the end"]
+    if "press-turn" in kinds:
+        edits = [edit for edit in edits if edit.kind != "first-in"]
+    if kind == "pick" and "hold-at" in kinds:  # "higher up, near the rim": the part says where
+        edits = [edit for edit in edits if edit.kind != "offset" or edit.amount or edit.value not in ("up", "down")]
     if "hold-for" in kinds and kind == "push":  # "hold it at the bottom for a second"
         edits = [edit for edit in edits if edit.kind != "hold-at"]
     if any(edit.kind == "hold-for" and edit.seconds is not None for edit in edits):

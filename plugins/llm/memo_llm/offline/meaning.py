@@ -88,6 +88,8 @@ def _of_verbs(verbs: frozenset[str], hand: set[str], kind: str, lifted: str) -> 
         return [Meant("hold-for")]
     if kind == "place" and verbs == {"stand"} and "up" in lifted:
         return [Meant("pose", "upright")]
+    if kind in ("open", "close") and re.match(r"(?:twist|screw|unscrew)", lifted):
+        return [Meant("turn-thing", "counterclockwise" if kind == "open" else "clockwise")]
     own = {
         "pick": {"go", "hold", "lift", "bring", "do"},
         "place": {"go", "put", "release", "bring", "lower", "do"},
@@ -324,6 +326,8 @@ def _manner(item: Item, clause: Clause, last: bool) -> Meant | None:
 
 def _place(item: Item, clause: Clause) -> Meant | None:
     value = way_of(item)
+    if clause.kind == "place" and item.part.said.startswith("on ") and not (item.amount or item.more or item.too):
+        return None  # where it belongs, and not which way from where it was
     if item.part.said.endswith("above it") or (" above " in item.part.said and clause.kind == "pick"):
         return None
     if (

@@ -202,9 +202,8 @@ def read_sentence(
             missed += unknown
         if doubtful:
             unsure.append(clause)
-    if len({edit.value for edit in edits if edit.kind == "offset"}) > 1 and re.search(
-        r"\b(?:then|before|after)\b", plain
-    ):
+    ways = {(edit.kind, edit.value) for edit in edits if edit.kind in ("offset", "way")}
+    if len(ways) > 1 and re.search(r"\b(?:then|before|after)\b", plain):
         unsure.append(plain)  # one after the other, which is no place
     if not edits:
         missed = [" ".join(text.split())]
@@ -378,13 +377,17 @@ def _bare_way(edit: Edit) -> bool:
 
 
 def _measured(edit: Edit) -> bool:
-    return edit.kind not in ("offset", "farther", "less-far") or (edit.amount is not None and edit.amount.exact)
+    return edit.kind not in ("offset", "farther", "less-far", "beside") or (
+        edit.amount is not None and edit.amount.exact
+    )
 
 
 def _amount_alone(clause: str, vocabulary: Vocabulary) -> Amount | None:
     """The length that is all a clause says: "about 6 cm"."""
     about = r"(?:(?:by|about|around|roughly|maybe|say|just|some|at least|like|i think|i guess) )*"
-    if not re.fullmatch(rf"{about}[\d.]+ (?:cm|mm|inch|m)(?: or so| i think| maybe| only| please)?", clause):
+    if not re.fullmatch(
+        rf"{about}[\d.]+ (?:cm|mm|inch|m)(?: or so| i think| maybe| only| please| away| apart)?", clause
+    ):
         return None
     return vocabulary.amount(clause)
 
@@ -411,6 +414,11 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
     if vocabulary is not None:
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
+    plain = re.sub(
+        r"\b(?:next to|beside) ((?:the|my|your|that) [a-z]+),? (?:on|to) (?:the|its) (left|right)(?:[- ]hand)?(?: side)?\b",
+        r"to the \2 of \1",
+        plain,
+    )
     plain = re.sub(r"\brighty[- ]tighty,? (?:and )?lefty[- ]loosey\b", " ", plain)  # a rhyme, and no request
     plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
     plain = re.sub(
@@ -493,7 +501,7 @@ def _read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
     if kind == "pick":
-        edits = [_lifted(edit) for edit in edits]
+        edits = [_from_above(_lifted(edit), vocabulary) for edit in edits]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
         edits = [edit for edit in edits if edit.kind != "tilt" or edit.degrees is not None or edit.value]
     if any(
@@ -581,6 +589,18 @@ def _lifted(edit: Edit) -> Edit:
     if edit.kind != "straight" or edit.phrase is None or not re.search(r"\bup\b|\blift", edit.said):
         return edit
     return attrs.evolve(edit, phrase=attrs.evolve(edit.phrase, say="Lift it straight up.", opposite=""))
+
+
+def _from_above(edit: Edit, vocabulary: Vocabulary) -> Edit:
+    """To come straight down to something is to come from above."""
+    if (
+        edit.kind != "offset"
+        or edit.amount
+        or not re.fullmatch(r"(?:(?:go|come|reach|move|get) )?straight down", edit.said.strip())
+    ):
+        return edit
+    phrase = next(p for p in vocabulary.phrases if p.edit == "approach")
+    return attrs.evolve(edit, kind="approach", value="top", phrase=phrase)
 
 
 def _with_verb(edit: Edit, clause: str, kind: str) -> Edit:

@@ -314,6 +314,8 @@ def _steps(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
             sheet.add(f"open_gripper({opening})")
         elif step == "close-hand":
             sheet.add(f"close_gripper({force})")
+            if recipe.grip_wait and i > waits_after:
+                sheet.add(f"wait({sheet.constant('GRIP_WAIT', recipe.grip_wait, 'seconds, before it is lifted')})")
         elif step == "approach":
             gripped = "close-hand" in later
             _approach_lines(recipe, sheet, has_path and "path" in later and gripped, speed)

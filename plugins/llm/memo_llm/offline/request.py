@@ -58,7 +58,7 @@ def items_of(parts: Sequence[Part]) -> list[Item] | None:
     for part in parts:
         if part.kind == "verb":
             verb = part
-        if part.kind in NEUTRAL or part.kind in ("verb", "thing", "pronoun", "hand") or _belongs(part, verb):
+        if part.kind in NEUTRAL or part.kind in ("verb", "thing", "other", "pronoun", "hand") or _belongs(part, verb):
             continue
         if part.kind == "not":
             denied = True
