@@ -69,7 +69,9 @@ _WAY_ROUND = re.compile(
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Praise with one of these is praise with a reservation.
 # "Only halfway": a wish, unless somebody tells what it did ("it's only half open").
-_ONLY_PARTLY = re.compile(r"(?:only|just)(?: \w+){0,3}? (?:half|a quarter|a third)")
+_ONLY_PARTLY = re.compile(
+    r"(?:only|just)(?: \w+){0,3}? (?:half|a quarter|a third|a little|a bit|a crack|slightly|a touch)(?! (?:more|further))"
+)
 _TOLD_PARTLY = re.compile(
     r"(?:(?:\w+'s|is|was|are|were|still|got|came|went|moved|stands?|opened|turned|pulled|pushed|closed|stopped)"
     r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
@@ -159,7 +161,7 @@ def _screwed(edits: list[Edit], scene: SceneGraph, recipe: Recipe, vocabulary: V
     way = "counterclockwise" if recipe.kind == "open" else "clockwise"
     return [
         attrs.evolve(edit, kind="turn-thing", value=way, phrase=phrase)
-        if edit.kind == "arc" and re.search(r"\b(?:turn|twist|rotat|screw|spin)", edit.said)
+        if edit.kind == "angle" or (edit.kind == "arc" and re.search(r"\b(?:turn|twist|rotat|screw|spin)", edit.said))
         else edit
         for edit in edits
     ]
@@ -302,12 +304,10 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     asked_for = '"plan"' in prompt.section("answer")
     if not asked_for or not any(edit.kind == "plan" for edit in heard.edits):
         return []
-    _action, objects = prompt.subtask
-    if (
-        objects
-        and len(objects) > 1
-        and re.search(rf"\b(?:in|into|on|onto) the {re.escape(objects[1].lower())}\b", words.lower())
-    ) and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
+    objects = prompt.subtask[1]
+    place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
+    there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?(?:\w+ )?{place}\b", words.lower())
+    if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
         return []  # where it goes anyway
     notes = [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
     named = f"The {objects[0].lower()}" if objects else "It"
@@ -370,6 +370,13 @@ def _question(
         return f"which way should the hand go? You said: {quoted}"
     if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
         return f"the other way round, or to another side? You said: {quoted}"
+    inside = [edit for edit in edits if edit.kind == "offset" and edit.value == "away"]
+    if (
+        recipe is not None
+        and recipe.kind == "pick"
+        and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside)
+    ):
+        return f"further in to which side, seen from the robot? You said: {quoted}"
     if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
         return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
     if (
@@ -400,7 +407,7 @@ def _question(
         return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
     longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
     if longer and _wishes_part(words):
-        return f"only half of the way, or is it to go further than that? You said: {quoted}"
+        return f"only so far, or is it to go further than that? You said: {quoted}"
     if any(edit.kind == "first-in" and _PRESSED_PART.search(edit.said) for edit in edits):
         return f"what is to be pressed, and where is it? You said: {quoted}"
     if _UP_AND_BACK.search(words.lower()) and any(edit.value == "towards" for edit in edits):
@@ -536,6 +543,8 @@ def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
         value = {"up": "top", "down": "bottom"}.get(value, value)
     lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
     say = "Lift it {amount} {value}." if lifted else edit.phrase.say
+    if edit.kind == "first-up" and recipe is not None and recipe.kind == "pull":
+        say = say.replace("the handle", "it")
     if edit.kind == "straight" and recipe is not None and recipe.kind in ("close", "push"):
         say = "Push it straight, in one line."
     if edit.verb:

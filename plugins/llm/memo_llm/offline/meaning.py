@@ -48,7 +48,9 @@ def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Mea
     if any(part.said in _ONLY for part in parts) and any(part.kind == "amount" for part in parts):
         return None  # "only 5 cm": how far in all
     denied = any(part.kind == "not" for part in parts)
-    bounded = {"when_touch", "before_release", "when_above"} & said or any(item.part.value == "later" for item in items)
+    bounded = {"when_touch", "before_release", "when_above", "until_still"} & said or any(
+        item.part.value == "later" for item in items
+    )
     downwards = all(item.part.kind == "dir" and item.part.value == "down" for item in items)
     if denied and kind == "place" and downwards and verbs and verbs <= {"push", "squeeze"}:
         return []  # "no pushing": setting down beside it says how
@@ -121,7 +123,8 @@ def _of_swing(clause: Clause) -> list[Meant] | None:
 
 def _of_fingers(clause: Clause) -> list[Meant] | None:
     """How wide the fingers are opened before they take hold."""
-    if clause.kind not in ("pick", "open", "pull", "turn") or not clause.hand or "open" not in clause.verbs:
+    meant = clause.hand or (clause.kind == "pick" and "pronoun" in clause.said)  # nothing else can be opened there
+    if clause.kind not in ("pick", "open", "pull", "turn") or not meant or "open" not in clause.verbs:
         return None
     rest = [item for item in clause.items if item.part.kind not in ("before_down", "when")]
     first = any(item.part.kind == "before_down" or item.part.value == "first" for item in clause.items)

@@ -36,6 +36,9 @@ def of_release(clause: Clause) -> list[Meant] | None:
                 item.part.kind == "manner" and item.part.value not in ("slow", "gentle") for item in clause.items
             )
             return None if fast else [Meant("set-down"), *slow]
+    waits = clause.verbs & {"wait", "release", "hold", "keep", "stop"} or opens
+    if "until_still" in kinds and set(kinds) <= {"until_still", "before_release", "when"} and waits:
+        return [Meant("hold-for")]
     if "before_release" in kinds:
         rest = [item for item in clause.items if item.part.kind not in ("before_release", "when")]
         if "wait" in clause.verbs and all(item.part.kind == "amount" for item in rest):
@@ -44,6 +47,8 @@ def of_release(clause: Clause) -> list[Meant] | None:
             item.part.kind == "dir" and item.part.value == "down" and not item.amount for item in rest
         ):
             return [Meant("set-down")]
+        if "lower" in clause.verbs and [item.part.kind for item in rest] == ["amount"]:
+            return [Meant("offset", "down", rest[0].amount)]
         return None
     if "release" in clause.verbs and kinds == ["when"] and clause.items[0].part.value == "later":
         return [Meant("set-down")]

@@ -252,6 +252,10 @@ def _preferred(composed: list[Edit], said: list[Edit], doubtful: bool) -> bool:
     kinds, phrased = {edit.kind for edit in composed}, {edit.kind for edit in said}
     if phrased == {"farther"} and "offset" in kinds:
         return True  # "lower it 2 cm": which way is said, too
+    if phrased == {"offset"} and kinds <= {"farther", "all-the-way"}:
+        return True  # "down until it goes no further"
+    if kinds == phrased == {"offset"} and {edit.value for edit in composed} != {edit.value for edit in said}:
+        return True  # "you went down too far"
     return kinds < phrased or (
         kinds == phrased and any(_senses(composed, kind) != _senses(said, kind) for kind in _SIDED)
     )
@@ -414,8 +418,9 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
     if vocabulary is not None:
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
+    side = r"(?:on|to) (?:the|its) (left|right)(?:[- ]hand)?(?: side)?"
     plain = re.sub(
-        r"\b(?:next to|beside) ((?:the|my|your|that) [a-z]+),? (?:on|to) (?:the|its) (left|right)(?:[- ]hand)?(?: side)?\b",
+        rf"\b(?:next to|beside) ((?:the|my|your|that) [a-z]+),? {side}\b",
         r"to the \2 of \1",
         plain,
     )

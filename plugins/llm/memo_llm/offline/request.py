@@ -73,6 +73,10 @@ def items_of(parts: Sequence[Part]) -> list[Item] | None:
                 return None
             found[-1].enough = True
         elif part.kind == "amount" and (too or denied) and part.said in ("far", "much", "wide"):
+            if too and part.said == "far" and found and found[-1].part.kind == "dir":
+                found[-1].too = True  # "down too far"
+                too = False
+                continue
             found.append(Item(Part("extent", "far", part.said), too, False, denied, False, False, ""))
             too = False
         elif (
