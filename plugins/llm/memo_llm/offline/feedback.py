@@ -69,9 +69,8 @@ _WAY_ROUND = re.compile(
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Praise with one of these is praise with a reservation.
 # "Only halfway": a wish, unless somebody tells what it did ("it's only half open").
-_ONLY_PARTLY = re.compile(
-    r"(?:only|just)(?: \w+){0,3}? (?:half|a quarter|a third|a little|a bit|a crack|slightly|a touch)(?! (?:more|further))"
-)
+_PARTLY = r"half|a quarter|a third|a little|a bit|a crack|slightly|a touch"
+_ONLY_PARTLY = re.compile(rf"(?:only|just)(?: \w+){{0,3}}? (?:{_PARTLY})(?! (?:more|further))")
 _TOLD_PARTLY = re.compile(
     r"(?:(?:\w+'s|is|was|are|were|still|got|came|went|moved|stands?|opened|turned|pulled|pushed|closed|stopped)"
     r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
