@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from offline_prompts import MODEL, held_poses, request, run, scene, thing, write
+from offline_prompts import MODEL, box_with_door, held_poses, request, run, scene, thing, write
 
 from memo_core.scene.graph import Observation
 from memo_core.scene.pose import Pose
@@ -63,6 +63,9 @@ def test_what_stands_in_place_of_something_is_set_off_from_it():
         ("When you've let go, move straight up.", "Move away up once it is let go."),
         ("Open your fingers slowly.", "Open the fingers little by little to let go."),
         ("Wait a second before you let go.", "Hold it there for 1 seconds before you let go."),
+        ("Wait until it stops swinging before you let go.", "Hold it there for a while before you let go."),
+        ("Go up and over it next time.", "On the way there, keep above everything."),
+        ("Put it two centimetres to the left of the tray.", "Put it to the left of the tray, 2 cm away."),
         ("Stand it upright.", "Turn it until it is upright and put it down so."),
     ],
 )
@@ -78,6 +81,10 @@ def test_how_something_is_put_down(words, noted):
         ("Stay further away from the tray.", "PICK_UP(jug)"),  # of another thing
         ("Come back a little, go up and then forward.", "PLACE(jug, tray)"),  # one after the other
         ("Back, and pull it 10 cm more.", "PLACE(jug, tray)"),  # something else is to be opened
+        ("Ninety degrees, then down.", "PLACE(jug, tray)"),  # about which axis
+        ("On the left.", "PLACE(jug, tray)"),  # where it belongs, and not which way from where it was
+        ("Only a little bit, it splashes.", "TURN(jug)"),
+        ("Up, not down.", "TURN(jug)"),
     ],
 )
 def test_what_is_no_motion_of_this_is_asked_about(words, subtask):
@@ -119,3 +126,43 @@ def test_only_the_last_stretch_is_slow():
     code, _ = write(JUG, "PICK_UP(jug)", ["Go slowly on the last stretch."])
     speeds = [event.speed for event in run(code, JUG) if event.kind == "go"]
     assert speeds[1] < speeds[0] and held_poses(run(code, JUG))
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["You're lifting too soon.", "Close your hand first, then lift.", "Don't lift until your fingers are closed."],
+)
+def test_what_is_lifted_too_early_is_held_before_it_is_lifted(words):
+    (note,) = said(words)["corrections"]
+    code, _ = write(JUG, "PICK_UP(jug)", [note])
+    assert code.index("close_gripper()") < code.index("wait(GRIP_WAIT)") < code.rindex("follow_path(path")
+    assert run(code, JUG)
+
+
+def test_beside_another_thing_is_put_down_beside_it():
+    code, _ = write(HELD, "PLACE(jug, tray)", ["Put it to the left of the tray, 2 cm away."])
+    released = next(event for event in run(code, HELD) if event.kind == "open")
+    held = next(node for node in HELD.nodes if node.label == "jug").pose.position
+    assert released.pose.position[1] - HELD.observation.end_effector.position[1] + held[1] > 0.2 + 0.1
+
+
+def test_the_arm_leaves_before_a_door_is_shut_where_it_was_in_the_way():
+    crate, *_ = box_with_door(opened=True)
+    notes = said("Take your arm out of there before you shut it.", crate, "CLOSE(crate)")["corrections"]
+    code, _ = write(crate, "CLOSE(crate)", notes)
+    assert code.index("go_home()") < code.index("move_to(")
+
+
+def test_what_has_no_door_is_screwed_and_not_swung():
+    assert said("Twist, don't pull.", JUG, "OPEN(jug)")["corrections"] == ["Turn it counterclockwise."]
+
+
+def test_a_way_that_was_named_stays_while_it_is_pressed():
+    words = "Push down a little while you turn it clockwise."
+    code, _ = write(JUG, "TURN(jug)", said(words, JUG, "TURN(jug)")["corrections"])
+    assert "TURN = 90 " in code
+
+
+@pytest.mark.parametrize("words", ["Move over to the left.", "Slide it over to the left a bit."])
+def test_over_to_a_side_is_that_side_where_it_is_asked_for(words):
+    assert "to the left" in said(words, HELD, "PLACE(jug, tray)")["corrections"][0]

@@ -14,8 +14,9 @@ from collections.abc import Iterable, Sequence
 
 import attrs
 
+from memo_llm.offline.edits import Edit
 from memo_llm.offline.prompt import Prompt
-from memo_llm.offline.reading import Edit, read_sentence
+from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.template_behaviour import Conduct, claims, conduct_of, disputed, supported
 from memo_llm.offline.vocabulary import Vocabulary
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import attrs
 
-from memo_llm.offline.reading import GENTLE, Edit
+from memo_llm.offline.edits import GENTLE, Edit
 from memo_llm.offline.recipe import Recipe
 
 Rough = dict[str, float]

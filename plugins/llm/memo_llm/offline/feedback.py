@@ -11,32 +11,19 @@ import attrs
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.editing import apply
+from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
-from memo_llm.offline.reading import GENTLE, Edit, Reading, read_sentence
+from memo_llm.offline.questions import OF_DOORS, question_about
+from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
-from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart, than_that
+from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart
 from memo_llm.offline.rendering import render
 from memo_llm.offline.surroundings import Surroundings
 from memo_llm.offline.vocabulary import Vocabulary
+from memo_llm.offline.wording import ONLY_WAY, said_plainly, sentence_plainly
 
 _EVERYWHERE = re.compile(r"\b(always|never|every time|whenever|in general|generally|anything|any \w+|all \w+s)\b")
-_FILLERS = re.compile(
-    r"^(?:(?:no|well|hm+|hey|ok(?:ay)?|please|and|so|but|then)[, ]+)+|[, ]+(?:please|ok(?:ay)?)$", re.I
-)
-_MUST = re.compile(
-    r"^(?:you(?:'ve| have)? (?:got to|have to|need to|must|should|can|could|to)|you'd better|try to|i want you to) ",
-    re.I,
-)
-_LINK = {
-    "left": "to the left",
-    "right": "to the right",
-    "up": "higher",
-    "down": "lower",
-    "out": "towards the robot",
-    "towards": "nearer to yourself",
-    "away": "farther away",
-}
 # Edits that say how something is to be: following one changes nothing where it is so already.
 _STATES = frozenset(
     [
@@ -59,28 +46,7 @@ _STATES = frozenset(
         "turn-thing",
     ]
 )
-
-# Said of a motion it is slowly, of a grip with less force.
-_GENTLY = r"(?:gent(?:ly|le|ler)|soft(?:ly)?|careful(?:ly)?|easy)\b"
-# What the other way is the other way of, where something is pulled.
-_WAY_ROUND = re.compile(
-    r"\b(?:a?round|about|swing\w*|direction|turn\w*|hinges?|arc|curve|side|edge|shut|clos\w+|tighten\w*|loos\w+)\b"
-)
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
-# Praise with one of these is praise with a reservation.
-# "Only halfway": a wish, unless somebody tells what it did ("it's only half open").
-_PARTLY = r"half|a quarter|a third|a little|a bit|a crack|slightly|a touch"
-_ONLY_PARTLY = re.compile(rf"(?:only|just)(?: \w+){{0,3}}? (?:{_PARTLY})(?! (?:more|further))")
-_TOLD_PARTLY = re.compile(
-    r"(?:(?:\w+'s|is|was|are|were|still|got|came|went|moved|stands?|opened|turned|pulled|pushed|closed|stopped)"
-    r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
-)
-_PRESSED_PART = re.compile(r"\b(?:button|switch|lever|pedal|tab|trigger|catch|thing (?:\w+ )?there)\b")
-_ONLY_WAY = re.compile(r"(?:(?:go|move|push|try|just) )*(?:up|down)(?:wards?)?")
-_UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:wards?)?\b")
-_RESERVED = re.compile(
-    r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
-)
 # Words that look back at what was done before, and the verbs that say at what.
 _LOOKS_BACK = re.compile(
     r"\b(?:should|could|ought to|must)(?: not|n't)? ?(?:have|'ve|of)\b|\bearlier\b|\bwhen you (?:\w+ed|took|held)\b"
@@ -90,8 +56,6 @@ _DONE_BEFORE = {
     "close": r"\bclosed?\b|\bshut\b",
     "pick": r"\b(?:pick|grip|grab|grasp|held|took|taken|lift)\w*\b",
 }
-_OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
-_OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
 
 
 @attrs.frozen
@@ -139,7 +103,7 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     question = (
         _ASIDE.format(" ".join(words.split())[:200])
         if aside
-        else _question(words, readings, edits, recipe, effective, vocabulary, _swings(scene, recipe))
+        else question_about(words, readings, edits, recipe, effective, vocabulary, _swings(scene, recipe))
     )
     return Heard(recipe, sentences, readings, tuple(edits), question)
 
@@ -222,9 +186,13 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Im
     corrections: list[str] = []
     general: list[str] = []
     for sentence, reading in zip(heard.sentences, heard.readings, strict=True):
-        notes = [said for edit in reading.edits if edit in heard.edits and (said := _said(edit, heard.recipe, attempt))]
+        notes = [
+            said
+            for edit in reading.edits
+            if edit in heard.edits and (said := said_plainly(edit, heard.recipe, attempt))
+        ]
         if not notes and not reading.edits and len(sentence.split()) > 2 and not vocabulary.praises(sentence):
-            notes = [_plainly(sentence)]
+            notes = [sentence_plainly(sentence)]
         everywhere = _EVERYWHERE.search(sentence.lower()) and reading.edits
         (general if everywhere else corrections).extend(notes)
         general += [edit.phrase.general for edit in reading.edits if edit.phrase is not None and edit.phrase.general]
@@ -250,7 +218,7 @@ def _lost(heard: Heard, attempt: Attempted, scene: SceneGraph, rough: dict[str, 
     if heard.recipe is None:
         return ""
     for edit in heard.edits:
-        text = _said(edit, heard.recipe, attempt)
+        text = said_plainly(edit, heard.recipe, attempt)
         again = read_sentence(taken_apart(text)[0], vocabulary, [node.label for node in scene.nodes], heard.recipe.kind)
         followed = heard.recipe
         for one in again.edits:
@@ -291,7 +259,7 @@ def _elsewhere(
             continue
         there = attrs.evolve(prompt, sections=prompt.sections | {"subtask": other})
         heard = hear(words, there, scene, habits, vocabulary)
-        notes = [{"subtask": other, "note": said} for edit in heard.edits if (said := _said(edit, None, None))]
+        notes = [{"subtask": other, "note": said} for edit in heard.edits if (said := said_plainly(edit, None, None))]
         if notes and not heard.question:
             answer = {"corrections": [], "general": [], "elsewhere": notes, "unclear": ""}
             return NotesAnswer(json.dumps(answer, ensure_ascii=False), heard.not_understood)
@@ -308,7 +276,7 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?(?:\w+ )?{place}\b", words.lower())
     if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
         return []  # where it goes anyway
-    notes = [_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
+    notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
     named = f"The {objects[0].lower()}" if objects else "It"
     return [
         re.sub(r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)", named, note)
@@ -336,112 +304,6 @@ def _settled_words(words: str) -> str:
     return answer
 
 
-# -- what is asked back -----------------------------------------------------------------------------------------------
-
-
-def _question(
-    words: str,
-    readings: Iterable[Reading],
-    edits: list[Edit],
-    recipe: Recipe | None,
-    effective: bool,
-    vocabulary: Vocabulary,
-    doors: bool = True,
-) -> str:
-    """What has to be asked before anything is noted; "" where the words are surely understood."""
-    quoted = " ".join(words.split())[:200]
-    if not edits:
-        if vocabulary.praises(words):
-            return f"that sounds as if it was right as it was; was it? You said: {quoted}"
-        return (
-            "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
-            f"None of it is understood: {quoted}"
-        )
-    if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
-        return f"is it to be done more slowly, or with less force? You said: {quoted}"
-    if any(edit.kind == "plan" for edit in edits):
-        return f"is that a step of its own, to be done before this one? You said: {quoted}"
-    understood = " ".join(dict.fromkeys(said for edit in edits if (said := _said(edit, None, None))))
-    if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
-        return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
-    turned = [edit for edit in edits if edit.kind == "reverse"]
-    if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
-        return f"which way should the hand go? You said: {quoted}"
-    if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
-        return f"the other way round, or to another side? You said: {quoted}"
-    inside = [edit for edit in edits if edit.kind == "offset" and edit.value == "away"]
-    if (
-        recipe is not None
-        and recipe.kind == "pick"
-        and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside)
-    ):
-        return f"further in to which side, seen from the robot? You said: {quoted}"
-    if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
-        return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
-    if (
-        recipe is not None
-        and recipe.kind == "place"
-        and any(edit.kind == "hold-on" and not edit.negated for edit in edits)
-    ):
-        return f"is it not to be let go at all, or when? You said: {quoted}"
-    if recipe is not None and recipe.kind == "pour" and any(edit.kind == "tilt" and edit.value for edit in edits):
-        return f"is that how far it is tipped, or how it is brought back? You said: {quoted}"
-    if recipe is not None and recipe.kind in ("pick", "place") and any(edit.kind == "angle" for edit in edits):
-        return f"what is to be turned that far, and about which axis? You said: {quoted}"
-    aside = [
-        edit
-        for edit in edits
-        if edit.kind == "offset" and (edit.value in ("left", "right") or _ONLY_WAY.fullmatch(edit.said.strip()))
-    ]
-    if aside and recipe is not None and recipe.kind == "turn" and not any(e.amount and e.amount.exact for e in aside):
-        way = _said(aside[0], None, None)
-        return f"is that clockwise or counterclockwise, as the hand looks at it: {way} You said: {quoted}"
-    swung = [edit for edit in edits if edit.kind in _OF_DOORS]
-    led = [
-        edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
-    ]
-    if led and recipe is not None and recipe.kind == "place":
-        return f"where to, and how far: {_said(led[0], None, None)} What is put down is led nowhere. You said: {quoted}"
-    if swung and recipe is not None and (recipe.kind not in ("open", "close", "pull") or not doors):
-        return f"which way should the hand go? {_said(swung[0], None, None)} This is no door. You said: {quoted}"
-    longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
-    if longer and _wishes_part(words):
-        return f"only so far, or is it to go further than that? You said: {quoted}"
-    if any(edit.kind == "first-in" and _PRESSED_PART.search(edit.said) for edit in edits):
-        return f"what is to be pressed, and where is it? You said: {quoted}"
-    if _UP_AND_BACK.search(words.lower()) and any(edit.value == "towards" for edit in edits):
-        return f"is back away from the robot, or towards it? You said: {quoted}"
-    pressed = any(edit.kind == "press-part" for edit in edits)
-    if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
-        return f"is this before or after pressing: {_said(besides[0], None, None)} You said: {quoted}"
-    drawn = [
-        edit for edit in edits if edit.kind == "farther" and re.search(r"\b(?:pull|open|draw|tug)\w*\b", edit.said)
-    ]
-    if drawn and recipe is not None and recipe.kind in ("pick", "place"):
-        return f"what is to be opened further, and is that a step of its own? You said: {quoted}"
-    slid = [edit for edit in edits if edit.kind == "straight" and "handle" in _said(edit, None, None)]
-    if slid and recipe is not None and recipe.kind not in ("open", "close", "pull", "push"):
-        return f"which way should the hand go? You said: {quoted}"
-    opposed = _opposed(edits, vocabulary)
-    if opposed:
-        return f"which of the two is meant: {opposed}? You said: {quoted}"
-    unsure = [part for reading in readings for part in reading.unsure]
-    if unsure:
-        return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
-    if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):
-        return f"I do not know this action; which way should the hand move for: {understood} You said: {quoted}"
-    if not effective and recipe is not None:
-        return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
-    return ""
-
-
-def _wishes_part(words: str) -> bool:
-    """Whether somebody says "only halfway" without telling what happened."""
-    plain = words.lower()
-    found = _ONLY_PARTLY.search(plain)
-    return found is not None and _TOLD_PARTLY.search(re.split(r"[.;,!?]\s*", plain[: found.start()])[-1]) is None
-
-
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
     kinds = {edit.kind for edit in edits}
@@ -462,9 +324,9 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edit for edit in edits if edit.kind != "force" or edit.verb or (edit.value in GENTLE) not in forced
     ]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
-        edits = [edit for edit in edits if edit.kind not in _OF_DOORS]
+        edits = [edit for edit in edits if edit.kind not in OF_DOORS]
     if "travel" in kinds:  # "up, across, then down"
-        edits = [edit for edit in edits if edit.kind != "offset" or not _ONLY_WAY.fullmatch(edit.said.strip())]
+        edits = [edit for edit in edits if edit.kind != "offset" or not ONLY_WAY.fullmatch(edit.said.strip())]
     if "set-down" in kinds:  # "reach right down and set it on the bottom"
         edits = [edit for edit in edits if edit.kind != "offset" or edit.value != "down" or edit.amount is not None]
     if "shake" in kinds:  # to shake harder is not to grip harder
@@ -500,21 +362,6 @@ def _idle(edit: Edit) -> bool:
     return edit.negated and edit.kind in ("hold-at", "release", "hold-on", "fingers", "centre", "approach")
 
 
-def _opposed(edits: list[Edit], vocabulary: Vocabulary) -> str:
-    """Two edits that cannot both be meant, in words; "" where there are none."""
-    for i, one in enumerate(edits):
-        for other in edits[i + 1 :]:
-            if one.kind != other.kind or one.negated or other.negated:
-                continue
-            opposite = vocabulary.opposites.get(one.value) == other.value != ""
-            if opposite and one.kind in ("offset", "force", "speed", "pivot", "turn-thing"):
-                return f"{_said(one, None, None)} {_said(other, None, None)}"
-    return ""
-
-
-# -- what is noted -----------------------------------------------------------------------------------------------------
-
-
 def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, imagination: Imagination) -> Attempted:
     """What the attempt did, where a remark is relative to that."""
     if heard.recipe is None or not any(edit.kind in (*PLACES, *LENGTHS) for edit in heard.edits):
@@ -525,50 +372,3 @@ def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, imagination: Imagi
         return Attempted()
     habit = render(heard.recipe, prompt.section("subtask"), scene, prompt.task, [])
     return attempted(code, habit, heard.recipe, scene, imagination)
-
-
-def _said(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -> str:
-    """The edit in plain words, amounts as the person named them."""
-    if edit.phrase is None or not edit.phrase.say:
-        return ""
-    amount = edit.amount.words if edit.amount else ""
-    angle = f"{edit.degrees:g} degrees" if edit.degrees is not None else ""
-    seconds = f"{edit.seconds:g} seconds" if edit.seconds is not None else "a while"
-    times = f"{edit.count} times"
-    value = _LINK.get(edit.value, edit.value) if edit.kind == "offset" else edit.value
-    if edit.kind == "way":
-        value = {"towards": "towards yourself", "away": "away from yourself"}.get(value, value)
-    if edit.kind == "pivot":
-        value = {"up": "top", "down": "bottom"}.get(value, value)
-    lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
-    say = "Lift it {amount} {value}." if lifted else edit.phrase.say
-    if edit.kind == "first-up" and recipe is not None and recipe.kind == "pull":
-        say = say.replace("the handle", "it")
-    if edit.kind == "straight" and recipe is not None and recipe.kind in ("close", "push"):
-        say = "Push it straight, in one line."
-    if edit.verb:
-        hard = "hard" if edit.negated else "harder"
-        say = f"{edit.verb.capitalize()} {'less hard' if edit.value in GENTLE else hard}."
-    text = say.format(value=value, amount=amount, angle=angle, seconds=seconds, times=times)
-    text = (
-        re.sub(r"\s+(?=[.,])", "", " ".join(text.split()))
-        .replace(" by.", ".")
-        .replace(" from.", " from another side.")
-        .replace(", away.", ".")
-    )
-    if edit.kind == "turn-hand" and edit.value:
-        text = text.removesuffix(".") + f" {edit.value}."
-    if edit.negated:
-        text = "Do not " + text[0].lower() + text[1:]
-    elif recipe is not None and attempt is not None and (than := than_that(edit, recipe, attempt)):
-        if than.startswith(" than") and edit.kind == "offset" and text.endswith(("to the left.", "to the right.")):
-            text = text.replace(" to the ", " further to the ").replace(" more further", " further")
-        text = text.removesuffix(".") + than + "."
-    return text
-
-
-def _plainly(sentence: str) -> str:
-    text = " ".join(sentence.split()).strip(" .!?,")
-    text = _MUST.sub("", _FILLERS.sub("", text)) or text
-    text = re.sub(r"[\[(]\s*-?\d[^\])]*[\])]", "there", text)  # coordinates hold only for one scene
-    return (text[0].upper() + text[1:] + ".")[:380] if text else ""

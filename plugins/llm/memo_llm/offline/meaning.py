@@ -24,9 +24,8 @@ _STATES = re.compile(r"loose|light|soft|tight|hard|firm|strong|quiet|rough|secur
 _FORCED = {"push": "push", "pull": "pull", "turn": "turn", "wipe": "press"}
 
 
-def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Meant] | None:
-    """What a clause asks for; [] where it asks for nothing; None where that is not surely known. ``fingers``: whether
-    "them" are the fingers, by what was said before."""
+def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
+    """What a clause asks for; [] where it asks for nothing; None where that is not surely known."""
     items = items_of(parts)
     if items is None:
         return None
@@ -37,8 +36,6 @@ def meaning(parts: Sequence[Part], kind: str, fingers: bool = False) -> list[Mea
         return None
     said = frozenset(there)
     hand = {part.value for part in parts if part.kind == "hand"}
-    if fingers and any(part.said == "them" for part in parts):
-        hand.add("fingers")
     if not verbs and {part.kind for part in parts} <= {"lead", "vocative", "very", "hand", "be", "pronoun"}:
         return []
     told = any(part.past for part in parts) or parts[0].said in ("it's", "you're", "that's")

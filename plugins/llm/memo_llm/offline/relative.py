@@ -18,8 +18,8 @@ import numpy as np
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
 from memo_core.skills.recording_control import Command
+from memo_llm.offline.edits import Edit
 from memo_llm.offline.imagination import Imagination
-from memo_llm.offline.reading import Edit
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.surroundings import Surroundings
 from memo_llm.offline.templates import path_shaped

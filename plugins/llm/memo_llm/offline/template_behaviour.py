@@ -10,7 +10,8 @@ from collections.abc import Iterable
 import attrs
 
 from memo_llm.offline.editing import GENTLE
-from memo_llm.offline.reading import Edit, read_sentence
+from memo_llm.offline.edits import Edit
+from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.vocabulary import Vocabulary
 
 _BY_KIND = {  # edits that are two sides of one matter

@@ -1,0 +1,149 @@
+"""What has to be asked before anything is noted of a person's words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from memo_llm.offline.edits import Edit, Reading
+from memo_llm.offline.recipe import Recipe
+from memo_llm.offline.vocabulary import Vocabulary
+from memo_llm.offline.wording import ONLY_WAY, said_plainly
+
+# Said of a motion it is slowly, of a grip with less force.
+_GENTLY = r"(?:gent(?:ly|le|ler)|soft(?:ly)?|careful(?:ly)?|easy)\b"
+# What the other way is the other way of, where something is pulled.
+_WAY_ROUND = re.compile(
+    r"\b(?:a?round|about|swing\w*|direction|turn\w*|hinges?|arc|curve|side|edge|shut|clos\w+|tighten\w*|loos\w+)\b"
+)
+# "Only halfway": a wish, unless somebody tells what it did ("it's only half open").
+_PARTLY = r"half|a quarter|a third|a little|a bit|a crack|slightly|a touch"
+_ONLY_PARTLY = re.compile(rf"(?:only|just)(?: \w+){{0,3}}? (?:{_PARTLY})(?! (?:more|further))")
+_TOLD_PARTLY = re.compile(
+    r"(?:(?:\w+'s|is|was|are|were|still|got|came|went|moved|stands?|opened|turned|pulled|pushed|closed|stopped)"
+    r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
+)
+_PRESSED_PART = re.compile(r"\b(?:button|switch|lever|pedal|tab|trigger|catch|thing (?:\w+ )?there)\b")
+_UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:wards?)?\b")
+# Praise with one of these is praise with a reservation.
+_RESERVED = re.compile(
+    r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
+)
+OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
+_OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
+
+
+def question_about(
+    words: str,
+    readings: Iterable[Reading],
+    edits: list[Edit],
+    recipe: Recipe | None,
+    effective: bool,
+    vocabulary: Vocabulary,
+    doors: bool = True,
+) -> str:
+    """What has to be asked before anything is noted; "" where the words are surely understood."""
+    quoted = " ".join(words.split())[:200]
+    if not edits:
+        if vocabulary.praises(words):
+            return f"that sounds as if it was right as it was; was it? You said: {quoted}"
+        return (
+            "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
+            f"None of it is understood: {quoted}"
+        )
+    if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
+        return f"is it to be done more slowly, or with less force? You said: {quoted}"
+    if any(edit.kind == "plan" for edit in edits):
+        return f"is that a step of its own, to be done before this one? You said: {quoted}"
+    understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
+    if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
+        return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
+    turned = [edit for edit in edits if edit.kind == "reverse"]
+    if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
+        return f"which way should the hand go? You said: {quoted}"
+    if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
+        return f"the other way round, or to another side? You said: {quoted}"
+    inside = [edit for edit in edits if edit.kind == "offset" and edit.value == "away"]
+    if (
+        recipe is not None
+        and recipe.kind == "pick"
+        and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside)
+    ):
+        return f"further in to which side, seen from the robot? You said: {quoted}"
+    if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
+        return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
+    if (
+        recipe is not None
+        and recipe.kind == "place"
+        and any(edit.kind == "hold-on" and not edit.negated for edit in edits)
+    ):
+        return f"is it not to be let go at all, or when? You said: {quoted}"
+    if recipe is not None and recipe.kind == "pour" and any(edit.kind == "tilt" and edit.value for edit in edits):
+        return f"is that how far it is tipped, or how it is brought back? You said: {quoted}"
+    if recipe is not None and recipe.kind in ("pick", "place") and any(edit.kind == "angle" for edit in edits):
+        return f"what is to be turned that far, and about which axis? You said: {quoted}"
+    aside = [
+        edit
+        for edit in edits
+        if edit.kind == "offset" and (edit.value in ("left", "right") or ONLY_WAY.fullmatch(edit.said.strip()))
+    ]
+    if aside and recipe is not None and recipe.kind == "turn" and not any(e.amount and e.amount.exact for e in aside):
+        way = said_plainly(aside[0], None, None)
+        return f"is that clockwise or counterclockwise, as the hand looks at it: {way} You said: {quoted}"
+    swung = [edit for edit in edits if edit.kind in OF_DOORS]
+    led = [
+        edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
+    ]
+    if led and recipe is not None and recipe.kind == "place":
+        way = said_plainly(led[0], None, None)
+        return f"where to, and how far: {way} What is put down is led nowhere. You said: {quoted}"
+    if swung and recipe is not None and (recipe.kind not in ("open", "close", "pull") or not doors):
+        return f"which way should the hand go? {said_plainly(swung[0], None, None)} This is no door. You said: {quoted}"
+    longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
+    if longer and _wishes_part(words):
+        return f"only so far, or is it to go further than that? You said: {quoted}"
+    if any(edit.kind == "first-in" and _PRESSED_PART.search(edit.said) for edit in edits):
+        return f"what is to be pressed, and where is it? You said: {quoted}"
+    if _UP_AND_BACK.search(words.lower()) and any(edit.value == "towards" for edit in edits):
+        return f"is back away from the robot, or towards it? You said: {quoted}"
+    pressed = any(edit.kind == "press-part" for edit in edits)
+    if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
+        return f"is this before or after pressing: {said_plainly(besides[0], None, None)} You said: {quoted}"
+    drawn = [
+        edit for edit in edits if edit.kind == "farther" and re.search(r"\b(?:pull|open|draw|tug)\w*\b", edit.said)
+    ]
+    if drawn and recipe is not None and recipe.kind in ("pick", "place"):
+        return f"what is to be opened further, and is that a step of its own? You said: {quoted}"
+    slid = [edit for edit in edits if edit.kind == "straight" and "handle" in said_plainly(edit, None, None)]
+    if slid and recipe is not None and recipe.kind not in ("open", "close", "pull", "push"):
+        return f"which way should the hand go? You said: {quoted}"
+    opposed = _opposed(edits, vocabulary)
+    if opposed:
+        return f"which of the two is meant: {opposed}? You said: {quoted}"
+    unsure = [part for reading in readings for part in reading.unsure]
+    if unsure:
+        return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
+    if recipe is None and not all(edit.kind in _OF_ANY_MOTION for edit in edits):
+        return f"I do not know this action; which way should the hand move for: {understood} You said: {quoted}"
+    if not effective and recipe is not None:
+        return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
+    return ""
+
+
+def _wishes_part(words: str) -> bool:
+    """Whether somebody says "only halfway" without telling what happened."""
+    plain = words.lower()
+    found = _ONLY_PARTLY.search(plain)
+    return found is not None and _TOLD_PARTLY.search(re.split(r"[.;,!?]\s*", plain[: found.start()])[-1]) is None
+
+
+def _opposed(edits: list[Edit], vocabulary: Vocabulary) -> str:
+    """Two edits that cannot both be meant, in words; "" where there are none."""
+    for i, one in enumerate(edits):
+        for other in edits[i + 1 :]:
+            if one.kind != other.kind or one.negated or other.negated:
+                continue
+            opposite = vocabulary.opposites.get(one.value) == other.value != ""
+            if opposite and one.kind in ("offset", "force", "speed", "pivot", "turn-thing"):
+                return f"{said_plainly(one, None, None)} {said_plainly(other, None, None)}"
+    return ""
