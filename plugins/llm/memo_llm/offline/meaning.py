@@ -36,6 +36,8 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
         return None
     said = frozenset(there)
     hand = {part.value for part in parts if part.kind == "hand"}
+    if kind == "pick" and "open" in verbs and any(part.said == "them" for part in parts):
+        hand.add("fingers")  # nothing else is opened there
     if not verbs and {part.kind for part in parts} <= {"lead", "vocative", "very", "hand", "be", "pronoun"}:
         return []
     told = any(part.past for part in parts) or parts[0].said in ("it's", "you're", "that's")
@@ -120,8 +122,7 @@ def _of_swing(clause: Clause) -> list[Meant] | None:
 
 def _of_fingers(clause: Clause) -> list[Meant] | None:
     """How wide the fingers are opened before they take hold."""
-    meant = clause.hand or (clause.kind == "pick" and "pronoun" in clause.said)  # nothing else can be opened there
-    if clause.kind not in ("pick", "open", "pull", "turn") or not meant or "open" not in clause.verbs:
+    if clause.kind not in ("pick", "open", "pull", "turn") or not clause.hand or "open" not in clause.verbs:
         return None
     rest = [item for item in clause.items if item.part.kind not in ("before_down", "when")]
     first = any(item.part.kind == "before_down" or item.part.value == "first" for item in clause.items)
@@ -164,7 +165,8 @@ def _led(item: Item, clause: Clause) -> list[Meant] | None:
         clause.kind == "turn"
         and item.part.kind == "dir"
         and item.part.value in ("left", "right")
-        and not clause.verbs & {"push", "pull"}
+        and not clause.verbs & {"push", "pull", "tilt"}
+        and not item.amount
     ):
         return [Meant("turn-thing", "clockwise" if way_of(item) == "right" else "counterclockwise")]
     if (
