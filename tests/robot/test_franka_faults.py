@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from memo_franka.driver import FrankaLink
+from memo_franka.description import fr3
+from memo_franka.driver import FrankaLink, FrankaSettings
+from memo_franka.streaming import ImpedanceStreaming
 from memo_franka.testing.control_box import Moment
 from memo_wsg.driver import WsgGripper
 from memo_wsg.protocol import Status
@@ -22,7 +24,7 @@ from memo_wsg.testing.double import WsgDouble
 from memo_core.errors import InvalidArgument, RobotFault, Stopped
 from tests.franka_cell import ACCELERATION, ACCEPTED, ADDRESSES, GRACE_MS, Cell, braking_ms, running_cell, swing, until
 
-pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
+franky = pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [
     pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
     pytest.mark.usefixtures("real_time"),
@@ -396,3 +398,16 @@ def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_
     for row in swing(link, 1.0, 0.05):
         link.send(row)
     assert not cell.box.arm.violations
+
+
+def test_the_watch_over_the_reference_ends_quietly_where_the_network_is_gone():
+    class Unreachable:
+        is_in_control = True
+
+        @property
+        def state(self):
+            raise RuntimeError("Net Exception")  # as the client library says it
+
+    streaming = ImpedanceStreaming(franky, Unreachable(), fr3(), FrankaSettings("127.0.0.2", mode="impedance"))
+    streaming._watched = tracker = object()
+    streaming._watch(tracker)

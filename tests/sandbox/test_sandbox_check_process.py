@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -31,13 +32,21 @@ def own_seconds() -> float:
     return times.user + times.system
 
 
+def _command_line(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""  # it ended meanwhile
+
+
 def checkers() -> set[int]:
     """Process ids of our children that check code."""
     found = set()
     for children in Path(f"/proc/{os.getpid()}/task").glob("*/children"):
-        for pid in map(int, children.read_text().split()):
-            if b"sandbox.check_worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                found.add(pid)
+        with suppress(OSError):  # a thread or a child of another test that ends meanwhile
+            for pid in map(int, children.read_text().split()):
+                if b"sandbox.check_worker" in _command_line(pid):
+                    found.add(pid)
     return found
 
 

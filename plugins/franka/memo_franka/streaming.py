@@ -157,7 +157,7 @@ class ImpedanceStreaming(Streaming):
                 if not self._robot.is_in_control:
                     return
                 now = self._robot.state.time.to_sec()
-            except self._franky.Exception:
+            except (self._franky.Exception, RuntimeError):  # the second where the network is gone
                 return  # the thread that moves the robot is told
             with self._renewing:
                 if self._watched is tracker and now - self._coasting.due > _WATCH_S:
