@@ -328,9 +328,10 @@ class Related:
 
 
 def _related(keys: list[Key], templates: list[Entry], key_vectors: KeyVectors, settings: RetrievalSettings) -> Related:
-    proven = sorted(templates, key=lambda t: (-t.confirmed_uses, -t.created, -t.id))
+    proven = [template for template in templates if template.key != GLOBAL_KEY]  # under it only in a damaged book
+    proven.sort(key=lambda template: (-template.confirmed_uses, -template.created, -template.id))
     own = [key for key in keys if key != GLOBAL_KEY]
-    theirs = list(dict.fromkeys(template.key for template in templates))
+    theirs = list(dict.fromkeys(template.key for template in proven))
     place_of = {key: place for place, key in enumerate(theirs)}
     of_key: list[list[int]] = [[] for _ in theirs]
     for place, template in enumerate(proven):

@@ -54,3 +54,14 @@ def test_no_damage_of_values_is_called_a_bug(damage, command, tmp_path, monkeypa
         book.executescript(DAMAGE[damage])
     code, out, err = run(["skillbook", *command, "--book", "book.db"])
     assert list(faults_of(code, out, err)) == [], (code, err[-500:])
+
+
+def test_clustering_passes_over_templates_under_the_key_of_general_statements(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_example(tmp_path / "book.db", notes=4)
+    with contextlib.closing(sqlite3.connect(tmp_path / "book.db")) as book:
+        everywhere = "UPDATE entries SET key = (SELECT id FROM keys WHERE action = '') WHERE kind = 'template'"
+        assert book.execute(everywhere).rowcount
+        book.commit()
+    code, out, err = run(["cluster", "--book", "book.db"])
+    assert list(faults_of(code, out, err)) == [], (code, err[-500:])
