@@ -42,8 +42,8 @@ def only_when(clause: str, vocabulary: Vocabulary, own: set[str], others: set[st
     """Whether a clause only says when what follows it is to be done: "when you have let go"."""
     if time_part(clause) != 0:
         return False
-    parts = vocabulary.lexicon.parts(clause, frozenset(own), frozenset(others))
-    return bool(parts) and all(part.kind in TIMES for part in parts or ())
+    parts = vocabulary.lexicon.parts(clause, frozenset(own), frozenset(others)) or []
+    return bool(parts) and all(part.kind in TIMES for part in parts)
 
 
 def preferred(composed: list[Edit], said: list[Edit], doubtful: bool) -> bool:

@@ -8,8 +8,9 @@ counts is that every word belongs to one. What the parts mean together is in ``m
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import attrs
 
@@ -113,25 +114,27 @@ class Lexicon:
     bases: dict[str, str]  # past form -> base
 
     @classmethod
-    def of(cls, data: dict[str, dict[str, object]], groups: dict[str, str]) -> Lexicon:
+    def of(cls, data: Mapping[str, Any], groups: Mapping[str, str]) -> Lexicon:
         """From the mapping of ``composition.yaml``. ``groups``: patterns that may stand in braces."""
+        parts: Mapping[str, Mapping[str, Sequence[str]]] = data["parts"]
+        verbs: Mapping[str, Sequence[str]] = data["verbs"]
+        irregular: Mapping[str, Sequence[str]] = data["irregular"]
 
         def filled(pattern: str) -> str:
             return re.sub(r"\{([a-z_]+)\}", lambda m: groups[m.group(1)], pattern)
 
         patterns = [
             (kind, value, re.compile(rf"(?:{filled(pattern)}){_WORD_END}"))
-            for kind, values in data["parts"].items()
-            for value, alternatives in (values or {}).items()  # type: ignore[attr-defined]
+            for kind, values in parts.items()
+            for value, alternatives in values.items()
             for several in alternatives
             for pattern in _alternatives(several)
         ]
-        irregular = data["irregular"]
         classes: dict[str, set[str]] = {}
         past: dict[str, bool] = {}
         before: dict[str, str] = {}
-        for name, bases in data["verbs"].items():
-            for base in bases:  # type: ignore[attr-defined]
+        for name, bases in verbs.items():
+            for base in bases:
                 for form, told in _inflected(base, irregular):
                     classes.setdefault(form, set()).add(name)
                     past[form] = past.get(form, True) and told
@@ -221,7 +224,7 @@ def _alternatives(pattern: str) -> list[str]:
     return found
 
 
-def _inflected(base: str, irregular: dict[str, object]) -> list[tuple[str, bool]]:
+def _inflected(base: str, irregular: Mapping[str, Sequence[str]]) -> list[tuple[str, bool]]:
     """Forms of a verb, particles behind it, each with whether it tells of something done."""
     word, _, particle = base.partition(" ")
     behind = f" {particle}" if particle else ""
@@ -230,5 +233,5 @@ def _inflected(base: str, irregular: dict[str, object]) -> list[tuple[str, bool]
     ending = "es" if re.search(r"(?:s|sh|ch|x|o)$", word) else "s"
     past = irregular.get(word) or [f"{doubled}ed"]
     forms = [(word, False), (f"{doubled}ing", False), (word + ending, False)]
-    forms += [(form, form != word) for form in past]  # type: ignore[attr-defined]
+    forms += [(form, form != word) for form in past]
     return [(form + behind, told) for form, told in dict(reversed(forms)).items()]
