@@ -400,6 +400,29 @@ def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_
     assert not cell.box.arm.violations
 
 
+def test_a_fault_that_the_state_told_before_the_motion_had_ended_does_not_come_back_after_recovery(cell):
+    class EndsLater:
+        """The robot, to which the motion's thread has not yet said that it ended."""
+
+        is_in_control = True
+
+        def __init__(self, robot: Any) -> None:
+            self._robot = robot
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._robot, name)
+
+    link = cell.link()
+    robot, link._robot = link._robot, EndsLater(link._robot)
+    faulted(cell, link, lambda: cell.box.push([0.0, 0.0, 40.0]))
+    link._robot = robot
+    cell.box.push([0.0, 0.0, 0.0])
+    link.recover()
+    for row in swing(link, 1.0, 0.05):
+        link.send(row)
+    assert link.health().ready and not cell.box.arm.violations
+
+
 def test_the_watch_over_the_reference_ends_quietly_where_the_network_is_gone():
     class Unreachable:
         is_in_control = True

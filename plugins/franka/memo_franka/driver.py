@@ -29,6 +29,7 @@ from memo_franka.streaming import ImpedanceStreaming, Streaming, VelocityStreami
 _SHARE = 0.95  # of the limits of acceleration and jerk that is used
 _REST_S = 2.0  # on the robot's clock, in which a halted arm comes to rest
 _POLL_S = 0.0005
+_ENDED_S = 1.0  # wall-clock time in which a motion's thread ends after a fault; one without a fault goes on
 _TOLD_S = 0.1  # wall-clock time after a motion's end in which the robot's state tells why
 _TARE_STATES = 20
 
@@ -176,6 +177,7 @@ class FrankaLink(Link):
             self._franky = import_franky()
             self._robot = self._connected()
         try:
+            self._motion_is_over()
             self._robot.recover_from_errors()
             self._fault, self._state = None, self._robot.state
         except Exception as error:
@@ -187,6 +189,12 @@ class FrankaLink(Link):
             raise self._latched(wrong)
         if not closed:
             self.begin()
+
+    def _motion_is_over(self) -> None:
+        """Wait for the last motion's thread and discard the exception that ended it: where the state told of the fault
+        first, the client library still keeps that exception and would raise it at the next call."""
+        with contextlib.suppress(self._franky.Exception, RuntimeError):  # the second where the network was gone
+            self._robot.join_motion(_ENDED_S)
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def send(self, targets: Array) -> None:
