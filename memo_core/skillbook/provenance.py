@@ -40,6 +40,9 @@ def provenance_of(database: Database, entries: Sequence[int]) -> dict[int, Prove
 
 def _from(remarks: Sequence[tuple[str, float, str]]) -> Provenance:
     """Of remarks in the order in which they were made: who, when, and of which subtask."""
+    if len(remarks) == 1:  # most entries; each question asks for dozens
+        ((who, when, subtask),) = remarks
+        return Provenance((who,), float(when), subtask)
     names = dict.fromkeys(who for who, _, _ in reversed(remarks))
     subtask = next((subtask for _, _, subtask in reversed(remarks) if subtask), "")
     return Provenance(tuple(reversed(names)), float(remarks[-1][1]), subtask)
