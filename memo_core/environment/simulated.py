@@ -15,8 +15,10 @@ import numpy as np
 from memo_core.environment.task_code import (
     NOT_THE_AUTHORS,
     author_error,
+    memory_of,
     monitors_of,
     outcome_of,
+    recall,
     scene_of,
     subtask_outcome_of,
 )
@@ -134,7 +136,7 @@ class SimulatedEnvironment(TaskEnvironment):
             "link": _pack(self.link.checkpoint()),
             "perception": _pack(self.perception.state()),
             "control": _pack(self.control.state()),
-            "monitors": {name: monitor.memory() for name, monitor in self.monitors.items()},
+            "monitors": {name: memory_of(self.task, monitor) for name, monitor in self.monitors.items()},
         }
         return json.dumps(state).encode()
 
@@ -143,8 +145,9 @@ class SimulatedEnvironment(TaskEnvironment):
         ``InvalidArgument`` for another world's checkpoint."""
         try:
             state = json.loads(checkpoint)
-            owner = (state["task"], state["seed"])
-        except (ValueError, KeyError, TypeError):
+            owner, watched = (state["task"], state["seed"]), state["monitors"]
+            link, perception, control = (_unpack(state[part]) for part in ("link", "perception", "control"))
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise InvalidArgument(
                 "checkpoint", "this is not a checkpoint of an environment", "bytes of SimulatedEnvironment.checkpoint()"
             ) from None
@@ -154,11 +157,13 @@ class SimulatedEnvironment(TaskEnvironment):
                 f"it is of task {owner[0]!r}, seed {owner[1]}",
                 f"task {self.task.name!r}, seed {self.seed}",
             )
-        self.link.restore(_unpack(state["link"]))
-        self.perception.restore(_unpack(state["perception"]))
-        self.control.restore(_unpack(state["control"]))
+        if not isinstance(watched, dict) or watched.keys() != self.monitors.keys():
+            raise InvalidArgument("checkpoint", "it is of other monitors", f"one with {', '.join(self.monitors)}")
+        self.link.restore(link)
+        self.perception.restore(perception)
+        self.control.restore(control)
         for name, monitor in self.monitors.items():
-            monitor.recall(state["monitors"][name])
+            recall(self.task, monitor, watched[name])
 
     # -- what a person in the room sees --------------------------------------------------------------------------------
     def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:

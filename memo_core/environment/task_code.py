@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import traceback
 from collections import Counter
 from collections.abc import Iterator
@@ -42,6 +43,24 @@ def monitors_of(task: Task, world: WorldState, scene: SceneDescription) -> dict[
         with task_code(task, f"reset() of monitor {monitor.name!r}", monitor, scene):
             monitor.reset(world)
     return monitors
+
+
+def memory_of(task: Task, monitor: Monitor) -> dict[str, Any]:
+    """A monitor's state for a checkpoint. Raises ``TaskCodeError``, also where it is not made of JSON values."""
+    hook = f"memory() of monitor {monitor.name!r}"
+    with task_code(task, hook, monitor):
+        memory = monitor.memory()
+    try:
+        json.dumps(memory)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise TaskCodeError(task.name, hook, f"did not return JSON values ({error})") from None
+    return memory
+
+
+def recall(task: Task, monitor: Monitor, memory: dict[str, Any]) -> None:
+    """Put a monitor back into a state that it had. Raises ``TaskCodeError``."""
+    with task_code(task, f"recall() of monitor {monitor.name!r}", monitor):
+        monitor.recall(memory)
 
 
 def outcome_of(task: Task, world: WorldState, monitors: dict[str, Monitor], scene: SceneDescription) -> Outcome:

@@ -503,14 +503,18 @@ def _history(simulator: Simulator, ticks: int = 60) -> list[tuple[object, ...]]:
 
 @rule
 def foreign_checkpoints_are_refused(make: Make) -> None:
-    """restore raises InvalidArgument for bytes that are no checkpoint of this scene and robot."""
+    """restore raises InvalidArgument for bytes that are no checkpoint of this scene and robot, or a damaged one
+    (``memo_core.scene.sealed_state``)."""
     simulator = _built(make)
     with simulator:
-        own = simulator.checkpoint()
+        other = simulator.checkpoint()
         simulator.build(check_scene(cube=0.05), check_robot())
+        own = simulator.checkpoint()
+        middle = len(own) // 2
         for what, state in (
-            ("of another scene", own),
-            ("cut short", simulator.checkpoint()[:-8]),
+            ("of another scene", other),
+            ("cut short", own[:-8]),
+            ("with one changed byte", own[:middle] + bytes([own[middle] ^ 0xFF]) + own[middle + 1 :]),
             ("of no kind", b"x" * 99),
         ):
             try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
 import pytest
@@ -98,6 +99,20 @@ def test_a_checkpoint_of_another_world_is_refused_in_clear_words(experiment, wor
         world.restore(foreign)
     with pytest.raises(InvalidArgument, match="not a checkpoint"):
         world.restore(b"\x00nonsense")
+
+
+@pytest.mark.parametrize("part", ["task", "seed", "link", "perception", "control", "monitors"])
+@pytest.mark.parametrize("damage", ["gone", None, "~~~", [[]], {"left": 1}])
+def test_a_damaged_checkpoint_is_refused_and_the_world_stays_as_it_was(world, part, damage):
+    before = world.checkpoint()
+    state = json.loads(before)
+    if damage == "gone":
+        del state[part]
+    else:
+        state[part] = damage
+    with pytest.raises(InvalidArgument, match=r"checkpoint|state"):
+        world.restore(json.dumps(state).encode())
+    assert world.checkpoint() == before
 
 
 class Ticks(Monitor):

@@ -128,6 +128,33 @@ def test_a_monitor_that_raises_ends_the_run_and_is_no_error_of_the_robots_code(e
         assert line(Watching.update, "body_pose") in str(raised.value)
 
 
+class Forgetful(Watching):
+    def memory(self):
+        return {"touched": {"red_cube"}}
+
+
+class Amnesiac(Watching):
+    def recall(self, memory):
+        self.touched = memory["touched"]
+
+
+@pytest.mark.parametrize(
+    ("monitor", "said"),
+    [
+        (Forgetful, "memory() of monitor 'height' did not return JSON values (Object of type set is not JSON"),
+        (Amnesiac, "recall() of monitor 'height' raised KeyError: 'touched' at "),
+    ],
+)
+def test_a_monitor_that_cannot_keep_its_state_is_told(experiment, monitor, said):
+    class Kept(Lift):
+        def monitors(self):
+            return (monitor(),)
+
+    with environment_of(experiment, Kept(), 0) as world, pytest.raises(TaskCodeError) as raised:
+        world.restore(world.checkpoint())
+    assert said in str(raised.value)
+
+
 @pytest.mark.parametrize(
     ("task", "said"),
     [

@@ -119,7 +119,7 @@ class GroundTruth(Perception):
             memory = json.loads(state)
             context.rng.bit_generator.state = memory["rng"]
             self._labels = dict(memory["labels"])
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise InvalidArgument("perception state", f"not from this backend ({error})", "what state() gave") from None
 
     def _box(self, thing: Thing, poses: dict[str, Pose]) -> tuple[Pose, tuple[float, float, float]]:

@@ -22,12 +22,13 @@ from memo_core.scene.building import families
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
+from memo_core.scene.sealed_state import seal, unseal
 from memo_sim_mujoco.rendering import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 
 _log = logging.getLogger("memo.mujoco")
-_MAGIC = b"MEMOMJ02"
-_HEADER = struct.Struct("<8s16sdddI")  # magic, fingerprint, gripper goal (m), ramp (m), force (N), mechanisms' bytes
+_FORMAT = b"MEMOMJ03"
+_GRIPPER = struct.Struct("<ddd")  # goal (m), ramp (m), force (N)
 _VIEWER_PERIOD = 1 / 30  # s of simulated time between two pictures in the window
 
 
@@ -366,31 +367,20 @@ class MujocoSimulator(Simulator):
         # So that reading contacts right after a checkpoint and right after its restore says the same.
         self._refresh()
         memory = json.dumps(self.mechanisms.memory()).encode() if self._moving_parts else b""
-        header = _HEADER.pack(_MAGIC, self._world.fingerprint, self._goal, self._ramp, self._force, len(memory))
-        return header + state.tobytes() + memory
+        gripper = _GRIPPER.pack(self._goal, self._ramp, self._force)
+        return seal(_FORMAT, self._world.fingerprint, gripper + state.tobytes() + memory)
 
     def restore(self, checkpoint: bytes) -> None:
-        mujoco = self._mujoco
+        mujoco, kept = self._mujoco, unseal(checkpoint, _FORMAT, self._world.fingerprint)
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
-        if len(checkpoint) < _HEADER.size or checkpoint[: len(_MAGIC)] != _MAGIC:
-            raise InvalidArgument(
-                "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"
-            )
-        _, fingerprint, goal, ramp, force, kept = _HEADER.unpack_from(checkpoint)
-        if fingerprint != self._world.fingerprint:
-            raise InvalidArgument(
-                "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
-            )
-        end = _HEADER.size + 8 * size
-        if len(checkpoint) != end + kept:
-            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{end + kept}")
-        state = np.frombuffer(checkpoint, dtype=np.float64, offset=_HEADER.size, count=size)
+        goal, ramp, force = _GRIPPER.unpack_from(kept)
+        state = np.frombuffer(kept, dtype=np.float64, offset=_GRIPPER.size, count=size)
         mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._goal, self._ramp = goal, ramp
         self._set_force(force)
         self._set_latches()
         if self._moving_parts:
-            self.mechanisms.recall(json.loads(checkpoint[end:]))
+            self.mechanisms.recall(json.loads(kept[_GRIPPER.size + state.nbytes :]))
         self._warnings[:] = 0
         self._refresh()
 

@@ -21,13 +21,14 @@ from memo_core.scene.building import families
 from memo_core.scene.description import Camera, SceneDescription
 from memo_core.scene.mechanism_state import Mechanisms
 from memo_core.scene.pose import Array, Pose
+from memo_core.scene.sealed_state import seal, unseal
 from memo_core.temporary_folders import scratch_folder
 from memo_sim_pybullet.rendering import Pictures
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import caught_output
 
-_MAGIC = b"MEMOPB01"
-_HEADER = struct.Struct("<8s16sII")  # magic, fingerprint, bytes of JSON, bytes of Bullet's own
+_FORMAT = b"MEMOPB02"
+_LENGTH = struct.Struct("<I")  # bytes of JSON; Bullet's own follow
 
 
 class PybulletSimulator(Simulator):
@@ -305,25 +306,15 @@ class PybulletSimulator(Simulator):
             self.client.saveBullet(file)
             world = Path(file).read_bytes()
         text = json.dumps(kept).encode()
-        return _HEADER.pack(_MAGIC, self._world.fingerprint, len(text), len(world)) + text + world
+        return seal(_FORMAT, self._world.fingerprint, _LENGTH.pack(len(text)) + text + world)
 
     def restore(self, checkpoint: bytes) -> None:
-        if len(checkpoint) < _HEADER.size or checkpoint[: len(_MAGIC)] != _MAGIC:
-            raise InvalidArgument(
-                "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"
-            )
-        _, fingerprint, text, world = _HEADER.unpack_from(checkpoint)
-        if fingerprint != self._world.fingerprint:
-            raise InvalidArgument(
-                "checkpoint", "it is of another scene, robot or simulator version", "one of this scene"
-            )
-        end = _HEADER.size + text
-        if len(checkpoint) != end + world:
-            raise InvalidArgument("checkpoint", f"it has {len(checkpoint)} bytes", f"{end + world}")
-        kept = json.loads(checkpoint[_HEADER.size : end])
+        state = unseal(checkpoint, _FORMAT, self._world.fingerprint)
+        end = _LENGTH.size + _LENGTH.unpack_from(state)[0]
+        kept = json.loads(state[_LENGTH.size : end])
         with scratch_folder() as folder:
             file = os.path.join(folder, "world.bullet")
-            Path(file).write_bytes(checkpoint[end:])
+            Path(file).write_bytes(state[end:])
             self.client.restoreState(fileName=file)
         self._steps, self._goal, self._ramp = kept["steps"], kept["goal"], kept["ramp"]
         self._arm.force, self._arm.targets = kept["force"], kept["targets"]
