@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from offline_prompts import MODEL, box_with_door, request, scene, thing
+from offline_prompts import MODEL, box_with_door, request, scene, thing, write
 
 CRATE, *_ = box_with_door()
 JARS = scene(thing("red jar", (0.4, 0.2, 0.05)), thing("green jar", (0.4, -0.2, 0.05)))
@@ -74,3 +74,80 @@ def test_an_amount_behind_a_comma_goes_with_what_was_said_before():
 
 def test_of_an_opening_that_turns_lower_it_is_not_a_place():
     assert said("Lower it gently.", CRATE, "OPEN(crate)")["corrections"] == ["Move slower."]
+
+
+OPENED, *_ = box_with_door(opened=True)
+
+
+@pytest.mark.parametrize(
+    ("words", "graph", "subtask"),
+    [
+        ("Push it slowly, and keep your hand on it till it's properly shut.", OPENED, "CLOSE(crate)"),
+        ("Keep your hand on it, and push it slowly.", OPENED, "CLOSE(crate)"),  # also where it comes first
+        ("You forgot you're still in there. Back all the way out, then shut it.", OPENED, "CLOSE(crate)"),
+        ("You could just hook a finger behind the edge and push it the rest of the way.", CRATE, "OPEN(crate)"),
+        ("Pull a bit harder at the start, it sticks, and then go easy.", CRATE, "OPEN(crate)"),  # a stretch of it
+        ("Straighten it up faster when you're done.", JARS, "POUR(red jar, green jar)"),  # only then
+        ("Squeeze as hard as you like.", JARS, "PICK_UP(red jar)"),
+        ("Shake one off.", JARS, "PICK_UP(red jar)"),
+        ("Move it a bit closer to the middle of the green jar.", JARS, "POUR(red jar, green jar)"),
+        ("Push it down until it clicks into the slot.", JARS, "PLACE(red jar, green jar)"),
+        ("You're off by about half a jar to the right.", JARS, "PLACE(red jar, green jar)"),
+        ("Flip it over, the opening is meant to be on top.", JARS, "PLACE(red jar, green jar)"),  # from how it was
+        ("Further in, please.", JARS, "PLACE(red jar, table)"),  # which way is in?
+        ("Not so far down next time, I'd say an inch less.", JARS, "PLACE(red jar, table)"),
+        ("Don't touch the rim on the way in.", JARS, "PLACE(red jar, green jar)"),
+        ("It's standing already, so just let go.", JARS, "PLACE(red jar, table)"),
+        ("You turned it off, I wanted it lower, not off.", JARS, "TURN(red jar)"),
+        ("He is stronger than my grandpa!", CRATE, "OPEN(crate)"),
+    ],
+)
+def test_a_part_of_a_remark_that_no_reading_accounts_for_is_asked_about(words, graph, subtask):
+    answer = said(words, graph, subtask)
+    assert answer["corrections"] == answer["general"] == [] and answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "Little short strokes would work better than one big swing.",
+        "My wife does it with the same grip and it works for her, dunno.",
+        "The stacking was perfect. Up first, then off to the side.",
+        "Go round in circles and work your way out.",
+    ],
+)
+def test_what_asks_for_something_is_not_taken_for_praise(words):
+    assert "right as it was" not in said(words, JARS, "WIPE(red jar)")["unclear"]
+
+
+def test_a_call_for_care_beside_a_request_adds_nothing_of_its_own():
+    assert said("Whoa, easy. Just hold it lightly.")["corrections"] == ["Use the gripper lightly."]
+
+
+def test_what_somebody_else_is_going_to_do_is_no_step_of_the_plan():
+    told = {"task": "t", "code": "open_gripper()", "ended": "done", "plans": True}
+    words = "Well, it's definitely on! I'll fetch the towel."
+    answer = json.loads(MODEL.answer(request("feedback", JARS, subtask="TURN(red jar)", words=words, **told)).text)
+    assert answer.get("plan", []) == []
+
+
+def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_should():
+    held = scene(*JARS.nodes, relations=[("red jar", "held")])
+    habit, _ = write(held, "PLACE(red jar, green jar)")
+    words = "Stop as soon as it touches."
+    context = {"task": "t", "subtask": "PLACE(red jar, green jar)", "ended": "done", "words": words}
+    asked = json.loads(MODEL.answer(request("feedback", held, code=habit, **context)).text)
+    assert asked["corrections"] == [] and "how low" in asked["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("words", "noted"),
+    [
+        ("Press less on it when you take it.", "Use the gripper gently."),
+        ("Open your hand wider before you get there, dear.", "Open the gripper wider."),
+        ("Come in lower, please, then you don't push it away.", "Go lower than in that attempt."),
+        ("Go 2 cm lower until you nearly touch the table.", "Go 2 cm lower than in that attempt."),
+    ],
+)
+def test_times_and_particles_that_say_nothing_new_hinder_no_reading(words, noted):
+    assert said(words)["corrections"] == [noted]

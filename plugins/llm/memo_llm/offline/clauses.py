@@ -25,7 +25,14 @@ _OPENERS = re.compile(
 _ASKED_FOR = re.compile(
     r"\b(?:must|should(?! have)|has to|have to|need to|needs to|got to|ought to|supposed to|"
     r"want(?:s|ed)? (?:you|it)? ?to|"
-    r"'d better|try to|make sure|let's|wants? to be|better to)\b"
+    r"'d better|try to|make sure|let's|wants? to be|better to|meant to|"
+    r"would (?:work|be|do|go|look) (?:better|best|easier|nicer|safer)|"
+    r"you (?:just |also )?(?:could|might|may)(?! have\b))\b"
+)
+# Where something belongs is where it is to be put.
+_BELONGS = re.compile(
+    r"(?:it|they|that|this|that one|(?:the|my|your|its) \w+) (?:goes|go|belongs?|lives?) "
+    r"(?:in|on|under|next to|behind|between) (?:the|its|their|my|that)\b"
 )
 _WISHED = re.compile(
     r"(?:(?:you|it|this|that|they) (?:only |just )?(?:needs?|wants?|takes?) (?!you)|needs? |i'd|i would"
@@ -44,7 +51,10 @@ _FINITE = re.compile(
     r"(?:\b(?:is|are|was|were|am|be|been|has|have|had|does|did|will|would|could|can|might|may|isn't|aren't|wasn't|weren't|"
     r"doesn't|didn't|won't|can't|cannot|couldn't|hasn't|haven't|wouldn't|go|went|fell|hit|hits|came|got|gets|took|lost|made|"
     r"knocked|let|broke|threw|stuck|held|(?<=you )left|(?<=it )left|"
-    r"shut|slid|swung|bent|shook|flew|tore|rang|burst|split|spilt|sank|sprang|began|saw|felt|heard|spun|rose|drove|cost|looks|ended|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
+    r"shut|slid|swung|bent|shook|flew|tore|rang|burst|split|spilt|sank|sprang|began|saw|felt|heard|"
+    r"spun|rose|drove|(?<=s )get|"
+    r"closes|tightens|loosens|shuts|locks|unlocks|"
+    r"cost|looks|ended|caught|ran|stood|sat|keep|comes?|goes|falls?|needs?|"
     r"wants?|likes?|makes?|gives?|takes|holds|means|weighs|belongs?|burns?|breaks?|tips|spills?|drips?|leaks?|slips?|sticks?|stinks?|"
     r"jams?|stands|hangs?|tastes?|smells?|costs?|bends?|tears?|cracks?|moves|stays|runs|taught|told|lie|lay|hurts?|scratches|"
     r"wobbles?|rattles?|catches|bites?|rolls?|swings?|slides?|turns?|opens?|lies|sits?|looks?|[a-z]{3,}ed)|'(?:s|re|ve|ll|d|m))\b"
@@ -161,6 +171,11 @@ def ends_when(clause: str) -> str | None:
     return clause[match.start() :]
 
 
+def goes_on_to_end(until: str) -> bool:
+    """Whether words beginning with "until" name what the motion leads to anyway."""
+    return re.match(_REACHED, until) is not None
+
+
 def is_request(clause: str, before: bool = True) -> bool:
     """Whether a clause asks for something, rather than telling what happened or why. ``before``: whether the clause
     before it does: "it is heavy and made of glass" goes on telling."""
@@ -171,7 +186,7 @@ def is_request(clause: str, before: bool = True) -> bool:
         or re.match(r"(?:there's|there is|there are|there was|nearly|almost|missed|not quite$)\b", plain)
     ):
         return False
-    if _ASKED_FOR.search(plain) or _WISHED.match(plain):
+    if _ASKED_FOR.search(plain) or _WISHED.match(plain) or _BELONGS.match(plain):
         return True
     told_how = re.match(r"(?:you|we) (?:only |just |always |simply )?(\w+)\b(?! (?:\w+ )?too\b)", plain)
     if told_how and told_how.group(1) in _ALL_ACTS - _SAME_IN_PAST:
@@ -199,7 +214,8 @@ def is_request(clause: str, before: bool = True) -> bool:
         return False  # "not that one, the other": what is wanted stands beside it
     if first in _ALL_ACTS or first in _LIGHT.split() or first in ("don't", "do", "never", "no", "stop", "avoid"):
         return True
-    return _FINITE.search(plain[first.find("'") if "'" in first else len(first) :]) is None
+    main = plain[: time_part(plain)] or plain
+    return _FINITE.search(main, first.find("'") if "'" in first else len(first)) is None
 
 
 def in_parts(clause: str) -> bool:
@@ -215,12 +231,13 @@ def has_condition(clause: str) -> bool:
     return _CONDITION.search(clause) is not None
 
 
-def core(rest: str, own: Collection[str], others: Collection[str]) -> str:
-    """A clause's remainder without what only says when, where or for what: "after letting go", "over the bowl". ``own``
-    are words for what the subtask is about, ``others`` for what else is to be seen."""
-    rest = re.sub(
-        r"\b(?:after|before|when|where|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest
-    )
+def core(rest: str, own: Collection[str], others: Collection[str], times: bool = True) -> str:
+    """A clause's remainder without what only says where or for what, and (``times``) when: "over the bowl", "after
+    letting go". ``own`` are words for what the subtask is about, ``others`` for what else is to be seen."""
+    if times:
+        rest = re.sub(
+            r"\b(?:after|before|when|where|while|once|until|till|as) (?:you |it |you're |it's )?[\w' ]*", " ", rest
+        )
     rest = re.sub(r"\b(?:mind|watch(?: out for)?|careful (?:with|of)) (?:the|my|your|that|this) \w+", " ", rest)
     rest = re.sub(r"\btry (?:it |that )?(?:again|once more|another time)\b", " ", rest)
     place = r"(?:side|edge|top|front|back|rim|bottom|middle|centre|center|end|inside|outside|wall|surface)"

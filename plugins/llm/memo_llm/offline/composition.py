@@ -15,6 +15,7 @@ from typing import Any
 import attrs
 
 NEUTRAL = frozenset(["lead", "vocative", "very", "comparison", "destination", "prep", "be", "vessel"])
+_SAYS_NOTHING = NEUTRAL | {"pronoun", "hand", "not", "too", "again"}
 TIMES = frozenset(["after_release", "before_release", "before_go", "before_down", "when_touch"])
 _WORD_END = r"(?![\w'-])"
 # Words in names of things that also say where something is, or are parts that something is held at.
@@ -158,14 +159,34 @@ class Lexicon:
         bare = word.rstrip(",")
         return self.bases.get(bare, bare) + word[len(bare) :]
 
-    def parts(self, clause: str, own: frozenset[str], others: frozenset[str]) -> list[Part] | None:
-        """A clause's parts in their order; None where a word belongs to none. ``own`` and ``others`` are nouns for what
-        the subtask is about and for what else is to be seen."""
-        patterns = [
+    def pieces(self, words: str, own: frozenset[str], others: frozenset[str]) -> list[tuple[str, str]]:
+        """Parts, and words that belong to none, each with its kind ("" for such a word)."""
+        patterns = self._patterns(own, others)
+        words = " ".join(words.split())
+        found: list[tuple[str, str]] = []
+        at = 0
+        while at < len(words):
+            part = self._longest(words, at, patterns)
+            said = part.said if part is not None else words[at:].split()[0]
+            found.append((part.kind if part is not None else "", said))
+            at += len(said) + 1
+        return found
+
+    def asks(self, clause: str) -> bool:
+        """Whether some part of a clause could be a wish: what to do, where, how or how far."""
+        return any(kind and kind not in _SAYS_NOTHING for kind, _ in self.pieces(clause, frozenset(), frozenset()))
+
+    def _patterns(self, own: frozenset[str], others: frozenset[str]) -> list[tuple[str, str, re.Pattern[str]]]:
+        return [
             *_nouns("other", others - _PLACES_TOO, frozenset()),
             *_nouns("thing", own - _PLACES_TOO - _ACTIONS, others),
             *self.patterns,
         ]
+
+    def parts(self, clause: str, own: frozenset[str], others: frozenset[str]) -> list[Part] | None:
+        """A clause's parts in their order; None where a word belongs to none. ``own`` and ``others`` are nouns for what
+        the subtask is about and for what else is to be seen."""
+        patterns = self._patterns(own, others)
         found: list[Part] = []
         at = 0
         while at < len(clause):

@@ -202,8 +202,12 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Im
 
 
 def _contradicted(heard: Heard, attempt: Attempted) -> str:
-    """What to ask where words say both further and an angle that is no further than the attempt went; "" else."""
+    """What to ask where words do not go with what the attempt did: further, to an angle that is no further than it
+    went; to stop at the first touch, where it went no lower than usual. "" else."""
     said = [edit for reading in heard.readings for edit in reading.edits]
+    stops = any(edit.kind == "set-down" and re.search(r"\bstop", edit.said) for edit in said)
+    if stops and attempt.shift is not None and attempt.shift[2] > -0.002:
+        return "how low is it to go: it went no lower than where it should just stand."
     if heard.recipe is None or not any(edit.kind == "farther" and edit.degrees is None for edit in said):
         return ""
     went = attempt.degrees if attempt.degrees is not None else heard.recipe.turn or heard.recipe.angle
@@ -306,7 +310,13 @@ def _settled_words(words: str) -> str:
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
+    called = {edit.kind for edit in edits if edit.kind in ("force", "speed") and not _exclaimed(edit)}
+    edits = [  # "easy! Hold it lightly"
+        edit for edit in edits if not (_exclaimed(edit) and called and edit.kind not in called)
+    ]
     kinds = {edit.kind for edit in edits}
+    if kind == "place" and kinds == {"release"}:
+        return []  # what it does anyway: where or when is not said
     if any(edit.kind == "extent" or (edit.kind == "angle" and edit.degrees is not None) for edit in edits):
         edits = [edit for edit in edits if edit.kind not in LENGTHS]
     if any(edit.kind == "pivot" and not edit.negated for edit in edits):  # the edge says which way round
@@ -346,6 +356,11 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     return edits
 
 
+def _exclaimed(edit: Edit) -> bool:
+    """Whether an edit was read from a mere call for care."""
+    return re.fullmatch(r"(?:go )?easy(?: now| there)?|gently|careful", edit.said.strip()) is not None
+
+
 def _effective(edits: list[Edit], recipe: Recipe, habits: Habits, prompt: Prompt, scene: SceneGraph) -> bool:
     """Whether the hand will do anything differently, or says how it does it already."""
     changed = recipe
@@ -364,7 +379,7 @@ def _idle(edit: Edit) -> bool:
 
 def _attempt(heard: Heard, prompt: Prompt, scene: SceneGraph, imagination: Imagination) -> Attempted:
     """What the attempt did, where a remark is relative to that."""
-    if heard.recipe is None or not any(edit.kind in (*PLACES, *LENGTHS) for edit in heard.edits):
+    if heard.recipe is None or not any(edit.kind in (*PLACES, *LENGTHS, "set-down") for edit in heard.edits):
         return Attempted()
     try:
         code = prompt.code("code")

@@ -23,6 +23,10 @@ _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _GRIPS = r"\b(?:grip|grab|grasp|hold|squeeze|take|pick|fingers|force|press)\w*\b"
 _GRIPS_ALONE = r"\b(?:grip|grab|grasp|hold|squeeze|take|fingers|pinch)\w*\b"
+_SOMEBODY = re.compile(
+    r"(?:i|we|he|she|they|somebody|someone|my \w+)(?:'ll|'m|'ve|'re)?"
+    r"(?: (?:will|am|are|have|had|just|only|already|going to|need to|have to|must))*"
+)
 _FORCEFUL = {
     "pull": "pull|tug|yank|heave",
     "push": "push|shov|nudg|lean",
@@ -50,12 +54,18 @@ def read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edit
             continue
         for pattern in phrase.patterns:
             match = pattern.search(plain)
-            if match and match.group().strip():
+            if match and match.group().strip() and not (phrase.edit == "plan" and _of_somebody(plain, match.start())):
                 edit = _edit(phrase, match, False, vocabulary)
                 edits += [] if any(edit.kind == other.kind for other in edits) else [edit]
                 plain = plain[: match.start()] + "\x00" + plain[match.end() :]
                 plain = re.sub(_SUBORDINATOR, "\x00", plain)
     return edits, plain
+
+
+def _of_somebody(plain: str, at: int) -> bool:
+    """Whether the words at a place tell what somebody else does or did: "I'll fetch a towel"."""
+    before = re.split(r"[,;:.!?]|\b(?:and|so|but)\b", plain[:at])[-1].strip()
+    return _SOMEBODY.fullmatch(before) is not None
 
 
 def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]) -> tuple[list[Edit], str]:
@@ -87,12 +97,12 @@ def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str])
         _as_turn(_as_motion(edit, clause, kind, vocabulary), kind, vocabulary, nouns)
         for _, edit in sorted(placed, key=lambda item: item[0])
     ]
-    if any(edit.kind == "speed" for edit in edits):  # "come up slower": how, not where to
+    if any(edit.kind in ("speed", "approach") for edit in edits):  # "come up slower", "come down from the top"
         edits = [edit for edit in edits if edit.kind != "offset" or edit.degree or not _bare_way(edit)]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
-    if kind == "pick":
-        edits = [_from_above(_lifted(edit), vocabulary) for edit in edits]
+    if kind in ("pick", "place"):
+        edits = [_from_above(_lifted(edit) if kind == "pick" else edit, vocabulary) for edit in edits]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
         edits = [edit for edit in edits if edit.kind != "tilt" or edit.degrees is not None or edit.value]
     if any(

@@ -136,6 +136,8 @@ def of_pose(clause: Clause) -> list[Meant] | None:
         and pose.part.value in ("upright", "flat", "upside down")
         and (clause.verbs & {"put", "stand", "turn", "flip", "hold", "go"} or not clause.verbs)
     ):
+        if re.search(r"\bover\b", pose.part.said):
+            return None  # "flip it over": from how it was
         if pose.part.said in ("straight", "level", "balanced", "steady and level"):
             return None
         return [Meant("pose", pose.part.value), *manners]

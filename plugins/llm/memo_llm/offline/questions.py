@@ -29,6 +29,9 @@ _UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:ward
 _RESERVED = re.compile(
     r"\b(?:but|just|only|except|though|however|next|could|should|would|now|still|more|less|too|not|bit|little)\b"
 )
+_SURFACES = frozenset(
+    ["table", "counter", "desk", "worktop", "board", "tray", "plate", "mat"]
+)  # where "in" is no one way
 OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
 _OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
 
@@ -44,8 +47,15 @@ def question_about(
 ) -> str:
     """What has to be asked before anything is noted; "" where the words are surely understood."""
     quoted = " ".join(words.split())[:200]
+    readings = list(readings)
     if not edits:
-        if vocabulary.praises(words):
+        wishes = [
+            part
+            for reading in readings
+            for part in reading.unsure
+            if not vocabulary.praises(part) and vocabulary.lexicon.asks(part)
+        ]
+        if vocabulary.praises(words) and not wishes:
             return f"that sounds as if it was right as it was; was it? You said: {quoted}"
         return (
             "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
@@ -64,11 +74,8 @@ def question_about(
     if turned and recipe is not None and recipe.kind != "turn" and not _WAY_ROUND.search(words.lower()):
         return f"the other way round, or to another side? You said: {quoted}"
     inside = [edit for edit in edits if edit.kind == "offset" and edit.value == "away"]
-    if (
-        recipe is not None
-        and recipe.kind == "pick"
-        and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside)
-    ):
+    flat = recipe is not None and (recipe.kind == "pick" or (recipe.kind == "place" and recipe.place in _SURFACES))
+    if flat and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside):
         return f"further in to which side, seen from the robot? You said: {quoted}"
     if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
         return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
@@ -91,14 +98,16 @@ def question_about(
         way = said_plainly(aside[0], None, None)
         return f"is that clockwise or counterclockwise, as the hand looks at it: {way} You said: {quoted}"
     swung = [edit for edit in edits if edit.kind in OF_DOORS]
-    led = [
-        edit for edit in edits if edit.kind == "straight" or (edit.kind == "way" and edit.value not in ("up", "down"))
-    ]
+    led = [edit for edit in edits if edit.kind in ("straight", "way")]
     if led and recipe is not None and recipe.kind == "place":
         way = said_plainly(led[0], None, None)
         return f"where to, and how far: {way} What is put down is led nowhere. You said: {quoted}"
     if swung and recipe is not None and (recipe.kind not in ("open", "close", "pull") or not doors):
         return f"which way should the hand go? {said_plainly(swung[0], None, None)} This is no door. You said: {quoted}"
+    if recipe is not None and recipe.kind in ("pick", "place") and {"offset", "less-far"} <= {e.kind for e in edits}:
+        return f"how far, and which way: {understood} You said: {quoted}"
+    if recipe is not None and recipe.kind != "pour" and any(edit.kind == "shake" for edit in edits):
+        return f"what is to be shaken, and why? You said: {quoted}"
     longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
     if longer and _wishes_part(words):
         return f"only so far, or is it to go further than that? You said: {quoted}"

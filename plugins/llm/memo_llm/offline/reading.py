@@ -21,6 +21,7 @@ from memo_llm.offline.clauses import (
     unread,
 )
 from memo_llm.offline.composed import composed_edits, only_when, preferred
+from memo_llm.offline.coverage import unaccounted
 from memo_llm.offline.degrees import REFUSED
 from memo_llm.offline.edits import Edit, Reading
 from memo_llm.offline.phrases import is_measured, read_clause, read_whole
@@ -59,6 +60,14 @@ ORDERS = frozenset(
         "tilt",
     ]
 )
+_COMPARED = re.compile(
+    r"(?!you\b)(?:(?:the|that|this|my|your|its) )?\w+(?:'s| is| are| was| were) (?:more \w+|\w+er)\b"
+)
+# Nearer to or further from what is neither the robot nor named.
+_TOWARDS = re.compile(
+    r"\b(?:closer|nearer|further|farther|away)(?: in| out| over)? (?:to|towards?|from) "
+    r"(?:the|its|that|this|my) (?!robot\b|base\b|front\b)"
+)
 TOLD = re.compile(r"^(?:[a-z]+,? )?(?:you|i|we|your|because|since|otherwise|or|when|that's why)\b|\bwhen you\b")
 
 
@@ -95,6 +104,7 @@ def read_sentence(
             for edit in found
             if edit.kind not in ("nothing", REFUSED) and _asks(edit, mood, clause, complains, kind)
         ]
+        plain_rest = rest
         rest = core(rest, nouns - other_things, other_things)
         rest = _of_the_thing(rest, kind, other_things)
         unknown = [
@@ -117,8 +127,24 @@ def read_sentence(
             and not contrasted
             and bool(unknown[part:] or not (found or part or _adds_nothing(rest, kind, vocabulary, nouns | said_of)))
         )
+        placed = mood == "told" and any(edit.kind == "offset" for edit in said)
+        if (request and not denied) or placed:
+            doubtful |= not (part and re.fullmatch(r"(?:the|that|this|its) \w+", clause)) and bool(
+                unaccounted(
+                    clause,
+                    _of_the_thing(plain_rest, kind, other_things),
+                    {edit.kind for edit in (edits if part else said)},
+                    {edit.kind for edit in edits},
+                    kind,
+                    vocabulary.lexicon,
+                    nouns - other_things,
+                    other_things,
+                    vocabulary.small_talk,
+                )
+            )
         doubtful |= _clash(said, clause) or in_parts(clause)
         doubtful |= any(edit.kind in ("offset", "approach") for edit in said) and _beside_another(clause, other_things)
+        doubtful |= any(edit.value in ("away", "towards") for edit in said) and _TOWARDS.search(clause) is not None
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
@@ -170,6 +196,8 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
         return True  # how a thing moves is a reason to move it so
     if mood in ("contrast", "hypothesis", "question"):
         return False
+    if edit.kind in ("force", "speed") and _COMPARED.match(clause):
+        return False  # "he is stronger than my grandpa"
     flipped = edit.phrase is not None and edit.phrase.flip
     if (
         edit.kind == "offset"
@@ -292,6 +320,7 @@ def _parted(plain: str) -> list[tuple[str, bool]]:
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
     plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
     plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
+    plain = re.sub(r"\bas (\w+) as you (like|want|please|wish)\b", r"as \1 as-you-\2", plain)
     plain = re.sub(r"\bup and over\b", "up over", plain)
     plain = re.sub(r"\b(too|so) (\w+) and (\1) (\w+)", r"\1 \2; \3 \4", plain)
     plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
