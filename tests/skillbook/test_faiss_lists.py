@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +92,13 @@ def test_lists_survive_the_process_and_a_removed_vector_leaves_the_file_at_once(
 def test_settings_that_cannot_be_are_refused(wrong: dict[str, int]) -> None:
     with pytest.raises(InvalidArgument, match="vectorstore"):
         FaissSettings(**wrong)
+
+
+def test_the_garbage_collector_does_not_walk_through_the_ids() -> None:
+    few, many = (filled(FaissSettings(flat_up_to=100), grouped(count)) for count in (10, COUNT))
+    try:
+        walked = [sum(len(gc.get_referents(one)) for one in vars(store).values()) for store in (few, many)]
+        assert walked[0] == walked[1]
+    finally:
+        few.close()
+        many.close()
