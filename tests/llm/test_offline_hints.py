@@ -67,6 +67,15 @@ def test_every_hint_is_tried_once_the_plain_way_has_failed():
     assert again[0] != again[1] and written(hint) == written(None)
 
 
+def test_a_hint_about_a_part_that_the_thing_does_not_have_is_never_tried():
+    box, *_ = box_with_door("oven")
+    shown = scene(*box.nodes, thing("food", (0.45, -0.2, 0.03)))
+    hint = Shown("Lead the handle along an arc about the hinge edge.", "OPEN(microwave)", f"{ALIKE_ELSE}, only a hint")
+    failed = [{"code": "look()", "printed": "", "ended": "MotionError: the arm touches the oven door"}]
+    again = [write(shown, "PLACE(food, oven)", notes, attempts=failed)[0] for notes in ([], [hint])]
+    assert again[0] == again[1]
+
+
 def test_the_template_of_another_kind_of_action_is_not_taken_over():
     pantry, *_ = box_with_door("pantry")
     arc = unfenced(write(pantry, "OPEN(pantry)", [ARC])[1].text)

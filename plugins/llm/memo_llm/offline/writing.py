@@ -25,7 +25,8 @@ from memo_llm.offline.surroundings import descendants, find
 from memo_llm.offline.templates import adopt
 from memo_llm.offline.vocabulary import Vocabulary
 
-TERMS = Terms(default_actions())
+_ACTIONS = default_actions()
+TERMS = Terms(_ACTIONS)
 
 
 @attrs.frozen
@@ -49,8 +50,11 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imaginati
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
     recipe = _adopted(recipe, prompt, scene, habits, missed, imagination)
     # What is only a hint and speaks of nothing here is left for when the plain way has failed.
-    said = prompt.entries("corrections")
-    corrections = [one for one in said if failed or not one.hint or _applies(one, prompt, habits)]
+    corrections = [
+        one
+        for one in prompt.entries("corrections")
+        if not one.hint or _applies(one, prompt, habits) or (failed and _can_be_followed(one, recipe, scene))
+    ]
     known = [node.label for node in scene.nodes] + [*objects, action, *(entry.key for entry in corrections)]
     told: list[tuple[str, Edit]] = []
     # Lists come best first: the best is applied last, and corrections after general statements.
@@ -157,6 +161,15 @@ def _applies(hint: Entry, prompt: Prompt, habits: Habits) -> bool:
         return True
     subtask = Key.make(action, *objects[:1])  # where a thing is put, no part is worked
     return TERMS.overlap(TERMS.of_subtask(subtask, SubtaskContext.of(subtask, prompt.scene())), hint.text) > 0
+
+
+def _can_be_followed(hint: Entry, recipe: Recipe, scene: SceneGraph) -> bool:
+    """Whether a subtask's thing has one of the parts that a note speaks of, or the note speaks of none."""
+    named = _ACTIONS.parts.keys() & set(re.findall(r"\w+", hint.text.lower()))
+    here = {
+        word for label in (recipe.thing, *(node.label for node in _family(recipe, scene))) for word in label.split()
+    }
+    return not named or bool(named & here)
 
 
 def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
