@@ -39,6 +39,7 @@ from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
+from memo_core.runs.freed_memory import give_back_freed_memory
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.runs.trial_sheet import write_trial_sheet
@@ -258,8 +259,13 @@ def perform(
     """Open the components, do the task, close everything, and keep it in the folder that ``folder`` makes. ``before``:
     what a run that was cut off did. Raises ``MemoError`` only for what keeps the run from beginning."""
     supervisor = Supervisor(StopSwitch(), components.teacher)
-    with supervisor.signals():  # before the folder is made and until it has its summary, which no signal may cut short
-        return _perform(components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor)
+    try:
+        with supervisor.signals():  # before the folder is made and until it has its summary: no signal may cut it short
+            return _perform(
+                components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor
+            )
+    finally:
+        give_back_freed_memory()
 
 
 def _perform(
