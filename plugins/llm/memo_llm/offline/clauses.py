@@ -79,7 +79,7 @@ _MOVE = f"{_HOLD} put place set lay drop lift raise lower let release leave pick
 # edit -> verbs that it says how to do
 _CARRIED = {
     "force": f"{_HOLD} handle touch wipe close shut turn open",
-    "speed": f"{_HOLD} {_MOVE} open close shut turn twist rotate tip tilt wipe shake swing",
+    "speed": f"{_HOLD} {_MOVE} turn twist rotate tip tilt wipe shake swing",
     "offset": _MOVE,
     "finger-width": "open spread close",
     "hold-at": _HOLD,
@@ -88,7 +88,7 @@ _CARRIED = {
     "set-down": _MOVE,
     "farther": f"{_LEAD} tighten loosen screw unscrew",
     "less-far": f"{_LEAD} tighten",
-    "all-the-way": "open close shut push pull turn twist rotate press put",
+    "all-the-way": "open close shut push pull turn twist rotate press",
     "turn-hand": "turn twist rotate",
     "arc": "open swing pull turn",
     "pivot": "open swing pull turn",

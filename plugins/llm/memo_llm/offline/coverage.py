@@ -26,9 +26,9 @@ _FUNCTION_WORDS = split_words(
 _PARTICLES = {
     "pick": "in up down on off",
     "place": "in down on over",
-    "open": "open out up",
+    "open": "open out up back",
     "close": "shut closed in up down to",
-    "pull": "out",
+    "pull": "out back",
     "push": "in down on against",
     "pour": "out over in",
     "turn": "round around on off",
@@ -61,10 +61,10 @@ def unaccounted(
     particles = _PARTICLES.get(kind, "").split()
     body = _REASON.sub("", _PURPOSE.sub(" ", rest[: time_part(rest)]).strip())
     body = _GOING_ON.sub("", _SUBJECT.sub("", body, 1))
-    found = ["back"] if body.startswith("back ") or body == "back" else []  # an order, where nothing stands before it
+    found = []
     acts = False
     for part, said in lexicon.pieces(core(body, own, others, times=False), things, around):
-        words = [word for word in said.removesuffix("'s").split() if word not in _FUNCTION_WORDS]
+        words = [word for word in re.findall(r"[\w'-]*\w", said.removesuffix("'s")) if word not in _FUNCTION_WORDS]
         held = part == "hold_at" and "hold-at" in edits and _HELD.match(said) is not None
         if (
             held

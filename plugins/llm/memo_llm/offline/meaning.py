@@ -29,7 +29,12 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
     items = items_of(parts)
     if items is None:
         return None
-    if parts[0].said == "back" or (kind == "close" and any(re.search(r"\b(?:out|open)\b", p.said) for p in parts)):
+    back = any(part.said == "back" for part in parts)
+    if (
+        (back and kind == "pour")
+        or parts[0].said == "back"
+        or (kind == "close" and any(re.search(r"\b(?:out|open)\b", p.said) for p in parts))
+    ):
         return None  # an order to the arm
     verbs = frozenset(name for part in parts if part.kind == "verb" for name in part.classes)
     there = {part.kind for part in parts} - NEUTRAL

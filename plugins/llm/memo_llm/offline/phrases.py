@@ -173,11 +173,12 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
         if kind == "place"
         else "approach|mov|com|reach|pull|push|swing|shut|clos|open|turn|pour|slid"
     )
+    shut = kind == "close" and edit.said.strip() != "" and not edit.verb
     set_down = kind == "place" and re.search(_GRIPS_ALONE, clause) is None
     if (
         edit.kind == "force"
         and edit.value in GENTLE
-        and (moved or set_down or re.search(rf"\b(?:{moves})\w*\b", clause))
+        and (moved or shut or set_down or re.search(rf"\b(?:{moves})\w*\b", clause))
         and (set_down or not re.search(_GRIPS, clause))
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from memo_llm.offline.edits import Edit, Reading
+from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.wording import ONLY_WAY, said_plainly
@@ -63,6 +63,14 @@ def question_about(
         )
     if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
         return f"is it to be done more slowly, or with less force? You said: {quoted}"
+    if (
+        recipe is not None
+        and recipe.kind == "turn"
+        and any(edit.kind == "force" and edit.value in GENTLE and re.search(r"\btight", edit.said) for edit in edits)
+    ):
+        return f"is it to be gripped less tightly, or turned less far? You said: {quoted}"
+    if any(edit.kind == "offset" and edit.value == "out" for edit in edits):
+        return f"is back away from the robot, or towards it? You said: {quoted}"
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
     understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))

@@ -196,6 +196,8 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
         return True  # how a thing moves is a reason to move it so
     if mood in ("contrast", "hypothesis", "question"):
         return False
+    if edit.kind == "all-the-way" and re.fullmatch(r"completely|fully", edit.said.strip()):
+        return False  # "you missed it completely"
     if edit.kind in ("force", "speed") and _COMPARED.match(clause):
         return False  # "he is stronger than my grandpa"
     flipped = edit.phrase is not None and edit.phrase.flip
@@ -324,10 +326,10 @@ def _parted(plain: str) -> list[tuple[str, bool]]:
     plain = re.sub(r"\bup and over\b", "up over", plain)
     plain = re.sub(r"\b(too|so) (\w+) and (\1) (\w+)", r"\1 \2; \3 \4", plain)
     plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
-    plain = re.sub(r"\b(?:and then|and|then)\b(?! (?:far|much|that))", ";", plain)
+    plain = re.sub(r"\b(?:and then|and|then)\b(?! (?:far|much|that(?!'s)))", ";", plain)
     plain = re.sub(r"(?<!soon )(?<!far )(?<!much )\bas(?= (?:you|they|i|we|there|your)\b)", ";", plain)
     found = []
-    for piece in re.split(r"[,;:!?]|\.(?!\d)", plain):
+    for piece in re.split(r"[,;:!?—–…]| -+ |\.(?!\d)", plain):
         beside = "\x00" in piece
         found += [(words, beside) for part in piece.split("\x00") if (words := " ".join(part.split()))]
     return found
