@@ -143,7 +143,7 @@ def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_sho
 @pytest.mark.parametrize(
     ("words", "noted"),
     [
-        ("No — hold it softer - please… thanks.", "Use the gripper softer."),
+        ("No — hold it softer - please… mate.", "Use the gripper gently."),
         ("Press less on it when you take it.", "Use the gripper gently."),
         ("Open your hand wider before you get there, dear.", "Open the gripper wider."),
         ("Come in lower, please, then you don't push it away.", "Go lower than in that attempt."),
