@@ -100,6 +100,18 @@ OPENED, *_ = box_with_door(opened=True)
         ("It's standing already, so just let go.", JARS, "PLACE(red jar, table)"),
         ("You turned it off, I wanted it lower, not off.", JARS, "TURN(red jar)"),
         ("He is stronger than my grandpa!", CRATE, "OPEN(crate)"),
+        ("Grip, wait a second, then lift.", JARS, "PICK_UP(red jar)"),  # not before it is let go
+        ("About a hand's width closer to me.", JARS, "PLACE(red jar, table)"),  # where the person stands
+        ("It's not centred, it's too far forward by about a centimetre.", JARS, "PLACE(red jar, table)"),
+        ("Put it in all the way before you turn it.", JARS, "TURN(red jar)"),  # another thing is to go all the way
+        ("Tip it back quicker.", JARS, "POUR(red jar, green jar)"),  # the way back only
+        ("Go straight down on it and close fast.", JARS, "PICK_UP(red jar)"),  # the fingers only
+        ("Not too tight.", JARS, "SCREW(red jar)"),  # the grip, or the turn
+        ("Down, not sideways.", JARS, "PUSH(red jar)"),  # pushed down, or pushed at another place
+        ("You missed it completely.", JARS, "POUR(red jar, green jar)"),
+        ("A jar's not going to bite you, get closer.", JARS, "PICK_UP(red jar)"),  # closer to what
+        ("Slower once you're close.", JARS, "PLACE(red jar, green jar)"),  # only there
+        ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),
     ],
 )
 def test_a_part_of_a_remark_that_no_reading_accounts_for_is_asked_about(words, graph, subtask):
@@ -144,6 +156,7 @@ def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_sho
     ("words", "noted"),
     [
         ("No — hold it softer - please… mate.", "Use the gripper gently."),
+        ("Go lower so it doesn't tip over.", "Go lower than in that attempt."),  # what it is good for
         ("Press less on it when you take it.", "Use the gripper gently."),
         ("Open your hand wider before you get there, dear.", "Open the gripper wider."),
         ("Come in lower, please, then you don't push it away.", "Go lower than in that attempt."),

@@ -135,7 +135,7 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
         r"(?:don't|do not|never|no) (?:pull|push|drag|shov|yank|slid)(?:e|ing)?(?: (?:it|on it|at it|straight))?", plain
     ):
         return "contrast"
-    if re.match(r"(?:otherwise|or else|else|so that|or|in case)\b", plain):
+    if re.match(r"so that\b", clause) or re.match(r"(?:otherwise|or else|else|or|in case)\b", plain):
         return "hypothesis"
     if re.match(
         r"(?:why|what|who|where) (?:on earth |the hell )?(?:are|is|do|does|did|was|were|would|should)\b", plain

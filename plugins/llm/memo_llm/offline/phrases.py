@@ -118,6 +118,8 @@ def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str])
     edits = [_with_verb(edit, clause, kind) for edit in edits]
     edits, rest = _with_amount(edits, rest, vocabulary)
     rest = vocabulary.negations.sub(" ", rest)
+    if len(edits) > 1:  # "keep it upright all the way down": throughout
+        edits = [edit for edit in edits if edit.kind != "offset" or edit.said.strip() != "all the way down"]
     return edits, rest.replace("\x00", " ")
 
 
@@ -179,7 +181,7 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
         edit.kind == "force"
         and edit.value in GENTLE
         and (moved or shut or set_down or re.search(rf"\b(?:{moves})\w*\b", clause))
-        and (set_down or not re.search(_GRIPS, clause))
+        and (set_down or not re.search(_GRIPS_ALONE if shut else _GRIPS, clause))
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
         return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)

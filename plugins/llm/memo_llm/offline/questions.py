@@ -12,6 +12,7 @@ from memo_llm.offline.wording import ONLY_WAY, said_plainly
 
 # Said of a motion it is slowly, of a grip with less force.
 _GENTLY = r"(?:gent(?:ly|le|ler)|soft(?:ly)?|careful(?:ly)?|easy)\b"
+_GRIPS = r"grip|grab|grasp|hold|squeez|fingers"
 # What the other way is the other way of, where something is pulled.
 _WAY_ROUND = re.compile(
     r"\b(?:a?round|about|swing\w*|direction|turn\w*|hinges?|arc|curve|side|edge|shut|clos\w+|tighten\w*|loos\w+)\b"
@@ -61,6 +62,18 @@ def question_about(
             "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
             f"None of it is understood: {quoted}"
         )
+    understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
+    if recipe is not None and recipe.kind == "pick" and any(edit.kind == "hold-for" for edit in edits):
+        return f"wait when: once it is held, or before it is let go? You said: {quoted}"
+    if (
+        recipe is not None
+        and recipe.kind == "pour"
+        and any(edit.kind == "force" and not re.search(_GRIPS, edit.said) for edit in edits)
+    ):
+        return f"is it to be gripped, or shaken, that way: {understood} You said: {quoted}"
+    bare = [edit for edit in edits if edit.kind == "offset" and edit.said.strip() in ("up", "down")]
+    if bare and recipe is not None and recipe.kind == "push":
+        return f"push that way, or push at another place: {understood} You said: {quoted}"
     if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
         return f"is it to be done more slowly, or with less force? You said: {quoted}"
     if (
@@ -73,7 +86,6 @@ def question_about(
         return f"is back away from the robot, or towards it? You said: {quoted}"
     if any(edit.kind == "plan" for edit in edits):
         return f"is that a step of its own, to be done before this one? You said: {quoted}"
-    understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
     if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
         return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
     turned = [edit for edit in edits if edit.kind == "reverse"]

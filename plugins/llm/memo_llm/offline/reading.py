@@ -63,10 +63,15 @@ ORDERS = frozenset(
 _COMPARED = re.compile(
     r"(?!you\b)(?:(?:the|that|this|my|your|its) )?\w+(?:'s| is| are| was| were) (?:more \w+|\w+er)\b"
 )
+# Where something was, told as a fault.
+_FAULT = re.compile(
+    r"\btoo (?:far|high|low|long|short|close|near|deep|wide)\b|\boff (?:to the|by)\b|"
+    r"\bby (?:about )?[\d.]+ (?:cm|mm|inch)\b"
+)
 # Nearer to or further from what is neither the robot nor named.
 _TOWARDS = re.compile(
     r"\b(?:closer|nearer|further|farther|away)(?: in| out| over)? (?:to|towards?|from) "
-    r"(?:the|its|that|this|my) (?!robot\b|base\b|front\b)"
+    r"(?:me\b|us\b|(?:the|its|that|this|my) (?!robot\b|base\b|front\b))"
 )
 TOLD = re.compile(r"^(?:[a-z]+,? )?(?:you|i|we|your|because|since|otherwise|or|when|that's why)\b|\bwhen you\b")
 
@@ -143,11 +148,13 @@ def read_sentence(
                 )
             )
         doubtful |= _clash(said, clause) or in_parts(clause)
+        doubtful |= any(_closer_to_what(edit) for edit in said)
         doubtful |= any(edit.kind in ("offset", "approach") for edit in said) and _beside_another(clause, other_things)
         doubtful |= any(edit.value in ("away", "towards") for edit in said) and _TOWARDS.search(clause) is not None
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
+        doubtful |= mood == "told" and not said and _FAULT.search(clause) is not None
         if not part:
             composed = composed_edits(clause, mood, vocabulary, kind, nouns - other_things, other_things)
             if composed is not None and preferred(composed, said, doubtful):
@@ -251,6 +258,12 @@ def _beside_another(clause: str, others: set[str]) -> bool:
     return re.search(rf"{the}(?:(?:{named})\b|(?:{sides}) (?!side|hand|and|or|but|of)\w)", clause) is not None
 
 
+def _closer_to_what(edit: Edit) -> bool:
+    """Whether somebody says "closer" and not to what."""
+    named = re.search(r"\b(?:you|yourself|robot|base|front)\b", edit.said)
+    return edit.value == "towards" and re.search(r"\b(?:closer|nearer)\b", edit.said) is not None and named is None
+
+
 def _forbids(clause: str, rest: str, vocabulary: Vocabulary, nouns: set[str], kind: str) -> bool:
     """Whether a clause says what not to do, and it is not known what follows from that."""
     denial = vocabulary.negations.search(clause)
@@ -325,7 +338,10 @@ def _parted(plain: str) -> list[tuple[str, bool]]:
     plain = re.sub(r"\bas (\w+) as you (like|want|please|wish)\b", r"as \1 as-you-\2", plain)
     plain = re.sub(r"\bup and over\b", "up over", plain)
     plain = re.sub(r"\b(too|so) (\w+) and (\1) (\w+)", r"\1 \2; \3 \4", plain)
-    plain = re.sub(rf"\bso(?= (?:{_AFTER_SO})\b)", ";", plain)
+    plain = re.sub(
+        r"\bso(?= (?:it|they|that|nothing|the \w+) (?:does|do|will|can|is|are|wo|ca)(?:n't| not)\b)", "; so that", plain
+    )
+    plain = re.sub(rf"\bso(?= (?!that\b)(?:{_AFTER_SO})\b)", ";", plain)
     plain = re.sub(r"\b(?:and then|and|then)\b(?! (?:far|much|that(?!'s)))", ";", plain)
     plain = re.sub(r"(?<!soon )(?<!far )(?<!much )\bas(?= (?:you|they|i|we|there|your)\b)", ";", plain)
     found = []
