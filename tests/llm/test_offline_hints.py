@@ -76,6 +76,19 @@ def test_a_hint_about_a_part_that_the_thing_does_not_have_is_never_tried():
     assert again[0] == again[1]
 
 
+def test_where_what_was_taught_of_another_thing_has_failed_the_plain_way_comes_next():
+    shown, *_ = box_with_door("pantry")
+    plain = write(shown, "OPEN(pantry)")[0]
+    taught = write(shown, "OPEN(pantry)", [ARC])[1].text
+    tried = [{"code": unfenced(taught), "printed": "", "ended": "RuntimeError: the arm cannot follow that arc"}]
+    again = write(shown, "OPEN(pantry)", [ARC], attempts=tried)
+    assert again[0] == plain != write(shown, "OPEN(pantry)", [ARC])[0]
+    tried.append({"code": unfenced(again[1].text), "printed": "", "ended": "MotionError: did not arrive"})
+    assert unfenced(write(shown, "OPEN(pantry)", [ARC], attempts=tried)[1].text) in [one["code"] for one in tried]
+    own = Entry(ARC, "OPEN(pantry)")
+    assert write(shown, "OPEN(pantry)", [own], attempts=tried[:1])[0] != plain, "said of this very thing"
+
+
 def test_the_template_of_another_kind_of_action_is_not_taken_over():
     pantry, *_ = box_with_door("pantry")
     arc = unfenced(write(pantry, "OPEN(pantry)", [ARC])[1].text)

@@ -165,6 +165,13 @@ class Prompt:
         ended = sum(line.startswith("### ") for text in heads for line in text.splitlines())
         return ended + sum(not one.notes for one in self.corrected())
 
+    def tried(self) -> list[str]:
+        """The code of the attempts at this subtask that the prompt shows, without blank lines around it."""
+        shown = [text for heading, text in self.sections.items() if heading.startswith("earlier attempts")]
+        return [
+            code.strip() for text in shown for code in re.findall(r"^```python[ \t]*\n(.*?)^```", text, re.S | re.M)
+        ]
+
     def scene(self) -> SceneGraph:
         """The scene as far as its table and sentences tell. Raises ``LanguageModelError``."""
         try:

@@ -36,7 +36,21 @@ class Code:
 
 
 def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> Code:
-    """Python for the prompt's subtask. Raises ``LanguageModelError`` naming what the prompt lacks."""
+    """Python for the prompt's subtask. Instead of what was tried in vain, the same without what was taught of other
+    things; where that was tried too, the same code again says that there is no other idea. Raises
+    ``LanguageModelError`` naming what the prompt lacks."""
+    tried = prompt.tried()
+    code = _code(prompt, habits, vocabulary, imagination)
+    if code.text.strip() in tried:
+        other = _code(prompt, habits, vocabulary, imagination, of_this_alone=True)
+        if other.text.strip() not in tried:
+            return other
+    return code
+
+
+def _code(
+    prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination, of_this_alone: bool = False
+) -> Code:
     scene = prompt.scene()
     action, objects = prompt.subtask
     missed: list[str] = []
@@ -48,11 +62,15 @@ def write_code(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imaginati
         recipe = habits.recipe("push", objects)
         if recipe is None:
             raise unreadable(f"no habit for the verb {action!r}, nor for 'push'")
-    recipe = _adopted(recipe, prompt, scene, habits, missed, imagination)
+    templates, corrections = prompt.templates(), prompt.entries("corrections")
+    if of_this_alone:
+        templates = [one for one in templates if _of_this(one, recipe, scene)]
+        corrections = [one for one in corrections if _of_this(one, recipe, scene)]
+    recipe = _adopted(recipe, templates, prompt, scene, habits, missed, imagination)
     # What is only a hint and speaks of nothing here is left for when the plain way has failed.
     corrections = [
         one
-        for one in prompt.entries("corrections")
+        for one in corrections
         if not one.hint or _applies(one, prompt, habits) or (failed and _can_be_followed(one, recipe, scene))
     ]
     known = [node.label for node in scene.nodes] + [*objects, action, *(entry.key for entry in corrections)]
@@ -183,11 +201,17 @@ def _like(entry: Entry, prompt: Prompt, habits: Habits) -> bool:
 
 
 def _adopted(
-    recipe: Recipe, prompt: Prompt, scene: SceneGraph, habits: Habits, missed: list[str], imagination: Imagination
+    recipe: Recipe,
+    templates: list[Entry],
+    prompt: Prompt,
+    scene: SceneGraph,
+    habits: Habits,
+    missed: list[str],
+    imagination: Imagination,
 ) -> Recipe:
     """The structure of what worked before at something like this; of several templates the best ranked one has the
     last word."""
-    for template in reversed([one for one in prompt.templates() if _like(one, prompt, habits)]):
+    for template in reversed([one for one in templates if _like(one, prompt, habits)]):
         shaped = adopt(recipe, template, scene, prompt.subtask[1], imagination)
         if shaped is None:
             missed.append(f"the template of {template.key}" if template.key else "a template")
