@@ -110,6 +110,11 @@ OPENED, *_ = box_with_door(opened=True)
         ("Down, not sideways.", JARS, "PUSH(red jar)"),  # pushed down, or pushed at another place
         ("You missed it completely.", JARS, "POUR(red jar, green jar)"),
         ("A jar's not going to bite you, get closer.", JARS, "PICK_UP(red jar)"),  # closer to what
+        ("Hold it firmly, but loosely enough that it can swing.", JARS, "PICK_UP(red jar)"),  # the other half
+        ("Slightly less far to the left this time.", JARS, "PLACE(red jar, green jar)"),
+        ("Hold the bottom with something while you lift the lid.", CRATE, "OPEN(crate)"),
+        ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so
+        ("Down, not out.", CRATE, "OPEN(crate)"),
         ("Slower once you're close.", JARS, "PLACE(red jar, green jar)"),  # only there
         ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),
     ],

@@ -16,6 +16,7 @@ import attrs
 
 NEUTRAL = frozenset(["lead", "vocative", "very", "comparison", "destination", "prep", "be", "vessel"])
 _SAYS_NOTHING = NEUTRAL | {"pronoun", "hand", "not", "too", "again"}
+_WISHES = frozenset(["manner", "dir", "side", "turning", "extent", "pose", "centre"])
 TIMES = frozenset(["after_release", "before_release", "before_go", "before_down", "when_touch"])
 _WORD_END = r"(?![\w'-])"
 # Words in names of things that also say where something is, or are parts that something is held at.
@@ -171,6 +172,11 @@ class Lexicon:
             found.append((part.kind if part is not None else "", said))
             at += len(said) + 1
         return found
+
+    def begins_with_wish(self, clause: str) -> bool:
+        """Whether a clause begins with how, where, which way or how far: "but loosely enough that it can swing"."""
+        pieces = [kind for kind, _ in self.pieces(clause, frozenset(), frozenset()) if kind != "lead"]
+        return bool(pieces) and pieces[0] in _WISHES
 
     def asks(self, clause: str) -> bool:
         """Whether some part of a clause could be a wish: what to do, where, how or how far."""

@@ -17,6 +17,7 @@ _IDLE = frozenset(["lead", "vocative", "very", "pronoun", "thing", "hand", "be",
 _MOMENTS = _IDLE | TIMES | {"while_lift", "when_above", "prep"}
 # Edits that say how far: what is said of the end of the motion ("until it clicks") belongs to them.
 _BOUNDED = frozenset(["farther", "less-far", "all-the-way", "angle", "extent", "offset", "turn-thing", "hold-for"])
+_STARTING = frozenset(["start", "begin", "starting", "beginning"])  # only at first
 _LAST = frozenset(["release", "back-off"])
 _FUNCTION_WORDS = split_words(
     "a an the to of at about like good so or two three few little nice same thing and as than some one with for by "
@@ -65,6 +66,10 @@ def unaccounted(
     acts = False
     for part, said in lexicon.pieces(core(body, own, others, times=False), things, around):
         words = [word for word in re.findall(r"[\w'-]*\w", said.removesuffix("'s")) if word not in _FUNCTION_WORDS]
+        returns = said == "back" and "back" not in particles
+        if returns or said == "something" or (said in _STARTING and {"force", "speed"} & set(edits)):
+            found.append(said)
+            continue
         held = part == "hold_at" and "hold-at" in edits and _HELD.match(said) is not None
         if (
             held

@@ -278,6 +278,9 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     objects = prompt.subtask[1]
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?(?:\w+ )?{place}\b", words.lower())
+    handled = r"\b(?:put|hold|push|lower|lift|press|take|grab)\w* (?:the|its) (?:\w+ )?(?:edge|side|corner|end|half)\b"
+    if re.search(handled, words.lower()):
+        return []  # how the thing is to be handled
     if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
         return []  # where it goes anyway
     notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]

@@ -72,7 +72,7 @@ def question_about(
     ):
         return f"is it to be gripped, or shaken, that way: {understood} You said: {quoted}"
     bare = [edit for edit in edits if edit.kind == "offset" and edit.said.strip() in ("up", "down")]
-    if bare and recipe is not None and recipe.kind == "push":
+    if bare and recipe is not None and recipe.kind in ("push", "open", "close", "pull"):
         return f"push that way, or push at another place: {understood} You said: {quoted}"
     if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
         return f"is it to be done more slowly, or with less force? You said: {quoted}"

@@ -23,7 +23,7 @@ from memo_llm.offline.clauses import (
 from memo_llm.offline.composed import composed_edits, only_when, preferred
 from memo_llm.offline.coverage import unaccounted
 from memo_llm.offline.degrees import REFUSED
-from memo_llm.offline.edits import Edit, Reading
+from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.phrases import is_measured, read_clause, read_whole
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.typos import in_full
@@ -154,7 +154,8 @@ def read_sentence(
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
-        doubtful |= mood == "told" and not said and _FAULT.search(clause) is not None
+        wished = _FAULT.search(clause) is not None or vocabulary.lexicon.begins_with_wish(clause)
+        doubtful |= mood == "told" and not said and wished
         if not part:
             composed = composed_edits(clause, mood, vocabulary, kind, nouns - other_things, other_things)
             if composed is not None and preferred(composed, said, doubtful):
@@ -167,6 +168,11 @@ def read_sentence(
         if doubtful:
             unsure.append(clause)
     ways = {(edit.kind, edit.value) for edit in edits if edit.kind in ("offset", "way")}
+    rising = {
+        edit.value in GENTLE or edit.value.startswith("slow") for edit in edits if edit.kind in ("force", "speed")
+    }
+    if len(rising) > 1 and re.search(r"\bthen\b", plain):
+        unsure.append(plain)  # first so, then so
     if len(ways) > 1 and re.search(r"\b(?:then|before|after)\b", plain):
         unsure.append(plain)  # one after the other, which is no place
     if not edits:
@@ -245,6 +251,8 @@ def _clash(edits: list[Edit], clause: str) -> bool:
         (of_doors and "finger-width" in kinds)
         or ("offset" in kinds and bool(kinds & {"arc", "pivot"}))
         or {"speed", "release"} <= kinds
+        or {"fingers", "release"} <= kinds
+        or len({edit.value for edit in edits if edit.kind == "offset"}) > 1
         or (of_fingers is not None and "all-the-way" in kinds)
         or len({edit.value for edit in edits if edit.kind == "way"}) > 1
     )
