@@ -115,6 +115,7 @@ OPENED, *_ = box_with_door(opened=True)
         ("Hold the bottom with something while you lift the lid.", CRATE, "OPEN(crate)"),
         ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so
         ("Down, not out.", CRATE, "OPEN(crate)"),
+        ("Hold the stand, not the shade, and lift slowly.", JARS, "PICK_UP(red jar)"),
         ("Slower once you're close.", JARS, "PLACE(red jar, green jar)"),  # only there
         ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),
     ],
@@ -162,6 +163,7 @@ def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_sho
     [
         ("No — hold it softer - please… mate.", "Use the gripper gently."),
         ("Go lower so it doesn't tip over.", "Go lower than in that attempt."),  # what it is good for
+        ("Just hold it a bit tighter.", "Use the gripper firmly."),  # a bit tighter, and not for a bit
         ("Press less on it when you take it.", "Use the gripper gently."),
         ("Open your hand wider before you get there, dear.", "Open the gripper wider."),
         ("Come in lower, please, then you don't push it away.", "Go lower than in that attempt."),
@@ -170,3 +172,8 @@ def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_sho
 )
 def test_times_and_particles_that_say_nothing_new_hinder_no_reading(words, noted):
     assert said(words)["corrections"] == [noted]
+
+
+def test_off_to_a_side_is_where_it_was():
+    noted = said("You set it down hard and off to the left.", subtask="PLACE(red jar, table)")["corrections"]
+    assert "Go further to the right than in that attempt." in noted

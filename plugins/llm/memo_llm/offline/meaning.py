@@ -37,6 +37,8 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
     ):
         return None  # an order to the arm
     verbs = frozenset(name for part in parts if part.kind == "verb" for name in part.classes)
+    if any(part.said == "off" for part in parts) and not verbs & {"go", "shift", "put", "bring"}:
+        return None  # "off to the left": where it was
     there = {part.kind for part in parts} - NEUTRAL
     above = any(part.kind == "prep" and part.value == "over" for part in parts)
     if "other" in there and not above and "relation" not in there:

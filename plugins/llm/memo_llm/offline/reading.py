@@ -63,6 +63,11 @@ ORDERS = frozenset(
 _COMPARED = re.compile(
     r"(?!you\b)(?:(?:the|that|this|my|your|its) )?\w+(?:'s| is| are| was| were) (?:more \w+|\w+er)\b"
 )
+# Where it was, unless it is to be moved there.
+_OFF = re.compile(
+    r"^(?!.*\b(?:mov|shift|slid|nudg|scoot|go|com|put|plac|set|aim)\w*\b).*\boff to (?:the|your) (?:left|right)\b"
+)
+_OWN = re.compile(r"\b(?:you|yourself|robot|base|front)\b")
 # Where something was, told as a fault.
 _FAULT = re.compile(
     r"\btoo (?:far|high|low|long|short|close|near|deep|wide)\b|\boff (?:to the|by)\b|"
@@ -84,6 +89,7 @@ def read_sentence(
     where that is not known."""
     nouns = _words(known)
     other_things = _words(others)
+    own = nouns - other_things
     edits: list[Edit] = []
     missed: list[str] = []
     unsure: list[str] = []
@@ -92,7 +98,7 @@ def read_sentence(
     request, praised = True, False
     when = ""
     for clause, part in _parted(plain):
-        if not part and only_when(clause, vocabulary, nouns - other_things, other_things):
+        if not part and only_when(clause, vocabulary, own, other_things):
             when = f"{when} {clause}"
             continue
         if when and not part:
@@ -110,7 +116,7 @@ def read_sentence(
             if edit.kind not in ("nothing", REFUSED) and _asks(edit, mood, clause, complains, kind)
         ]
         plain_rest = rest
-        rest = core(rest, nouns - other_things, other_things)
+        rest = core(rest, own, other_things)
         rest = _of_the_thing(rest, kind, other_things)
         unknown = [
             w for w in re.findall(r"[^\W_][\w'-]*", rest) if not (_plain_word(w, vocabulary, nouns) or is_act(w))
@@ -137,27 +143,25 @@ def read_sentence(
             doubtful |= not (part and re.fullmatch(r"(?:the|that|this|its) \w+", clause)) and bool(
                 unaccounted(
                     clause,
-                    _of_the_thing(plain_rest, kind, other_things),
+                    _of_the_thing(plain_rest, kind, other_things) if said else plain_rest,
                     {edit.kind for edit in (edits if part else said)},
                     {edit.kind for edit in edits},
                     kind,
                     vocabulary.lexicon,
-                    nouns - other_things,
+                    own,
                     other_things,
                     vocabulary.small_talk,
                 )
             )
         doubtful |= _clash(said, clause) or in_parts(clause)
-        doubtful |= any(_closer_to_what(edit) for edit in said)
-        doubtful |= any(edit.kind in ("offset", "approach") for edit in said) and _beside_another(clause, other_things)
-        doubtful |= any(edit.value in ("away", "towards") for edit in said) and _TOWARDS.search(clause) is not None
+        doubtful |= _relative_to_something(said, clause, other_things)
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
-        wished = _FAULT.search(clause) is not None or vocabulary.lexicon.begins_with_wish(clause)
-        doubtful |= mood == "told" and not said and wished
+        faulty = _FAULT.search(clause) is not None or vocabulary.lexicon.begins_with_wish(clause)
+        doubtful |= mood == "told" and not said and faulty  # told, and yet something is to be different
         if not part:
-            composed = composed_edits(clause, mood, vocabulary, kind, nouns - other_things, other_things)
+            composed = composed_edits(clause, mood, vocabulary, kind, own, other_things)
             if composed is not None and preferred(composed, said, doubtful):
                 edits = [*before, *(edit for edit in composed if not any(_same(edit, other) for other in before))]
                 continue
@@ -266,10 +270,24 @@ def _beside_another(clause: str, others: set[str]) -> bool:
     return re.search(rf"{the}(?:(?:{named})\b|(?:{sides}) (?!side|hand|and|or|but|of)\w)", clause) is not None
 
 
-def _closer_to_what(edit: Edit) -> bool:
-    """Whether somebody says "closer" and not to what."""
-    named = re.search(r"\b(?:you|yourself|robot|base|front)\b", edit.said)
-    return edit.value == "towards" and re.search(r"\b(?:closer|nearer)\b", edit.said) is not None and named is None
+def _flipped(edit: Edit) -> bool:
+    return edit.phrase is not None and edit.phrase.flip
+
+
+def _relative_to_something(said: list[Edit], clause: str, others: set[str]) -> bool:
+    """Whether a way is one from or to what is neither the robot nor known: another thing, a part, the person, or
+    "closer", and it is not said to what."""
+    if any(edit.kind in ("offset", "approach") for edit in said) and _beside_another(clause, others):
+        return True
+    if any(edit.value in ("left", "right") and _OFF.search(clause) for edit in said if not _flipped(edit)):
+        return True
+    along = [edit for edit in said if edit.value in ("away", "towards")]
+    if along and _TOWARDS.search(clause):
+        return True
+    return any(
+        edit.value == "towards" and re.search(r"\b(?:closer|nearer)\b", edit.said) and not _OWN.search(edit.said)
+        for edit in along
+    )
 
 
 def _forbids(clause: str, rest: str, vocabulary: Vocabulary, nouns: set[str], kind: str) -> bool:
