@@ -124,6 +124,7 @@ class _Soak:
     samples: list[dict[str, float]] = attrs.field(factory=list)
     _server: Any = attrs.field(factory=server)
     _shared: frozenset[str] = attrs.field(factory=lambda: frozenset(_shared_memory()))
+    _others: frozenset[int] = attrs.field(factory=lambda: frozenset(children()))  # that ran before
 
     @property
     def book(self) -> Path:
@@ -212,11 +213,11 @@ class _Soak:
             yield f"left in the temporary directory: {', '.join(left)}"
 
     def _known(self) -> set[int]:
-        """The servers of multiprocessing."""
+        """What ran before, and the servers of multiprocessing."""
         from multiprocessing import forkserver
 
         pids = (forkserver._forkserver._forkserver_pid, resource_tracker._resource_tracker._pid)  # type: ignore[attr-defined]
-        return {pid for pid in pids if pid is not None}
+        return {pid for pid in pids if pid is not None} | self._others
 
     def measure(self, hours: float) -> None:
         self.samples.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import json
 import sqlite3
+import subprocess
 import sys
 
 import pytest
@@ -78,6 +79,16 @@ def test_a_minute_of_soak_in_short(monkeypatch):
     assert found["faults"] == [] and found["kept"] and sum(found["acts"].values()) == 1
     assert {row["what"] for row in found["measured"]} >= {"anonymous_mib", "file_handles", "processes", "files"}
     assert disturbed_runs.MODELS == ("offline", "scripted")
+
+
+def test_a_process_that_ran_before_is_no_fault_of_the_acts(monkeypatch):
+    monkeypatch.setattr(soak, "ACTS", {"clustering": 1})
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as before:
+        try:
+            found = bench_soak(0.0, seed=2)
+            assert found["faults"] == [] and before.poll() is None
+        finally:
+            before.kill()
 
 
 def test_memory_that_is_held_is_told_apart_from_memory_that_malloc_keeps_for_later():
