@@ -25,7 +25,7 @@ EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "expected.toml").r
 LIMITS = Limits(
     seconds_between_calls=0.8, seconds_in_all=3.0, robot_seconds=60, memory=64 << 20, output=10_000, calls=300
 )
-# Filling 64 MiB takes long on a loaded machine; what is asked there is that memory ends it, not how soon.
+# Filling 64 MiB and checking thousands of names take long on a loaded machine; what is asked there is what ends it.
 PATIENT = attrs.evolve(LIMITS, seconds_between_calls=10.0, seconds_in_all=20.0)
 WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
 GRACE = 0.5 + 2.0  # s until the parent kills, and for a loaded machine
@@ -52,7 +52,7 @@ def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Exe
 @pytest.mark.parametrize("name", EXPECTED)
 def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox, patient):
     expected, code = EXPECTED[name], WRITTEN_OUT.get(name) or (FOLDER / f"{name}.py").read_text()
-    if expected.get("kind") == "memory limit":
+    if expected.get("kind") == "memory limit" or name in WRITTEN_OUT:
         sandbox = patient
     limits = sandbox.limits
     started = time.perf_counter()
