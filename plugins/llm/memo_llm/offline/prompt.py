@@ -161,16 +161,16 @@ class Prompt:
 
     def attempts(self) -> int:
         """How many attempts at this subtask the prompt shows from which nothing was noted that could be followed."""
-        heads = [text for heading, text in self.sections.items() if heading.startswith("earlier attempts")]
-        ended = sum(line.startswith("### ") for text in heads for line in text.splitlines())
+        ended = sum(line.startswith("### ") for line in self._earlier().splitlines())
         return ended + sum(not one.notes for one in self.corrected())
+
+    def _earlier(self) -> str:
+        """What the prompt shows of earlier attempts, a line break after each section."""
+        return "".join(f"{text}\n" for heading, text in self.sections.items() if heading.startswith("earlier attempts"))
 
     def tried(self) -> list[str]:
         """The code of the attempts at this subtask that the prompt shows, without blank lines around it."""
-        shown = [text for heading, text in self.sections.items() if heading.startswith("earlier attempts")]
-        return [
-            code.strip() for text in shown for code in re.findall(r"^```python[ \t]*\n(.*?)^```", text, re.S | re.M)
-        ]
+        return [code.strip() for code in re.findall(r"^```python[ \t]*\n(.*?)^```", self._earlier(), re.S | re.M)]
 
     def scene(self) -> SceneGraph:
         """The scene as far as its table and sentences tell. Raises ``LanguageModelError``."""

@@ -185,7 +185,9 @@ def _can_be_followed(hint: Entry, recipe: Recipe, scene: SceneGraph) -> bool:
     """Whether a subtask's thing has one of the parts that a note speaks of, or the note speaks of none."""
     named = _ACTIONS.parts.keys() & set(re.findall(r"\w+", hint.text.lower()))
     here = {
-        word for label in (recipe.thing, *(node.label for node in _family(recipe, scene))) for word in label.split()
+        word
+        for label in (recipe.thing, *(node.label for node in _family(recipe, scene)))
+        for word in label.lower().split()
     }
     return not named or bool(named & here)
 
