@@ -177,7 +177,7 @@ class FrankaLink(Link):
             self._franky = import_franky()
             self._robot = self._connected()
         try:
-            self._motion_is_over()
+            self._discard_ended_motion()
             self._robot.recover_from_errors()
             self._fault, self._state = None, self._robot.state
         except Exception as error:
@@ -190,7 +190,7 @@ class FrankaLink(Link):
         if not closed:
             self.begin()
 
-    def _motion_is_over(self) -> None:
+    def _discard_ended_motion(self) -> None:
         """Wait for the last motion's thread and discard the exception that ended it: where the state told of the fault
         first, the client library still keeps that exception and would raise it at the next call."""
         with contextlib.suppress(self._franky.Exception, RuntimeError):  # the second where the network was gone
