@@ -52,6 +52,7 @@ class Finder:
         terms: Terms,
         store: VectorStore | None,
         likeness: Likeness,
+        speakers: Speakers,
     ) -> None:
         self._database = database
         self._vectors = vectors
@@ -59,7 +60,7 @@ class Finder:
         self._terms = terms
         self._indexes = {kind: EntryIndex(likeness, kind, terms) for kind in KINDS}
         self._search = TextSearch(database, vectors, self._indexes, store)
-        self._speakers = Speakers(database)
+        self._speakers = speakers
         self._slots: dict[str, np.ndarray] = {}  # kind -> of each row the slot in its index, or -1
         self._rows: dict[str, np.ndarray] = {}  # kind -> of each slot the row, or -1
         self._key_words = np.zeros((0, 0), np.float32)  # by row
@@ -78,8 +79,7 @@ class Finder:
             slots = self._slots[kind] = index.slots_of(state.ids)
             rows = self._rows[kind] = np.full(index.slots, -1, np.int64)
             rows[slots[slots >= 0]] = np.flatnonzero(slots >= 0)
-        if self._settings.newest:
-            self._speakers.follow(anew=changed is None)
+        self._speakers.follow(anew=changed is None)
         if (before is None or before.book != state.book or before.ids != state.ids) and state.keys:
             self._key_words = self._vectors.get([as_text(key) for key in state.keys])
         self._followed = state
@@ -124,21 +124,21 @@ class Finder:
             chosen = best(scores, joined.similar, _MORE * limit, joined.must)
             joined, scores = joined.only(chosen), scores[chosen]
         chosen = np.flatnonzero(joined.served(settings, settings.room(kind), scores))
-        count = limit * self._more(kind, question)
+        count = limit * self._more(kind, question, state)
         return joined.only(chosen[best(scores[chosen], joined.similar[chosen], count, joined.must[chosen])])
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _positions(self, ids: np.ndarray) -> dict[str, np.ndarray]:
         return {kind: index.positions(ids) for kind, index in self._indexes.items()}
 
-    def _more(self, kind: str, question: Question) -> int:
-        """Times as many entries are looked at as are served."""
+    def _more(self, kind: str, question: Question, state: Contents) -> int:
+        """Times as many entries are looked at as are served: more where not their scores alone decide which."""
         built = self._settings.built_weight and any(question.context.structures)
-        return _MORE if kind == "template" or built else 1
+        return _MORE if built or (kind == "template" and state.failing) else 1
 
     def _best(self, kind: str, question: Question, state: Contents, near: Nearby, asked: Weighed) -> Scored:
         """Where enough entries pass the cut, the best of them; else all of them, and the best of the others."""
-        settings, of, more = self._settings, self._rows[kind], self._more(kind, question)
+        settings, of, more = self._settings, self._rows[kind], self._more(kind, question, state)
         there = (~question.opposite & (state.sizes[kind] > 0))[of]
         passing = there & (question.scores.scores[of] >= settings.cut - TIE)
         found, nearest = near.positions[kind], near.nearest

@@ -35,10 +35,10 @@ def provenance_of(database: Database, entries: Sequence[int]) -> dict[int, Prove
     for part in batched(entries, PLACES):
         for entry, who, when, subtask in database.fetch(_SAID, places(part)):
             said.setdefault(entry, []).append((who, when, subtask))
-    return {entry: _from(remarks) for entry, remarks in said.items()}
+    return {entry: provenance_from(remarks) for entry, remarks in said.items()}
 
 
-def _from(remarks: Sequence[tuple[str, float, str]]) -> Provenance:
+def provenance_from(remarks: Sequence[tuple[str, float, str]]) -> Provenance:
     """Of remarks in the order in which they were made: who, when, and of which subtask."""
     if len(remarks) == 1:  # most entries; each question asks for dozens
         ((who, when, subtask),) = remarks

@@ -33,9 +33,9 @@ from memo_core.skillbook.retrieval_score import TIE, Candidates
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import Terms
+from memo_core.skillbook.speakers import Speakers
 from memo_core.skillbook.text_index import Likeness
 from memo_core.skillbook.text_vectors import TextVectors
-from memo_core.skillbook.trials import failing_among
 
 __all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text"]
 
@@ -81,9 +81,10 @@ class Retriever:
         self._actions = settings.actions
         self._terms = Terms(self._actions)
         self._by_key = FinderByKey(database, vectors, settings, likeness)
+        self._speakers = Speakers(database)  # followed by the finder
         self._finder: Finder | None = None  # where texts count
         if settings.ranking == "key-and-text":
-            self._finder = Finder(database, vectors, settings, self._terms, store, likeness)
+            self._finder = Finder(database, vectors, settings, self._terms, store, likeness, self._speakers)
         self._built = BuiltAlike(database)
         self._state: Contents | None = None  # what the book is taken to be
         self._last: Contents | None = None  # what it was when it was last read
@@ -113,7 +114,7 @@ class Retriever:
         generation, rows = served_rows(self._database, wanted, state.by_id)
         if generation != state.generation:
             return None
-        ranked = {kind: self._ranked(kind, found[kind], rows, question) for kind in KINDS}
+        ranked = {kind: self._ranked(kind, found[kind], rows, question, state) for kind in KINDS}
         ranked["general"] = self._general(general, rows, question)
         served = self._served(question.key, ranked)
         return Retrieval(
@@ -162,8 +163,11 @@ class Retriever:
         return {int(ids[i]): float(similar[i]) for i in order}
 
     # -- ranking -------------------------------------------------------------------------------------------------------
-    def _ranked(self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question) -> list[_Ranked]:
-        """The best of the candidates, by score, likeness of the text, confirmed uses and recency."""
+    def _ranked(
+        self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question, state: Contents
+    ) -> list[_Ranked]:
+        """The best of the candidates, by score, likeness of the text, confirmed uses and recency. Templates that fail
+        when they are run again in a simulator come after those that do not."""
         if not all(entry in rows for entry in found.ids.tolist()):  # of a damaged book
             found = found.only(np.array([entry in rows for entry in found.ids.tolist()]))
         if not len(found.ids):
@@ -172,14 +176,9 @@ class Retriever:
             known = self._built.of(question.context, [rows[entry] for entry in found.ids.tolist()])
             found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in found.ids.tolist()]))
         ordered = _ties_by_use(_in_order(found, rows, self._settings))
-        if kind == "template" and len(ordered) > 1:
-            ordered = self._failing_last(ordered)
+        if kind == "template" and state.failing:
+            ordered.sort(key=lambda one: one.entry.id in state.failing)
         return _first(ordered, self._settings.limit(kind))
-
-    def _failing_last(self, ranked: list[_Ranked]) -> list[_Ranked]:
-        """Templates that fail when they are run again in a simulator come after those that do not."""
-        failed = failing_among(self._database, [one.entry.id for one in ranked])
-        return sorted(ranked, key=lambda one: one.entry.id in failed)
 
     def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> list[_Ranked]:
         """Those like enough to the subtask; half as like is enough for one that shares a term with it, and one that
@@ -195,7 +194,7 @@ class Retriever:
 
     def _served(self, query: Key, ranked: dict[str, list[_Ranked]]) -> dict[str, tuple[Served, ...]]:
         """With who said each, when, how alike its key is, and its place."""
-        known = provenance_of(self._database, [one.entry.id for some in ranked.values() for one in some])
+        known = self._provenance({kind: [one.entry.id for one in some] for kind, some in ranked.items()})
         if self._settings.newest:
             ranked["correction"] = newest_before_older(ranked["correction"], known)
         keys = {one.entry.key for some in ranked.values() for one in some}
@@ -222,6 +221,13 @@ class Retriever:
             )
             for kind, some in ranked.items()
         }
+
+    def _provenance(self, entries: dict[str, list[int]]) -> dict[int, Provenance]:
+        """Of entries by kind."""
+        if self._finder is None:
+            return provenance_of(self._database, [entry for some in entries.values() for entry in some])
+        known = self._speakers.provenance([*entries["correction"], *entries["general"]])
+        return known | provenance_of(self._database, entries["template"])
 
     # -- what was not served -------------------------------------------------------------------------------------------
     def _cut(self, question: Question, served: dict[str, tuple[Served, ...]], state: Contents) -> tuple[Cut, ...]:

@@ -15,6 +15,7 @@ from memo_core.skillbook.action_relations import Actions
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.trials import all_failing
 
 KINDS = ("correction", "template")  # of entries that are under keys of their own
 _MANY = 2000  # keys that changed; counting all is no slower then
@@ -39,6 +40,7 @@ class Contents:
     everywhere: int | None  # id of the global key, where it has entries
     by_id: dict[int, Key]  # also the global key
     aliases: dict[str, Key]
+    failing: frozenset[int]  # templates that fail when they are run again in a simulator
     row_of: dict[int, int]  # by id
     opposites: dict[str, np.ndarray] = attrs.field(factory=dict)  # action -> bool, keys that undo it; filled when asked
 
@@ -59,7 +61,7 @@ def read_contents(
         meta = database.meta(connection)
         book = f"{meta['book']} {meta.get('reembedded', '')}"
         newest = connection.execute(sa.select(sa.func.coalesce(sa.func.max(_R.id), 0))).scalar_one()
-        aliases = queries.alias_rows(connection)
+        aliases, failing = queries.alias_rows(connection), all_failing(database, connection)
         if before is not None and before.book == book and int(meta.get("uncounted", 0)) <= before.generation:
             changed = _changed_keys(connection, before.revision)
             if len(changed) <= _MANY:
@@ -73,6 +75,7 @@ def read_contents(
                     revision=newest,
                     uncounted=int(meta.get("uncounted", 0)),
                     aliases=aliases,
+                    failing=failing,
                     opposites={},
                 )
                 return later, frozenset(changed)
@@ -91,6 +94,7 @@ def read_contents(
         None,
         {},
         aliases,
+        failing,
         {},
     )
     return _counted_on(empty, list(known), counted, known, actions), None

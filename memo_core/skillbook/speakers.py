@@ -1,62 +1,101 @@
-"""Who gave the feedback that entries were made of, and when, in memory: every question asks that of the entries under
-its own key, and in the book those are hundreds of rows that lie apart.
+"""Who gave the feedback that entries were made of, when, and about which subtask, in memory: every question asks that
+of the entries that it serves and of those under its own key, and in the book those are hundreds of rows that lie apart.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
+from memo_core.skillbook.id_table import IdTable
 from memo_core.skillbook.newest import LATEST, newest_of
-from memo_core.skillbook.term_lists import Growing, ranges
+from memo_core.skillbook.provenance import Provenance, provenance_from
+from memo_core.skillbook.term_lists import Growing, Numbered, ranges
 
 _F, _S = tables.feedback.c, tables.sources.c
 _LINKS = sa.select(_S.entry, _S.feedback).where(_S.entry > sa.bindparam("after")).order_by(_S.entry, _S.feedback)
-_SAID = sa.select(_F.id, _F.who, _F.time).where(_F.id > sa.bindparam("after")).order_by(_F.id)
+_SAID = sa.select(_F.id, _F.who, _F.time, _F.subtask).where(_F.id > sa.bindparam("after")).order_by(_F.id)
 
 
 class Speakers:
     """Of one book. What is read stays as it is until something is forgotten: feedback is only added, and what
-    corrections were made of is stored with them. (Of templates and general statements it may be more by now.)"""
+    corrections and general statements were made of is stored with them. (Of templates it may be more by now: an
+    approval of code that is the template already is added to its sources.)
+
+    Entries and feedback are numbered in the order of their ids.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
         self._clear()
 
     def _clear(self) -> None:
-        self._entries, self._made_of = Growing(np.int64), Growing(np.int64)  # an entry and a feedback, ascending
-        self._feedback, self._who, self._when = Growing(np.int64), Growing(np.int32), Growing(np.float64)  # ascending
-        self._numbers: dict[str, int] = {}  # of people
+        self._last_entry = self._last_feedback = 0  # ids
+        self._entries, self._feedback = IdTable(), IdTable()  # their numbers
+        self._first = Growing(np.int64)  # by entry, where its feedback begins in ``_made_of``, and the end
+        self._first.add(np.zeros(1, np.int64))
+        self._made_of = Growing(np.int32)
+        self._who, self._when, self._about = Growing(np.int32), Growing(np.float64), Growing(np.int32)  # by feedback
+        self._people, self._subtasks = Numbered(), Numbered()
+        self._names: list[str] = []  # of people by number
+        self._said_of: list[str] = []  # subtasks by number
 
     def follow(self, anew: bool) -> None:
         """Read what came since the last time; ``anew``: everything, since some of it may be gone."""
         if anew:
             self._clear()
-        entries = self._database.fetch(_LINKS, {"after": _last(self._entries)})
-        feedback = self._database.fetch(_SAID, {"after": _last(self._feedback)})
-        both = np.array([tuple(row) for row in entries], np.int64).reshape(-1, 2)
-        self._entries.add(both[:, 0])
-        self._made_of.add(both[:, 1])
-        who = [self._numbers.setdefault(row[1], len(self._numbers)) for row in feedback]
-        self._feedback.add(np.fromiter((row[0] for row in feedback), np.int64, len(feedback)))
-        self._who.add(np.array(who, np.int32))
-        self._when.add(np.fromiter((row[2] for row in feedback), np.float64, len(feedback)))
+        links = self._database.fetch(_LINKS, {"after": self._last_entry})
+        self._hear(self._database.fetch(_SAID, {"after": self._last_feedback}))
+        if not links:
+            return
+        entries, feedback = (np.fromiter(column, np.int64, len(links)) for column in zip(*links, strict=True))
+        made_of = self._feedback.get(feedback)
+        there = made_of >= 0  # all, unless somebody forgot some between the two readings
+        ids, counts = np.unique(entries[there], return_counts=True)
+        self._entries.put(ids, len(self._first.values) - 1 + np.arange(len(ids)))
+        self._first.add(len(self._made_of.values) + np.cumsum(counts))
+        self._made_of.add(made_of[there])
+        self._last_entry = int(entries[-1])
+
+    def _hear(self, said: Sequence[Sequence[int | float | str]]) -> None:
+        if not said:
+            return
+        ids, who, when, subtasks = zip(*said, strict=True)
+        known, count = len(self._who.values), len(said)
+        self._feedback.put(np.array(ids, np.int64), known + np.arange(count))
+        self._who.add(np.fromiter(map(self._people.__getitem__, who), np.int32, count))
+        self._when.add(np.array(when, np.float64))
+        self._about.add(np.fromiter(map(self._subtasks.__getitem__, subtasks), np.int32, count))
+        self._last_feedback = int(ids[-1])
+        self._names, self._said_of = list(self._people), list(self._subtasks)
 
     def newest(self, corrections: np.ndarray, most: int) -> list[int]:
         """``newest_of`` the latest of these corrections, by their ids, int64 (n,)."""
-        known, said = self._entries.values, self._feedback.values
-        if not len(known) or not len(said):
-            return []
-        latest = np.sort(corrections)[-LATEST:]
-        starts = np.searchsorted(known, latest)
-        links = ranges(starts, np.searchsorted(known, latest + 1) - starts)
-        of = np.minimum(np.searchsorted(said, self._made_of.values[links]), len(said) - 1)
-        there = said[of] == self._made_of.values[links]  # all, unless somebody wrote between two readings
-        links, of = links[there], of[there]
-        return newest_of(known[links], self._who.values[of], self._when.values[of], said[of], most)
+        latest, starts, counts = self._links(np.sort(corrections)[-LATEST:])
+        of = self._made_of.values[ranges(starts, counts)]
+        return newest_of(np.repeat(latest, counts), self._who.values[of], self._when.values[of], of, most)
 
+    def provenance(self, entries: Sequence[int]) -> dict[int, Provenance]:
+        """``provenance_of`` corrections and general statements; one without known words is left out."""
+        ids, starts, counts = self._links(np.array(entries, np.int64))
+        of = self._made_of.values[ranges(starts, counts)]
+        columns = (self._who.values[of].tolist(), self._when.values[of].tolist(), self._about.values[of].tolist())
+        remarks = [(self._names[who], when, self._said_of[about]) for who, when, about in zip(*columns, strict=True)]
+        found, start = {}, 0
+        for entry, count in zip(ids.tolist(), counts.tolist(), strict=True):
+            mine = remarks[start : start + count]
+            found[entry] = provenance_from(mine if count == 1 else sorted(mine, key=itemgetter(1)))
+            start += count
+        return found
 
-def _last(ascending: Growing) -> int:
-    return int(ascending.values[-1]) if len(ascending.values) else 0
+    def _links(self, entries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Those of the entries that are known, and where what they were made of begins and how many that are."""
+        numbers = self._entries.get(entries)
+        there = numbers >= 0
+        numbers, firsts = numbers[there], self._first.values
+        return entries[there], firsts[numbers], firsts[numbers + 1] - firsts[numbers]

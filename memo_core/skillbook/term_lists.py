@@ -42,11 +42,11 @@ class Growing:
         self._count = count
 
 
-class _Words(dict[str, int]):
-    """Numbers of words, given when a word is first met."""
+class Numbered(dict[str, int]):
+    """Numbers of words or names, 0, 1, 2 …, given when one is first met."""
 
-    def __missing__(self, word: str) -> int:
-        self[word] = number = len(self)
+    def __missing__(self, name: str) -> int:
+        self[name] = number = len(self)
         return number
 
 
@@ -55,7 +55,7 @@ class TermLists:
 
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
-        self._words = _Words({_BETWEEN: 0})
+        self._words = Numbered({_BETWEEN: 0})
         self._numbers = {"": _NO_TERM, GRIP: 1, RELEASE: 2}  # of terms
         self._of_words = np.zeros(0, np.int32)  # terms of word 0, of word 1, …
         self._first = np.zeros(1, np.int64)  # where those of each word begin, and the end

@@ -6,17 +6,15 @@ version that does not fail takes its place under its own key.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, batched, places
 
 _T = tables.trials.c
-_SUCCESSES = sa.select(_T.entry, _T.success).where(_T.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]))
 
 
 @attrs.frozen
@@ -55,15 +53,13 @@ def failing(database: Database, connection: sa.Connection, entries: Iterable[int
     return {entry for entry, trials in trials_of(database, connection, entries).items() if fails(trials)}
 
 
-def failing_among(database: Database, entries: Sequence[int]) -> set[int]:
-    """``failing`` as a transaction of its own, for every retrieval."""
-    if not entries or not database.has_table(tables.trials):
-        return set()
-    made: dict[int, list[bool]] = {}
-    for part in batched(entries, PLACES):
-        for entry, success in database.fetch(_SUCCESSES, places(part)):
-            made.setdefault(entry, []).append(bool(success))
-    return {entry for entry, successes in made.items() if 2 * sum(successes) < len(successes)}
+def all_failing(database: Database, connection: sa.Connection) -> frozenset[int]:
+    """``failing``, of all entries; it changes with the book's generation only."""
+    if not database.has(connection, tables.trials):
+        return frozenset()
+    successes = sa.func.sum(sa.cast(_T.success, sa.Integer))
+    query = sa.select(_T.entry).group_by(_T.entry).having(2 * successes < sa.func.count())
+    return frozenset(int(entry) for (entry,) in connection.execute(query))
 
 
 def keep_trial(connection: sa.Connection, entry: int, trial: Trial) -> None:

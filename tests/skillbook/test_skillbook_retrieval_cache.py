@@ -31,6 +31,7 @@ STEPS = (
     "teach",
     "many",
     "template",
+    "trial",
     "use",
     "cluster",
     "rollback",
@@ -55,6 +56,8 @@ def change(book: Skillbook, step: str, number: int) -> None:
     elif step == "template":
         approval = book.record_feedback("", who, kind="approval", subtask=key)
         book.add_template(approval, key, f"def f(x={number}):\n    pass")
+    elif step == "trial" and (templates := book.entries("template")):
+        book.note_trial(templates[number % len(templates)].id, f"seed {number % 2}", number % 3 == 0)
     elif step == "use" and (there := book.entries(key=key)):
         book.note_use([one.id for one in there], number % 2 == 0, key)
     elif step == "cluster":
