@@ -9,6 +9,9 @@ one an entry can only be missed if the store missed its text.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import attrs
 import numpy as np
 
@@ -21,134 +24,132 @@ _KEYS_FIRST = 64  # the most promising keys, of which
 _FIRST = 15  # times as many entries as are wanted are scored to learn which others cannot be among the best
 
 
-@attrs.frozen(eq=False)
-class Weighed:
-    """A subtask as it is compared with the entries of one index. Arrays have one value a slot, float64."""
-
-    index: EntryIndex
-    meant: np.ndarray  # unit vector of the subtask's words
-    wanted: Wanted
-    base: np.ndarray  # what the key adds to the score; -inf: its entries are left out
-    by_text: np.ndarray
-    by_terms: np.ndarray
-    key_similar: np.ndarray  # cosine of the key's words and the subtask's
-    most: np.ndarray  # what the overlap of an entry there is at most
-
-    def only(self, slots: np.ndarray) -> Weighed:
-        """With the entries of these slots alone, bool."""
-        return attrs.evolve(self, base=np.where(slots, self.base, -np.inf))
-
-
-@attrs.frozen(eq=False)
-class Scored:
-    """Entries by position, int64 (n,), with their cosines and overlaps."""
+class Scored(NamedTuple):
+    """Entries by position, int64 (n,), with the rows of their keys, their cosines and their overlaps."""
 
     positions: np.ndarray
+    rows: np.ndarray
     similar: np.ndarray
     overlap: np.ndarray
 
-    def only(self, chosen: np.ndarray) -> Scored:
-        return Scored(self.positions[chosen], self.similar[chosen], self.overlap[chosen])
+    @classmethod
+    def of(cls, index: EntryIndex, positions: np.ndarray, meant: np.ndarray, wanted: Wanted) -> Scored:
+        """Compare entries with a subtask's words, a unit vector of shape (d,), and its terms."""
+        similar = index.similar(positions, meant).astype(np.float64)
+        return cls(positions, index.rows(positions), similar, index.overlap(positions, wanted))
+
+    def only(self, chosen: np.ndarray | slice) -> Scored:
+        return Scored(*[column[chosen] for column in self])
 
     @classmethod
-    def joined(cls, several: list[Scored]) -> Scored:
+    def appended(cls, several: Sequence[Scored]) -> Scored:
+        """All of them, one after the other."""
+        return several[0] if len(several) == 1 else cls(*map(np.concatenate, zip(*several, strict=True)))
+
+    @classmethod
+    def joined(cls, several: Sequence[Scored]) -> Scored:
         """All of them, each once."""
         every = cls.appended(several)
         return every.only(np.unique(every.positions, return_index=True)[1])
 
-    @classmethod
-    def appended(cls, several: list[Scored]) -> Scored:
-        """All of them, one after the other."""
-        if len(several) == 1:
-            return several[0]
-        columns = zip(*((one.positions, one.similar, one.overlap) for one in several), strict=True)
-        return cls(*[np.concatenate(column) for column in columns])
+
+@attrs.frozen(eq=False)
+class Weighed:
+    """A subtask as it is compared with the entries of one index. Arrays have one value a key, by row, float64."""
+
+    index: EntryIndex
+    meant: np.ndarray  # unit vector of the subtask's words
+    wanted: Wanted
+    base: np.ndarray  # what the key adds to the score
+    by_text: np.ndarray
+    by_terms: np.ndarray
+    key_similar: np.ndarray  # cosine of the key's words and the subtask's
+    near: Scored  # the entries that the store found, by ascending position
+    nearest: float  # the largest cosine that any other may have
+    limit: np.ndarray  # what the score of any other entry under the key is at most
+
+    def scored(self, positions: np.ndarray) -> Scored:
+        return Scored.of(self.index, positions, self.meant, self.wanted)
+
+    def scores(self, rows: np.ndarray, similar: np.ndarray | float, overlap: np.ndarray) -> np.ndarray:
+        """Of entries, float64 (n,)."""
+        return self.base[rows] + self.by_text[rows] * similar + self.by_terms[rows] * overlap
 
 
-def scored(asked: Weighed, positions: np.ndarray, overlap: np.ndarray | None = None) -> Scored:
-    """Entries with what their scores are made of."""
-    index = asked.index
-    known = index.overlap(positions, asked.wanted) if overlap is None else overlap
-    return Scored(positions, index.similar(positions, asked.meant).astype(np.float64), known)
-
-
-def best_entries(asked: Weighed, count: int, near: np.ndarray, nearest: float, floor: float = -np.inf) -> Scored:
+def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -np.inf) -> Scored:
     """The ``count`` best entries and all that may tie with the last of them, in no order.
 
-    ``near``: positions of the entries that the store found, ascending; ``nearest``: the largest cosine that any other
-    may have.
+    ``among``: of each key whether its entries may be, bool.
     ``floor``: entries that share no term with the subtask are left out if the mean cosine of text and key is smaller.
     """
-    index = asked.index
-    slots = np.flatnonzero(np.isfinite(asked.base))
-    if not len(slots) or count < 1:
-        return scored(asked, np.zeros(0, np.int64))
-    limits = (asked.base + asked.by_text * nearest + asked.by_terms * asked.most)[slots]
-    order = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(slots) > _KEYS_FIRST else np.arange(len(slots))
+    rows, near = np.flatnonzero(among), asked.near.only(among[asked.near.rows])
+    if not len(rows) or count < 1:
+        return near.only(slice(0))
+    limits = asked.limit[rows]
+    order = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(rows) > _KEYS_FIRST else np.arange(len(rows))
     order = order[np.argsort(-limits[order], kind="stable")]
     few = _FIRST * count
-    order = order[: 1 + int(np.searchsorted(np.cumsum(index.sizes[slots[order]]), few))]
-    near = near[np.isfinite(asked.base[index.slot(near)])]
+    order = order[: 1 + int(np.searchsorted(np.cumsum(asked.index.sizes[rows[order]]), few))]
 
-    first = _Likely.under(asked, slots[order], nearest, floor, near)
-    begun = scored(asked, np.concatenate([near, first.positions[:few]]))
-    found, least = _best(asked, [begun], count, floor)
+    begun = _Likely.under(asked, rows[order], floor).by_limit()
+    found, least = _best(asked, [near, begun.only(slice(few)).scored(asked)], count, floor)
     reaching = limits >= least
     reaching[order] = False
-    others = _Likely.under(asked, slots[reaching], nearest, floor, near)
-    left = first.after(few).joined(others)
+    others = _Likely.under(asked, rows[reaching], floor)
+    left = begun.only(slice(few, None)).joined(others).reaching(least).by_limit()
     for start, stop in ((0, few), (few, None)):
         some = left.reaching(least).only(slice(start, stop))
         if len(some.positions):
-            found, least = _best(asked, [found, scored(asked, some.positions, some.overlap)], count, floor)
+            found, least = _best(asked, [found, some.scored(asked)], count, floor)
     return found
 
 
-@attrs.frozen(eq=False)
-class _Likely:
-    """Entries with their overlaps and what their scores are at most, the largest first."""
+class _Likely(NamedTuple):
+    """Entries that the store did not find, with the rows of their keys, their overlaps and what their scores are at
+    most."""
 
     positions: np.ndarray
+    rows: np.ndarray
     overlap: np.ndarray
     limit: np.ndarray
 
     @classmethod
-    def under(cls, asked: Weighed, slots: np.ndarray, nearest: float, floor: float, but: np.ndarray) -> _Likely:
-        """Those under some keys that may be served, without those at the positions ``but``, ascending."""
-        positions = asked.index.of_slots(slots)
-        positions = positions[~within(positions, but)]
-        overlap, of = asked.index.overlap(positions, asked.wanted), asked.index.slot(positions)
-        if np.isfinite(floor):
-            chosen = (overlap > 0) | ((nearest + asked.key_similar[of]) / 2 >= floor)
-            positions, overlap, of = positions[chosen], overlap[chosen], of[chosen]
-        limit = asked.base[of] + asked.by_text[of] * nearest + asked.by_terms[of] * overlap
-        return cls(positions, overlap, limit).only(np.argsort(-limit, kind="stable"))
+    def under(cls, asked: Weighed, rows: np.ndarray, floor: float) -> _Likely:
+        """Those under some keys that may be served."""
+        positions = asked.index.under(rows)
+        positions = positions[~within(positions, asked.near.positions)]
+        overlap, of = asked.index.overlap(positions, asked.wanted), asked.index.rows(positions)
+        found = cls(positions, of, overlap, asked.scores(of, asked.nearest, overlap))
+        if floor == -np.inf:
+            return found
+        return found.only((overlap > 0) | ((asked.nearest + asked.key_similar[of]) / 2 >= floor))
 
     def only(self, chosen: np.ndarray | slice) -> _Likely:
-        return _Likely(self.positions[chosen], self.overlap[chosen], self.limit[chosen])
+        return _Likely(*[column[chosen] for column in self])
 
-    def after(self, count: int) -> _Likely:
-        return self.only(slice(count, None))
+    def by_limit(self) -> _Likely:
+        """The largest limit first."""
+        return self.only(np.argsort(-self.limit, kind="stable"))
 
     def joined(self, other: _Likely) -> _Likely:
-        pairs = ((self.positions, other.positions), (self.overlap, other.overlap), (self.limit, other.limit))
-        both = _Likely(*[np.concatenate(pair) for pair in pairs])
-        return both.only(np.argsort(-both.limit, kind="stable"))
+        return _Likely(*map(np.concatenate, zip(self, other, strict=True)))
 
     def reaching(self, least: float) -> _Likely:
         """Those whose score can be ``least`` or more."""
-        return self.only(slice(0, int(np.searchsorted(-self.limit, -least, side="right"))))
+        return self.only(self.limit >= least)
+
+    def scored(self, asked: Weighed) -> Scored:
+        similar = asked.index.similar(self.positions, asked.meant).astype(np.float64)
+        return Scored(self.positions, self.rows, similar, self.overlap)
 
 
-def _best(asked: Weighed, several: list[Scored], count: int, floor: float) -> tuple[Scored, float]:
+def _best(asked: Weighed, several: Sequence[Scored], count: int, floor: float) -> tuple[Scored, float]:
     """The best of them, and what another one must score to be among them."""
     found = Scored.appended(several)
-    of = asked.index.slot(found.positions)
-    if np.isfinite(floor) and len(of):
-        chosen = (found.overlap > 0) | ((found.similar + asked.key_similar[of]) / 2 >= floor)
-        found, of = found.only(chosen), of[chosen]
-    if len(of) < count:
+    if floor > -np.inf:
+        found = found.only((found.overlap > 0) | ((found.similar + asked.key_similar[found.rows]) / 2 >= floor))
+    if len(found.positions) < count:
         return found, -np.inf
-    scores = asked.base[of] + asked.by_text[of] * found.similar + asked.by_terms[of] * found.overlap
+    scores = asked.scores(found.rows, found.similar, found.overlap)
     least = float(np.partition(scores, len(scores) - count)[len(scores) - count]) - TIE
     return found.only(scores >= least), least

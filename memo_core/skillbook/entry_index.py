@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from memo_core.skillbook.id_table import IdTable
 from memo_core.skillbook.shared_terms import Terms, Wanted
 from memo_core.skillbook.term_lists import TermLists, ranges, sorted_unique
 from memo_core.skillbook.text_index import Likeness
@@ -24,7 +25,8 @@ _BLOCK = 512  # vectors compared at once: as numbers they stay in the processor'
 
 
 class EntryIndex:
-    """Entries by position, 0, 1, 2 …; keys by slot, in the order in which they were met."""
+    """Entries by position, 0, 1, 2 …; keys by row, in the order in which ``follow`` was told them, -1 for one that it
+    was not told. (Inside, keys are also counted by slot, in the order in which they were met.)"""
 
     def __init__(self, likeness: Likeness, kind: str, terms: Terms) -> None:
         self._likeness = likeness
@@ -36,21 +38,27 @@ class EntryIndex:
     def nbytes(self) -> int:
         """Bytes of memory in use."""
         used = self._count * (self._vectors.shape[1] * self._vectors.itemsize + 4 + 8 + 4 + 1)
-        return used + self.terms.nbytes + self._term_slots.nbytes + self._sorted_ids.nbytes + self._by_id.nbytes
+        return used + self.terms.nbytes + self._term_slots.nbytes + self._term_rows.nbytes + self._by_id.nbytes
 
     def __len__(self) -> int:
         return self._valid
 
     # -- following the book --------------------------------------------------------------------------------------------
     def follow(self, keys: Sequence[int], changed: frozenset[int] | None, total: int) -> None:
-        """Bring up to date. ``keys``: all keys that have entries, ascending; ``changed``: those whose entries may have
-        changed, None: any; ``total``: how many entries there are."""
+        """Bring up to date. ``keys``: ids of all keys that have entries, ascending; ``changed``: those whose entries
+        may have changed, None: any; ``total``: how many entries there are."""
         asked = sorted({*keys, *self._slot_of} if changed is None else changed)
         if not self._count or total > len(self._ids) or not self._compare(asked):
             self._read_all(keys, total)
-        self.sizes = np.bincount(self._slots[: self._count][self._there[: self._count]], minlength=self.slots)
         self._starts, stops = np.array(self._spans, np.int64).reshape(-1, 2).T
         self._lengths = stops - self._starts
+        self._slot_at = np.fromiter((self._slot_of.get(key, -1) for key in keys), np.int64, len(keys))
+        there = np.flatnonzero(self._slot_at >= 0)
+        self._row_at = np.full(len(self._keys) + 1, -1, np.int64)
+        self._row_at[self._slot_at[there]] = there
+        self._term_rows = self._row_at[self._term_slots]
+        self.sizes = np.bincount(self._slots[: self._count][self._there[: self._count]], minlength=len(self._row_at))
+        self.sizes = self.sizes[self._slot_at]
 
     def clear(self) -> None:
         """Drop everything; the next ``follow`` reads it anew."""
@@ -69,14 +77,14 @@ class EntryIndex:
         self._spans: list[tuple[int, int]] = []  # by slot: the positions of what was read at first
         self._appended: dict[int, list[int]] = {}  # by slot
         self._starts = self._lengths = np.zeros(0, np.int64)  # the same as arrays
-        self._sorted_ids = np.zeros(0, np.int64)  # of what was read at first
-        self._by_id = np.zeros(0, np.int32)  # and their positions
-        self._appended_at: dict[int, int] = {}  # id -> position
+        self._slot_at = self._row_at = np.zeros(0, np.int64)  # by row, and by slot
+        self._by_id = IdTable()  # positions
         self.terms = TermLists(self._terms)
         self._term_slots = np.zeros(0, np.int32)  # of each term the slots where it occurs, of what was read at first
+        self._term_rows = np.zeros(0, np.int64)  # the same as rows
         self._term_starts = np.zeros(1, np.int64)  # where those of each term begin, and the end
         self._pairs: dict[int, set[int]] = {}  # term -> slots, of what was appended
-        self.sizes = np.zeros(0, np.int64)  # by slot, how many valid entries are there
+        self.sizes = np.zeros(0, np.int64)  # by row, how many valid entries are there
 
     def _read_all(self, keys: Sequence[int], total: int) -> None:
         self._clear(0)
@@ -101,8 +109,6 @@ class EntryIndex:
             texts = [known.get(entry, "") for entry in ids.tolist()]  # "": retired just now, the generation tells
             text_of, terms = self._append(ids, slots, vectors, texts)
             pairs.append(sorted_unique((terms << 32) | slots[text_of]))
-        self._by_id = np.argsort(self._ids[: self._count], kind="stable").astype(np.int32)
-        self._sorted_ids = self._ids[self._by_id]
         both = sorted_unique(np.concatenate(pairs)) if pairs else np.zeros(0, np.int64)
         self._term_slots = (both & 0xFFFFFFFF).astype(np.int32)
         self._term_starts = np.concatenate([[0], np.cumsum(np.bincount(both >> 32))])
@@ -111,7 +117,7 @@ class EntryIndex:
         """Take over what came and went under these keys. Returns whether there was room for it."""
         for key, ids in self._likeness.members(self._kind, keys):
             slot = self._slot_of.get(key)
-            mine = np.zeros(0, np.int64) if slot is None else self.of_slots(np.array([slot]))
+            mine = np.zeros(0, np.int64) if slot is None else self._of_slots(np.array([slot]))
             gone = mine[~np.isin(self._ids[mine], ids)]
             self._there[gone] = False
             self._valid -= len(gone)
@@ -125,7 +131,6 @@ class EntryIndex:
             start = self._count
             _, terms = self._append(new, np.full(len(new), slot), vectors, texts)
             self._appended.setdefault(slot, []).extend(range(start, self._count))
-            self._appended_at.update(zip(new.tolist(), range(start, self._count), strict=True))
             for term in np.unique(terms).tolist():
                 self._pairs.setdefault(term, set()).add(slot)
         return True
@@ -148,6 +153,7 @@ class EntryIndex:
         else:
             self._vectors[start:stop] = vectors
         self._ids[start:stop], self._slots[start:stop] = ids, slots
+        self._by_id.put(ids, np.arange(start, stop))
         text_of, terms = self.terms.add(texts)
         self._there[start:stop] = True
         self._count = stop
@@ -155,33 +161,25 @@ class EntryIndex:
         return text_of, terms
 
     # -- reading -------------------------------------------------------------------------------------------------------
-    def slots_of(self, keys: Sequence[int]) -> np.ndarray:
-        """Slots of keys by their ids, -1 for one that has no entries here; int64."""
-        return np.fromiter((self._slot_of.get(key, -1) for key in keys), np.int64, len(keys))
-
-    @property
-    def slots(self) -> int:
-        return len(self._keys)
-
     def ids(self, positions: np.ndarray) -> np.ndarray:
         return self._ids[positions]
 
-    def slot(self, positions: np.ndarray) -> np.ndarray:
-        return self._slots[positions]
+    def rows(self, positions: np.ndarray) -> np.ndarray:
+        """Of entries, the rows of their keys."""
+        return self._row_at[self._slots[positions]]
 
     def positions(self, ids: np.ndarray) -> np.ndarray:
         """Of those of the ids that are valid entries of this kind, ascending, each once, int64."""
-        place = np.searchsorted(self._sorted_ids, ids)
-        place[place == len(self._sorted_ids)] = 0
-        found = self._by_id[place[self._sorted_ids[place] == ids]] if len(self._sorted_ids) else self._by_id
-        if self._appended_at:
-            later = [self._appended_at[one] for one in ids.tolist() if one in self._appended_at]
-            found = np.concatenate([found, np.array(later, np.int32)])
-        found = sorted_unique(found.astype(np.int64))
+        found = self._by_id.get(ids)
+        found = sorted_unique(found[found >= 0])
         return found[self._there[found]]
 
-    def of_slots(self, slots: np.ndarray) -> np.ndarray:
+    def under(self, rows: np.ndarray) -> np.ndarray:
         """Positions of the valid entries under these keys, int64."""
+        slots = self._slot_at[rows]
+        return self._of_slots(slots[slots >= 0])
+
+    def _of_slots(self, slots: np.ndarray) -> np.ndarray:
         found = ranges(self._starts[slots], self._lengths[slots])
         if self._appended:
             later = [np.array(self._appended[slot], np.int64) for slot in slots.tolist() if slot in self._appended]
@@ -193,15 +191,17 @@ class EntryIndex:
         return self.terms.overlap(positions, wanted)
 
     def most_overlap(self, wanted: Wanted) -> np.ndarray:
-        """By slot, what the overlap of an entry there is at most, float64."""
-        found = np.zeros(self.slots)
+        """By row, what the overlap of an entry there is at most, float64."""
+        found = np.zeros(len(self._slot_at) + 1)  # the last one is of keys without a row
         for term, weight in self.terms.numbers_of(wanted).items():
-            first, end = self._term_starts[[min(number, len(self._term_starts) - 1) for number in (term, term + 1)]]
-            slots = self._term_slots[first:end]
+            if term + 1 < len(self._term_starts):
+                rows = self._term_rows[self._term_starts[term] : self._term_starts[term + 1]]
+            else:
+                rows = self._term_rows[:0]  # no text had it when all were read
             if term in self._pairs:
-                slots = np.union1d(slots, np.fromiter(self._pairs[term], np.int64))
-            found[slots] += weight
-        return np.minimum(found / wanted[1], 1.0)
+                rows = np.union1d(rows, self._row_at[list(self._pairs[term])])
+            found[rows] += weight
+        return np.minimum(found[:-1] / wanted[1], 1.0)
 
     def similar(self, positions: np.ndarray, meant: np.ndarray) -> np.ndarray:
         """Cosines of texts with a unit vector of shape (d,), float32 (n,)."""

@@ -48,7 +48,7 @@ class FinderByKey:
     def _by_key(self, kind: str, question: Question, state: Contents, count: int) -> Candidates:
         """The ``count`` best, and all that tie with the last."""
         scores, sizes = question.scores.scores, state.sizes[kind]
-        rows = np.flatnonzero(~question.opposite & (sizes > 0) & (scores >= self._settings.cut - TIE))
+        rows = np.flatnonzero(question.passing & (sizes > 0))
         rows = _until(rows, scores[rows], sizes, count)
         if not len(rows):
             return Candidates.none()
@@ -60,7 +60,7 @@ class FinderByKey:
 
     def _with_newest(self, found: Candidates, question: Question, state: Contents) -> Candidates:
         """With what each person said last under the subtask's own key, to be served whatever its score."""
-        keys = question.own_keys(state)
+        keys = [state.ids[row] for row in question.own_rows(state).tolist()]
         newest = newest_of_people(self._database, keys, self._settings.corrections) if keys else []
         missing = [entry for entry in newest if entry not in set(found.ids.tolist())]
         rows = [row for part in batched(missing, PLACES) for row in self._database.fetch(_FOUND, places(part))]
@@ -68,7 +68,7 @@ class FinderByKey:
         if rows:
             ids, of_key = np.array([(row[0], state.row_of[row[1]]) for row in rows], np.int64).T
             similar = np.vecdot(self._vectors.get([row[2] for row in rows]), question.meant)
-            found = Candidates.joined([found, _scored(question, ids, of_key, similar)])
+            found = Candidates.appended([found, _scored(question, ids, of_key, similar)])
         return attrs.evolve(found, must=np.isin(found.ids, newest)) if newest else found
 
 

@@ -13,7 +13,7 @@ class IdTable:
     """Whole numbers from 0 on, by id."""
 
     def __init__(self) -> None:
-        self._held = np.zeros(_ROOM, np.int32)  # by id, one more than the number; 0: none
+        self._held = np.zeros(min(_ROOM, _FAR), np.int32)  # by id, one more than the number; 0: none
         self._far: dict[int, int] = {}
 
     @property
@@ -26,7 +26,7 @@ class IdTable:
         self._far.update(zip(ids[~near].tolist(), numbers[~near].tolist(), strict=True))
         room = int(ids[near].max(initial=-1)) + 1
         if room > len(self._held):
-            held = np.zeros(room + room // 4, np.int32)
+            held = np.zeros(min(room + room // 4, _FAR), np.int32)
             held[: len(self._held)] = self._held
             self._held = held
         self._held[ids[near]] = numbers[near] + 1

@@ -9,7 +9,6 @@ from memo_core.skillbook.key_index import KeyScores
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval_cache import Contents
 from memo_core.skillbook.retrieval_score import TIE
-from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import Wanted
 from memo_core.skillbook.text_vectors import PLACES
@@ -29,15 +28,10 @@ class Question:
     meant: np.ndarray  # unit vector of its words
     scores: KeyScores
     opposite: np.ndarray  # bool, of each key whether it undoes the action
+    passing: np.ndarray  # bool, of each key whether it passes the cut and does not undo the action
     terms: Wanted
 
-    def floor(self, kind: str, state: Contents, settings: RetrievalSettings) -> float:
-        """The least r of a key whose entries may be served."""
-        passing = ~self.opposite & (self.scores.scores >= settings.cut - TIE)
-        enough = state.sizes[kind][passing].sum() >= settings.room(kind)
-        return settings.cut if enough else -np.inf
-
-    def own_keys(self, state: Contents) -> list[int]:
-        """Ids of the keys that mean just this subtask and have corrections, at most ``PLACES``."""
+    def own_rows(self, state: Contents) -> np.ndarray:
+        """Rows of the keys that mean just this subtask and have corrections, at most ``PLACES``."""
         own = (self.scores.scores >= 1 - TIE) & (state.sizes["correction"] > 0) & ~self.opposite
-        return [state.ids[row] for row in np.flatnonzero(own)[:PLACES].tolist()]
+        return np.flatnonzero(own)[:PLACES]

@@ -130,8 +130,7 @@ class Retriever:
         """By kind, the entries that may be served."""
         if self._finder is None:
             return {kind: self._by_key.candidates(kind, question, state) for kind in KINDS}
-        near = self._finder.near(question, state)
-        return {kind: self._finder.candidates(kind, question, state, near) for kind in KINDS}
+        return self._finder.candidates(question, state)
 
     def _load(self) -> Contents:
         contents, changed = read_contents(self._database, self._actions, self._last)
@@ -146,12 +145,15 @@ class Retriever:
     def _question(self, subtask: Key, context: SubtaskContext, state: Contents) -> Question:
         query = state.aliases.get(str(subtask), subtask)
         actions, objects = self._key_vectors.get([query])
+        scores = self._index.score(actions[0], objects[0], self._settings.weights)
+        opposite = state.opposite_rows(query.action, self._actions)
         return Question(
             query,
             context,
             self._vectors.get([as_text(query)])[0],
-            self._index.score(actions[0], objects[0], self._settings.weights),
-            state.opposite_rows(query.action, self._actions),
+            scores,
+            opposite,
+            ~opposite & (scores.scores >= self._settings.cut - TIE),
             self._terms.of_subtask(query, context),
         )
 

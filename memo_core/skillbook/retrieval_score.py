@@ -46,14 +46,11 @@ class Candidates:
         return cls(none.astype(np.int64), none, none, none, none, none, none, none.astype(bool), none)
 
     @classmethod
-    def joined(cls, several: Sequence[Candidates]) -> Candidates:
-        """All of them; of one that occurs more than once the first counts."""
+    def appended(cls, several: Sequence[Candidates]) -> Candidates:
+        """All of them, one after the other."""
         if len(several) == 1:
             return several[0]
-        columns = [np.concatenate(column) for column in zip(*(one._columns for one in several), strict=True)]
-        _, first = np.unique(columns[0], return_index=True)
-        first.sort()
-        return cls(*(column[first] for column in columns))
+        return cls(*[np.concatenate(column) for column in zip(*(one._columns for one in several), strict=True)])
 
     def only(self, chosen: np.ndarray) -> Candidates:
         return Candidates(*[column[chosen] for column in self._columns])

@@ -4,8 +4,9 @@ of the entries that it serves and of those under its own key, and in the book th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -20,6 +21,8 @@ from memo_core.skillbook.term_lists import Growing, Numbered, ranges
 _F, _S = tables.feedback.c, tables.sources.c
 _LINKS = sa.select(_S.entry, _S.feedback).where(_S.entry > sa.bindparam("after")).order_by(_S.entry, _S.feedback)
 _SAID = sa.select(_F.id, _F.who, _F.time, _F.subtask).where(_F.id > sa.bindparam("after")).order_by(_F.id)
+
+_BATCH = 10_000  # rows that are in memory at a time
 
 
 class Speakers:
@@ -49,28 +52,25 @@ class Speakers:
         """Read what came since the last time; ``anew``: everything, since some of it may be gone."""
         if anew:
             self._clear()
-        links = self._database.fetch(_LINKS, {"after": self._last_entry})
-        self._hear(self._database.fetch(_SAID, {"after": self._last_feedback}))
-        if not links:
+        with self._database.read() as connection:
+            for part in _parts(connection, _SAID, self._last_feedback):
+                self._hear(part)
+            parts = [np.array([tuple(row) for row in part]) for part in _parts(connection, _LINKS, self._last_entry)]
+        if not parts:
             return
-        entries, feedback = (np.fromiter(column, np.int64, len(links)) for column in zip(*links, strict=True))
-        made_of = self._feedback.get(feedback)
-        there = made_of >= 0  # all, unless somebody forgot some between the two readings
-        ids, counts = np.unique(entries[there], return_counts=True)
+        entries, feedback = np.concatenate(parts).T
+        ids, counts = np.unique(entries, return_counts=True)
         self._entries.put(ids, len(self._first.values) - 1 + np.arange(len(ids)))
         self._first.add(len(self._made_of.values) + np.cumsum(counts))
-        self._made_of.add(made_of[there])
-        self._last_entry = int(entries[-1])
+        self._made_of.add(self._feedback.get(feedback))
+        self._last_entry = int(ids[-1])
 
-    def _hear(self, said: Sequence[Sequence[int | float | str]]) -> None:
-        if not said:
-            return
+    def _hear(self, said: Sequence[sa.Row[Any]]) -> None:
         ids, who, when, subtasks = zip(*said, strict=True)
-        known, count = len(self._who.values), len(said)
-        self._feedback.put(np.array(ids, np.int64), known + np.arange(count))
-        self._who.add(np.fromiter(map(self._people.__getitem__, who), np.int32, count))
-        self._when.add(np.array(when, np.float64))
-        self._about.add(np.fromiter(map(self._subtasks.__getitem__, subtasks), np.int32, count))
+        self._feedback.put(np.array(ids), len(self._who.values) + np.arange(len(ids)))
+        self._who.add(np.array([self._people[name] for name in who]))
+        self._when.add(np.array(when))
+        self._about.add(np.array([self._subtasks[subtask] for subtask in subtasks]))
         self._last_feedback = int(ids[-1])
         self._names, self._said_of = list(self._people), list(self._subtasks)
 
@@ -99,3 +99,9 @@ class Speakers:
         there = numbers >= 0
         numbers, firsts = numbers[there], self._first.values
         return entries[there], firsts[numbers], firsts[numbers + 1] - firsts[numbers]
+
+
+def _parts(connection: sa.Connection, query: sa.Select[Any], after: int) -> Iterator[Sequence[sa.Row[Any]]]:
+    """Rows as values, without all of a large book's in memory."""
+    found = connection.execute(query, {"after": after}, execution_options={"yield_per": _BATCH})
+    yield from found.partitions()

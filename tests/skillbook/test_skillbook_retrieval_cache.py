@@ -20,6 +20,7 @@ from memo_core.skillbook.history import CannotRollBack
 from memo_core.skillbook.key_embedding import KeyVectors, Wording
 from memo_core.skillbook.key_index import KeyIndex
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.provenance import Provenance, provenance_of
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.skillbook.retrieval_cache import Contents, read_contents
 from memo_core.skillbook.text_vectors import TextVectors
@@ -134,6 +135,21 @@ def test_a_book_that_another_process_changes_serves_what_a_fresh_one_would(tmp_p
             with Skillbook(path, FakeEmbedder(), settings=settings) as fresh:
                 for key in (*KEYS, "WIPE(thing 1)"):
                     assert book.retrieve(key) == fresh.retrieve(key)
+
+
+def test_who_said_what_is_served_is_told_from_memory_as_it_is_in_the_book(tmp_path: Path) -> None:
+    """Also of clusters, which were said by several people, of edited entries, and after forgetting."""
+    path = str(tmp_path / "b.db")
+    with Skillbook(path, FakeEmbedder()) as book, Skillbook(path, FakeEmbedder()) as other:
+        several = 0
+        for number, step in enumerate(STEPS[:-2] * 3):
+            change(other, step, number)
+            for key in (*KEYS, "WIPE(thing 1)"):
+                served = book.retrieve(key).served
+                known = provenance_of(other._database, [one.entry.id for one in served])
+                assert [one.provenance for one in served] == [known.get(one.entry.id, Provenance()) for one in served]
+                several += sum(len(one.provenance.who) > 1 for one in served)
+    assert several
 
 
 # -- scoring every key from its parts ----------------------------------------------------------------------------------
