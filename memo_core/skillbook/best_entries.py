@@ -20,8 +20,9 @@ from memo_core.skillbook.retrieval_score import TIE
 from memo_core.skillbook.shared_terms import Wanted
 from memo_core.skillbook.term_lists import within
 
-_KEYS_FIRST = 64  # the most promising keys, of which
-_FIRST = 15  # times as many entries as are wanted are scored to learn which others cannot be among the best
+_FIRST = 15  # times as many entries as are wanted are scored to learn which others cannot be among the best,
+_KEYS_FIRST = 128  # of the most promising keys, of which
+_AMONG = 4  # times as many as have so many entries are compared by their words
 
 
 class Scored(NamedTuple):
@@ -54,26 +55,53 @@ class Scored(NamedTuple):
 
 
 @attrs.frozen(eq=False)
-class Weighed:
-    """A subtask as it is compared with the entries of one index. Arrays have one value a key, by row, float64."""
+class KeyWeights:
+    """A subtask as it is compared with keys. Arrays have one value a key, by row, float64. Until a key's words are
+    compared with the subtask's they count as the same, so that what the key adds is the most that it can add."""
 
-    index: EntryIndex
     meant: np.ndarray  # unit vector of the subtask's words
-    wanted: Wanted
+    words: np.ndarray  # unit vectors of the keys' words, float32 (keys, d)
     base: np.ndarray  # what the key adds to the score
     by_text: np.ndarray
     by_terms: np.ndarray
-    key_similar: np.ndarray  # cosine of the key's words and the subtask's
-    near: Scored  # the entries that the store found, by ascending position
-    nearest: float  # the largest cosine that any other may have
-    limit: np.ndarray  # what the score of any other entry under the key is at most
+    similar: np.ndarray  # cosine of the key's words and the subtask's
+    compared: np.ndarray  # bool
 
-    def scored(self, positions: np.ndarray) -> Scored:
-        return Scored.of(self.index, positions, self.meant, self.wanted)
+    @classmethod
+    def of(
+        cls, meant: np.ndarray, words: np.ndarray, base: np.ndarray, by_text: np.ndarray, by_terms: np.ndarray
+    ) -> KeyWeights:
+        """``base``: without what the key's words add."""
+        unknown = np.ones(len(base))
+        return cls(meant, words, base + by_text, by_text, by_terms, unknown, np.zeros(len(base), bool))
+
+    def compare(self, rows: np.ndarray) -> None:
+        """Compare the words of these keys."""
+        rows = rows[~self.compared[rows]]
+        similar = np.vecdot(self.words[rows], self.meant).astype(np.float64)
+        self.base[rows] += self.by_text[rows] * (similar - self.similar[rows])
+        self.similar[rows] = similar
+        self.compared[rows] = True
 
     def scores(self, rows: np.ndarray, similar: np.ndarray | float, overlap: np.ndarray) -> np.ndarray:
-        """Of entries, float64 (n,)."""
+        """Of entries with these keys, cosines and overlaps, float64 (n,)."""
         return self.base[rows] + self.by_text[rows] * similar + self.by_terms[rows] * overlap
+
+
+@attrs.frozen(eq=False)
+class Weighed:
+    """A subtask as it is compared with the entries of one index."""
+
+    index: EntryIndex
+    keys: KeyWeights
+    wanted: Wanted
+    near: Scored  # the entries that the store found, by ascending position
+    nearest: float  # the largest cosine that any other may have
+
+    def scored(self, positions: np.ndarray) -> Scored:
+        found = Scored.of(self.index, positions, self.keys.meant, self.wanted)
+        self.keys.compare(found.rows)
+        return found
 
 
 def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -np.inf) -> Scored:
@@ -85,23 +113,39 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
     rows, near = np.flatnonzero(among), asked.near.only(among[asked.near.rows])
     if not len(rows) or count < 1:
         return near.only(slice(0))
-    limits = asked.limit[rows]
-    order = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(rows) > _KEYS_FIRST else np.arange(len(rows))
-    order = order[np.argsort(-limits[order], kind="stable")]
+    most = asked.index.most_overlap(asked.wanted)
     few = _FIRST * count
-    order = order[: 1 + int(np.searchsorted(np.cumsum(asked.index.sizes[rows[order]]), few))]
-
-    begun = _Likely.under(asked, rows[order], floor).by_limit()
+    first = _likeliest(asked, rows, most, few)
+    begun = _Likely.under(asked, first, floor).by_limit()
+    asked.keys.compare(near.rows)
     found, least = _best(asked, [near, begun.only(slice(few)).scored(asked)], count, floor)
-    reaching = limits >= least
-    reaching[order] = False
-    others = _Likely.under(asked, rows[reaching], floor)
-    left = begun.only(slice(few, None)).joined(others).reaching(least).by_limit()
+    others = rows[asked.keys.scores(rows, asked.nearest, most[rows]) >= least]
+    asked.keys.compare(others)
+    others = others[(asked.keys.scores(others, asked.nearest, most[others]) >= least) & ~within(others, np.sort(first))]
+    left = begun.only(slice(few, None)).joined(_Likely.under(asked, others, floor)).reaching(least).by_limit()
     for start, stop in ((0, few), (few, None)):
         some = left.reaching(least).only(slice(start, stop))
         if len(some.positions):
             found, least = _best(asked, [found, some.scored(asked)], count, floor)
     return found
+
+
+def _likeliest(asked: Weighed, rows: np.ndarray, most: np.ndarray, few: int) -> np.ndarray:
+    """The most promising keys, best first, until ``few`` entries are under them."""
+    limits = asked.keys.scores(rows, asked.nearest, most[rows])
+    if len(rows) > _KEYS_FIRST:
+        some = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST]
+        rows, limits = rows[some], limits[some]
+    rows = rows[np.argsort(-limits, kind="stable")]
+    rows = rows[: _AMONG * _enough(asked, rows, few)]
+    asked.keys.compare(rows)
+    rows = rows[np.argsort(-asked.keys.scores(rows, asked.nearest, most[rows]), kind="stable")]
+    return rows[: _enough(asked, rows, few)]
+
+
+def _enough(asked: Weighed, rows: np.ndarray, few: int) -> int:
+    """How many of these keys have ``few`` entries under them."""
+    return 1 + int(np.searchsorted(np.cumsum(asked.index.sizes[rows]), few))
 
 
 class _Likely(NamedTuple):
@@ -119,10 +163,10 @@ class _Likely(NamedTuple):
         positions = asked.index.under(rows)
         positions = positions[~within(positions, asked.near.positions)]
         overlap, of = asked.index.overlap(positions, asked.wanted), asked.index.rows(positions)
-        found = cls(positions, of, overlap, asked.scores(of, asked.nearest, overlap))
+        found = cls(positions, of, overlap, asked.keys.scores(of, asked.nearest, overlap))
         if floor == -np.inf:
             return found
-        return found.only((overlap > 0) | ((asked.nearest + asked.key_similar[of]) / 2 >= floor))
+        return found.only((overlap > 0) | ((asked.nearest + asked.keys.similar[of]) / 2 >= floor))
 
     def only(self, chosen: np.ndarray | slice) -> _Likely:
         return _Likely(*[column[chosen] for column in self])
@@ -139,7 +183,7 @@ class _Likely(NamedTuple):
         return self.only(self.limit >= least)
 
     def scored(self, asked: Weighed) -> Scored:
-        similar = asked.index.similar(self.positions, asked.meant).astype(np.float64)
+        similar = asked.index.similar(self.positions, asked.keys.meant).astype(np.float64)
         return Scored(self.positions, self.rows, similar, self.overlap)
 
 
@@ -147,9 +191,9 @@ def _best(asked: Weighed, several: Sequence[Scored], count: int, floor: float) -
     """The best of them, and what another one must score to be among them."""
     found = Scored.appended(several)
     if floor > -np.inf:
-        found = found.only((found.overlap > 0) | ((found.similar + asked.key_similar[found.rows]) / 2 >= floor))
+        found = found.only((found.overlap > 0) | ((found.similar + asked.keys.similar[found.rows]) / 2 >= floor))
     if len(found.positions) < count:
         return found, -np.inf
-    scores = asked.scores(found.rows, found.similar, found.overlap)
+    scores = asked.keys.scores(found.rows, found.similar, found.overlap)
     least = float(np.partition(scores, len(scores) - count)[len(scores) - count]) - TIE
     return found.only(scores >= least), least

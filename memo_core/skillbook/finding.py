@@ -12,7 +12,7 @@ import attrs
 import numpy as np
 
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook.best_entries import Scored, Weighed, best_entries
+from memo_core.skillbook.best_entries import KeyWeights, Scored, Weighed, best_entries
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entry_index import EntryIndex
 from memo_core.skillbook.question import Question, as_text
@@ -85,15 +85,12 @@ class Finder:
         settings, scores = self._settings, question.scores
         near = self._near(question, state, wanted)
         nearest = self._nearest([found.similar for found in near.values()])
-        key_similar = np.vecdot(self._key_words, question.meant).astype(np.float64)
         counts = 1 - scores.exchanged
         by_text, by_terms = counts * settings.text_weight / 2, counts * settings.overlap_weight
-        base = (1 - settings.text_weight - settings.overlap_weight) * scores.scores + by_text * key_similar
-        likely = base + by_text * nearest
-        weights = (question.meant, question.terms, base, by_text, by_terms, key_similar)
+        base = (1 - settings.text_weight - settings.overlap_weight) * scores.scores
+        keys = KeyWeights.of(question.meant, self._key_words, base, by_text, by_terms)
         return {
-            kind: Weighed(index, *weights, near[kind], nearest, likely + by_terms * index.most_overlap(question.terms))
-            for kind, index in self._indexes.items()
+            kind: Weighed(index, keys, question.terms, near[kind], nearest) for kind, index in self._indexes.items()
         }
 
     def _near(self, question: Question, state: Contents, wanted: list[str]) -> dict[str, Scored]:
@@ -171,7 +168,7 @@ class Finder:
             scores.action_cosines[rows],
             scores.objects_cosines[rows],
             found.similar,
-            asked.key_similar[rows],
+            asked.keys.similar[rows],
             found.overlap,
             must,
             scores.exchanged[rows],
