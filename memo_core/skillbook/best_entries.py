@@ -83,7 +83,7 @@ class KeyWeights:
         self.similar[rows] = similar
         self.compared[rows] = True
 
-    def scores(self, rows: np.ndarray, similar: np.ndarray | float, overlap: np.ndarray) -> np.ndarray:
+    def scores(self, rows: np.ndarray | slice, similar: np.ndarray | float, overlap: np.ndarray) -> np.ndarray:
         """Of entries with these keys, cosines and overlaps, float64 (n,)."""
         return self.base[rows] + self.by_text[rows] * similar + self.by_terms[rows] * overlap
 
@@ -110,18 +110,20 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
     ``among``: of each key whether its entries may be, bool.
     ``floor``: entries that share no term with the subtask are left out if the mean cosine of text and key is smaller.
     """
-    rows, near = np.flatnonzero(among), asked.near.only(among[asked.near.rows])
-    if not len(rows) or count < 1:
+    near = asked.near.only(among[asked.near.rows])
+    if count < 1 or not among.any():
         return near.only(slice(0))
     most = asked.index.most_overlap(asked.wanted)
+    limits = np.where(among, asked.keys.scores(slice(None), asked.nearest, most), -np.inf)
     few = _FIRST * count
-    first = _likeliest(asked, rows, most, few)
+    first = _likeliest(asked, limits, most, few)
     begun = _Likely.under(asked, first, floor).by_limit()
     asked.keys.compare(near.rows)
     found, least = _best(asked, [near, begun.only(slice(few)).scored(asked)], count, floor)
-    others = rows[asked.keys.scores(rows, asked.nearest, most[rows]) >= least]
+    limits[first] = -np.inf
+    others = np.flatnonzero((limits >= least) & (limits > -np.inf))
     asked.keys.compare(others)
-    others = others[(asked.keys.scores(others, asked.nearest, most[others]) >= least) & ~within(others, np.sort(first))]
+    others = others[asked.keys.scores(others, asked.nearest, most[others]) >= least]
     left = begun.only(slice(few, None)).joined(_Likely.under(asked, others, floor)).reaching(least).by_limit()
     for start, stop in ((0, few), (few, None)):
         some = left.reaching(least).only(slice(start, stop))
@@ -130,13 +132,12 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
     return found
 
 
-def _likeliest(asked: Weighed, rows: np.ndarray, most: np.ndarray, few: int) -> np.ndarray:
-    """The most promising keys, best first, until ``few`` entries are under them."""
-    limits = asked.keys.scores(rows, asked.nearest, most[rows])
-    if len(rows) > _KEYS_FIRST:
-        some = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST]
-        rows, limits = rows[some], limits[some]
-    rows = rows[np.argsort(-limits, kind="stable")]
+def _likeliest(asked: Weighed, limits: np.ndarray, most: np.ndarray, few: int) -> np.ndarray:
+    """The rows of the most promising keys, best first, until ``few`` entries are under them. ``limits``: by row, what
+    an entry there can score as far as is known, -inf: there is none."""
+    rows = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(limits) > _KEYS_FIRST else np.arange(len(limits))
+    rows = rows[np.argsort(-limits[rows], kind="stable")]
+    rows = rows[limits[rows] > -np.inf]
     rows = rows[: _AMONG * _enough(asked, rows, few)]
     asked.keys.compare(rows)
     rows = rows[np.argsort(-asked.keys.scores(rows, asked.nearest, most[rows]), kind="stable")]
