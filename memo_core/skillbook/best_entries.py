@@ -18,7 +18,7 @@ import numpy as np
 from memo_core.skillbook.entry_index import EntryIndex
 from memo_core.skillbook.retrieval_score import TIE
 from memo_core.skillbook.shared_terms import Wanted
-from memo_core.skillbook.term_lists import within
+from memo_core.skillbook.term_lists import nth_largest, within
 
 _FIRST = 15  # times as many entries as are wanted are scored to learn which others cannot be among the best,
 _KEYS_FIRST = 128  # of the most promising keys, of which
@@ -135,9 +135,9 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
 def _likeliest(asked: Weighed, limits: np.ndarray, most: np.ndarray, few: int) -> np.ndarray:
     """The rows of the most promising keys, best first, until ``few`` entries are under them. ``limits``: by row, what
     an entry there can score as far as is known, -inf: there is none."""
-    rows = np.argpartition(-limits, _KEYS_FIRST)[:_KEYS_FIRST] if len(limits) > _KEYS_FIRST else np.arange(len(limits))
+    least = nth_largest(limits, _KEYS_FIRST) if len(limits) > _KEYS_FIRST else -np.inf
+    rows = np.flatnonzero((limits >= least) & (limits > -np.inf))
     rows = rows[np.argsort(-limits[rows], kind="stable")]
-    rows = rows[limits[rows] > -np.inf]
     rows = rows[: _AMONG * _enough(asked, rows, few)]
     asked.keys.compare(rows)
     rows = rows[np.argsort(-asked.keys.scores(rows, asked.nearest, most[rows]), kind="stable")]
@@ -196,5 +196,5 @@ def _best(asked: Weighed, several: Sequence[Scored], count: int, floor: float) -
     if len(found.positions) < count:
         return found, -np.inf
     scores = asked.keys.scores(found.rows, found.similar, found.overlap)
-    least = float(np.partition(scores, len(scores) - count)[len(scores) - count]) - TIE
+    least = nth_largest(scores, count) - TIE
     return found.only(scores >= least), least

@@ -128,9 +128,9 @@ class Finder:
         if len(scores) > _MORE * limit:
             chosen = best(scores, joined.similar, _MORE * limit, joined.must)
             joined, scores = joined.only(chosen), scores[chosen]
-        chosen = np.flatnonzero(joined.served(settings, settings.room(kind), scores))
-        count = limit * self._more(kind, question, state)
-        return joined.only(chosen[best(scores[chosen], joined.similar[chosen], count, joined.must[chosen])])
+        if not (chosen := joined.served(settings, settings.room(kind), scores)).all():
+            joined, scores = joined.only(chosen), scores[chosen]
+        return joined.only(best(scores, joined.similar, limit * self._more(kind, question, state), joined.must))
 
     def _more(self, kind: str, question: Question, state: Contents) -> int:
         """Times as many entries are looked at as are served: more where not their scores alone decide which."""

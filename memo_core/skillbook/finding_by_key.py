@@ -15,6 +15,7 @@ from memo_core.skillbook.question import Question
 from memo_core.skillbook.retrieval_cache import Contents
 from memo_core.skillbook.retrieval_score import TIE, Candidates, best
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
+from memo_core.skillbook.term_lists import nth_largest
 from memo_core.skillbook.text_index import Likeness, Nearest
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
@@ -83,7 +84,7 @@ def _until(rows: np.ndarray, scores: np.ndarray, sizes: np.ndarray, count: int) 
     """Keys' rows by their scores, best first, until ``count`` entries are under them, and those that tie with the
     last."""
     if len(rows) > count:  # every key has an entry
-        near = scores >= np.partition(scores, len(rows) - count)[len(rows) - count] - TIE
+        near = scores >= nth_largest(scores, count) - TIE
         rows, scores = rows[near], scores[near]
     order = np.lexsort((rows, -scores))
     rows, scores = rows[order], scores[order]

@@ -47,11 +47,6 @@ class KeyParts:
         crossed = np.where(as_place * as_moved != 0, (as_place + as_moved) * self.share, 0.0)
         return by_action, (by_moved + by_place) * self.share, by_moved / length, crossed
 
-    def vectors(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Unit vectors of the actions, shape (len(rows), d), and of the objects, shape (len(rows), 2 d), float32."""
-        halves = (self.moved[self.moved_of[rows]], self.places[self.place_of[rows]])
-        return self.actions[self.action_of[rows]], np.concatenate(halves, axis=1) * self.share[rows, None]
-
 
 def distinct(parts: Sequence[_Part], make: Callable[[list[_Part]], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Vectors of the distinct parts, in order of appearance, and the index of each part among them, int64."""

@@ -13,6 +13,7 @@ from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.key_factors import KeyParts
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.retrieval_score import TIE, key_score
+from memo_core.skillbook.term_lists import nth_largest
 
 
 @attrs.frozen(eq=False)
@@ -30,8 +31,7 @@ class KeyScores:
         if count >= len(self.scores):
             rows = np.arange(len(self.scores))
         else:
-            least = np.partition(self.scores, len(self.scores) - count)[len(self.scores) - count]
-            rows = np.flatnonzero(self.scores >= least)
+            rows = np.flatnonzero(self.scores >= nth_largest(self.scores, count))
         return rows[np.lexsort((rows, -self.scores[rows]))]
 
 

@@ -236,11 +236,11 @@ class Retriever:
         """Of the nearest keys those that nothing, or not everything, was served of."""
         rows = question.scores.best_first(_FIRST)
         place_of = {state.keys[row]: place for place, row in enumerate(rows.tolist())}
-        left = {kind: state.sizes[kind][rows] for kind in KINDS}  # copies
+        left = {kind: state.sizes[kind][rows] for kind in KINDS}
         nothing = np.ones(len(rows), bool)
         for kind in KINDS:
             of = [place_of[one.entry.key] for one in served[kind] if one.entry.key in place_of]
-            np.subtract.at(left[kind], of, 1)
+            left[kind] -= np.bincount(of, minlength=len(rows))
             nothing[of] = False
         passing = question.scores.scores[rows] >= self._settings.cut - TIE
         below = f"below the cut {self._settings.cut:g}"

@@ -168,6 +168,16 @@ def within(values: np.ndarray, ascending: np.ndarray) -> np.ndarray:
     return np.asarray(ascending[np.minimum(np.searchsorted(ascending, values), len(ascending) - 1)] == values)
 
 
+def nth_largest(values: np.ndarray, count: int) -> float:
+    """The ``count``-th largest of at least so many numbers. The ``count``-th of the largest ones of more groups than
+    that is a lower bound, which leaves few numbers to be looked at: with 5 000 that takes a third of the time."""
+    groups = 4 * count
+    if len(values) >= 4 * groups:
+        tops = values[: len(values) // groups * groups].reshape(-1, groups).max(axis=0)
+        values = values[values >= np.partition(tops, groups - count)[groups - count]]
+    return float(np.partition(values, len(values) - count)[len(values) - count])
+
+
 def ranges(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """starts[0], starts[0] + 1, … for lengths[0] numbers, then from starts[1], int64."""
     before = np.cumsum(lengths) - lengths

@@ -19,6 +19,7 @@ import sqlalchemy as sa
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import spoken
+from memo_core.skillbook.term_lists import nth_largest
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, TextVectors, batched, places
 
 Nearest = tuple[np.ndarray, np.ndarray]  # ids, int64, and cosines, float32, each of shape (n,)
@@ -75,7 +76,7 @@ class Group:
         similar = self.similar(meant)
         if len(self.ids) <= count:
             return self.ids, similar
-        chosen = np.flatnonzero(similar >= np.partition(similar, len(similar) - count)[len(similar) - count] - _TIE)
+        chosen = np.flatnonzero(similar >= nth_largest(similar, count) - _TIE)
         return self.ids[chosen], similar[chosen]
 
 

@@ -82,6 +82,7 @@ class TextSearch:
         self._indexes = indexes  # by kind; they are brought up to the book's state first
         self._store: VectorStore = ExactStore() if store is None else store  # an empty one is false
         self._current: tuple[str, int] | None = None  # book and generation that the store was last brought up to
+        self._wanted = (0, 0)  # the store's stamp and size there
 
     def nearest(self, meant: np.ndarray, count: int, state: Contents, distrust: bool = False) -> np.ndarray:
         """Ids of the ``count`` entries most similar to ``meant``, a unit vector of shape (d,), best first, as far as
@@ -112,8 +113,9 @@ class TextSearch:
             self._store.open()
             if anew or not self._bring_up_to_date(state):
                 self._rebuild(state)
-            self._current = now
-        return self._store.generation() in (None, self._stamp(state)) and len(self._store) == _size(state)
+            self._current, self._wanted = now, (self._stamp(state), _size(state))
+        stamp, size = self._wanted
+        return self._store.generation() in (None, stamp) and len(self._store) == size
 
     def _stamp(self, state: Contents) -> int:
         """62 bits: 20 of book and embedder, 14 of the last change that revisions do not tell, 28 of the revision."""

@@ -25,7 +25,7 @@ from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import GRIP, RELEASE, Terms
 from memo_core.skillbook.speakers import Speakers
-from memo_core.skillbook.term_lists import TermLists
+from memo_core.skillbook.term_lists import TermLists, nth_largest
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
@@ -172,3 +172,10 @@ def test_who_spoke_last_in_memory_is_who_spoke_last_in_the_book(tmp_path: Path) 
                     expected = newest_of_people(book._database, [known], most)
                     assert speakers.newest(np.array(mine, np.int64), most) == expected
                     assert not mine or expected
+
+
+@given(st.lists(st.floats(-1, 1, width=32), min_size=1, max_size=300), st.data())
+def test_the_nth_largest_number_is_that_of_all_in_order(values: list[float], data: st.DataObject) -> None:
+    count = data.draw(st.integers(1, min(12, len(values))))
+    for several in (values, values * 5):
+        assert nth_largest(np.array(several), count) == sorted(several)[-count]
