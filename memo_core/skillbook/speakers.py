@@ -5,6 +5,7 @@ of the entries that it serves and of those under its own key, and in the book th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from operator import itemgetter
 from typing import Any
 
@@ -55,10 +56,11 @@ class Speakers:
         with self._database.read() as connection:
             for part in _parts(connection, _SAID, self._last_feedback):
                 self._hear(part)
-            parts = [np.array([tuple(row) for row in part]) for part in _parts(connection, _LINKS, self._last_entry)]
+            links = _parts(connection, _LINKS, self._last_entry)
+            parts = [np.fromiter(chain.from_iterable(part), np.int64, 2 * len(part)) for part in links]
         if not parts:
             return
-        entries, feedback = np.concatenate(parts).T
+        entries, feedback = np.concatenate(parts).reshape(-1, 2).T
         ids, counts = np.unique(entries, return_counts=True)
         self._entries.put(ids, len(self._first.values) - 1 + np.arange(len(ids)))
         self._first.add(len(self._made_of.values) + np.cumsum(counts))

@@ -174,6 +174,7 @@ def test_who_spoke_last_in_memory_is_who_spoke_last_in_the_book(tmp_path: Path) 
                     assert not mine or expected
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-1, 1, width=32), min_size=1, max_size=300), st.data())
 def test_the_nth_largest_number_is_that_of_all_in_order(values: list[float], data: st.DataObject) -> None:
     count = data.draw(st.integers(1, min(12, len(values))))

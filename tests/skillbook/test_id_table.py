@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from memo_core.skillbook import id_table
@@ -13,6 +13,7 @@ from memo_core.skillbook.id_table import IdTable
 IDS = st.one_of(st.integers(0, 3000), st.integers(-(2**63), 2**63 - 1))
 
 
+@settings(deadline=None)
 @given(st.lists(st.dictionaries(IDS, st.integers(0, 10**6)), max_size=3), st.lists(IDS))
 def test_the_last_number_put_is_found(several: list[dict[int, int]], asked: list[int]) -> None:
     table, known = IdTable(), {}
