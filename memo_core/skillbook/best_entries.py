@@ -78,6 +78,8 @@ class KeyWeights:
     def compare(self, rows: np.ndarray) -> None:
         """Compare the words of these keys."""
         rows = rows[~self.compared[rows]]
+        if not len(rows):
+            return
         similar = np.vecdot(self.words[rows], self.meant).astype(np.float64)
         self.base[rows] += self.by_text[rows] * (similar - self.similar[rows])
         self.similar[rows] = similar
@@ -124,7 +126,9 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
     others = np.flatnonzero((limits >= least) & (limits > -np.inf))
     asked.keys.compare(others)
     others = others[asked.keys.scores(others, asked.nearest, most[others]) >= least]
-    left = begun.only(slice(few, None)).joined(_Likely.under(asked, others, floor)).reaching(least).by_limit()
+    left = begun.only(slice(few, None)).reaching(least)
+    if len(others):
+        left = left.joined(_Likely.under(asked, others, floor).reaching(least)).by_limit()
     for start, stop in ((0, few), (few, None)):
         some = left.reaching(least).only(slice(start, stop))
         if len(some.positions):
@@ -137,16 +141,16 @@ def _likeliest(asked: Weighed, limits: np.ndarray, most: np.ndarray, few: int) -
     an entry there can score as far as is known, -inf: there is none."""
     least = nth_largest(limits, _KEYS_FIRST) if len(limits) > _KEYS_FIRST else -np.inf
     rows = np.flatnonzero((limits >= least) & (limits > -np.inf))
-    rows = rows[np.argsort(-limits[rows], kind="stable")]
+    rows = rows[(-limits[rows]).argsort(kind="stable")]
     rows = rows[: _AMONG * _enough(asked, rows, few)]
     asked.keys.compare(rows)
-    rows = rows[np.argsort(-asked.keys.scores(rows, asked.nearest, most[rows]), kind="stable")]
+    rows = rows[(-asked.keys.scores(rows, asked.nearest, most[rows])).argsort(kind="stable")]
     return rows[: _enough(asked, rows, few)]
 
 
 def _enough(asked: Weighed, rows: np.ndarray, few: int) -> int:
     """How many of these keys have ``few`` entries under them."""
-    return 1 + int(np.searchsorted(np.cumsum(asked.index.sizes[rows]), few))
+    return 1 + int(asked.index.sizes[rows].cumsum().searchsorted(few))
 
 
 class _Likely(NamedTuple):
@@ -174,7 +178,7 @@ class _Likely(NamedTuple):
 
     def by_limit(self) -> _Likely:
         """The largest limit first."""
-        return self.only(np.argsort(-self.limit, kind="stable"))
+        return self.only((-self.limit).argsort(kind="stable"))
 
     def joined(self, other: _Likely) -> _Likely:
         return _Likely(*map(np.concatenate, zip(self, other, strict=True)))

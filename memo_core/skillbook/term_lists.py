@@ -120,7 +120,7 @@ class TermLists:
         """Numbers of the terms of texts, one text after the other, and where those of each begin."""
         starts = self._starts.values[positions]
         lengths = self._starts.values[positions + 1] - starts
-        return self._flat.values[ranges(starts, lengths)], np.cumsum(lengths) - lengths
+        return self._flat.values[ranges(starts, lengths)], lengths.cumsum() - lengths
 
     def _weights(self, wanted: Wanted) -> np.ndarray:
         """By number of a term, float64; a question asks several times."""
@@ -165,7 +165,7 @@ def within(values: np.ndarray, ascending: np.ndarray) -> np.ndarray:
     """Which of some numbers occur in an ascending array, bool."""
     if not len(ascending):
         return np.zeros(len(values), bool)
-    return np.asarray(ascending[np.minimum(np.searchsorted(ascending, values), len(ascending) - 1)] == values)
+    return np.asarray(ascending.take(ascending.searchsorted(values), mode="clip") == values)
 
 
 def nth_largest(values: np.ndarray, count: int) -> float:
@@ -180,5 +180,5 @@ def nth_largest(values: np.ndarray, count: int) -> float:
 
 def ranges(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """starts[0], starts[0] + 1, … for lengths[0] numbers, then from starts[1], int64."""
-    before = np.cumsum(lengths) - lengths
-    return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
+    ends = lengths.cumsum()
+    return (starts - ends + lengths).repeat(lengths) + np.arange(ends[-1] if len(ends) else 0)
