@@ -170,13 +170,16 @@ class Retriever:
     ) -> list[_Ranked]:
         """The best of the candidates, by score, likeness of the text, confirmed uses and recency. Templates that fail
         when they are run again in a simulator come after those that do not."""
-        if not all(entry in rows for entry in found.ids.tolist()):  # of a damaged book
-            found = found.only(np.array([entry in rows for entry in found.ids.tolist()]))
-        if not len(found.ids):
+        ids = found.ids.tolist()
+        if not rows.keys() >= set(ids):  # of a damaged book
+            found = found.only(np.array([entry in rows for entry in ids]))
+            ids = found.ids.tolist()
+        if not ids:
             return []
         if self._settings.ranking == "key-and-text" and self._settings.built_weight:
-            known = self._built.of(question.context, [rows[entry] for entry in found.ids.tolist()])
-            found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in found.ids.tolist()]))
+            known = self._built.of(question.context, [rows[entry] for entry in ids])
+            if known:
+                found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in ids]))
         ordered = _ties_by_use(_in_order(found, rows, self._settings))
         if kind == "template" and state.failing:
             ordered.sort(key=lambda one: one.entry.id in state.failing)
@@ -185,14 +188,16 @@ class Retriever:
     def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> list[_Ranked]:
         """Those like enough to the subtask; half as like is enough for one that shares a term with it, and one that
         names no action or part ("be slow near people") holds everywhere."""
-        floor = self._settings.general_floor - TIE
-        relevant = []
-        for i, similar in found.items():
-            text = rows[i].text if i in rows else ""
-            near = min(floor, floor / 2) if self._terms.overlap(question.terms, text) else floor
-            if text and (similar >= near or not self._terms.particular(text)):
-                relevant.append(_Ranked(rows[i], similar, 0.0, 0.0, similar))
-        return _ties_by_use(relevant)[: self._settings.general]
+        floor, terms = self._settings.general_floor - TIE, self._terms
+        half = min(floor, floor / 2)
+
+        def relevant(text: str, similar: float) -> bool:
+            near = similar >= floor or (similar >= half and terms.overlap(question.terms, text) > 0)
+            return near or not terms.particular(text)
+
+        there = [(rows[entry], similar) for entry, similar in found.items() if entry in rows and rows[entry].text]
+        chosen = [_Ranked(one, similar, 0.0, 0.0, similar) for one, similar in there if relevant(one.text, similar)]
+        return _ties_by_use(chosen)[: self._settings.general]
 
     def _served(self, query: Key, ranked: dict[str, list[_Ranked]]) -> dict[str, tuple[Served, ...]]:
         """With who said each, when, how alike its key is, and its place."""
@@ -229,7 +234,7 @@ class Retriever:
         if self._finder is None:
             return provenance_of(self._database, [entry for some in entries.values() for entry in some])
         known = self._speakers.provenance([*entries["correction"], *entries["general"]])
-        return known | provenance_of(self._database, entries["template"])
+        return known | self._speakers.provenance_now(entries["template"])
 
     # -- what was not served -------------------------------------------------------------------------------------------
     def _cut(self, question: Question, served: dict[str, tuple[Served, ...]], state: Contents) -> tuple[Cut, ...]:

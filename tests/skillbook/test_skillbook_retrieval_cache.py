@@ -152,6 +152,18 @@ def test_who_said_what_is_served_is_told_from_memory_as_it_is_in_the_book(tmp_pa
     assert several
 
 
+def test_who_approves_a_template_once_more_is_told_at_once(tmp_path: Path) -> None:
+    """Though that changes nothing in what is served."""
+    path, key, code = str(tmp_path / "b.db"), KEYS[0], "def f():\n    pass"
+    with Skillbook(path, FakeEmbedder()) as book, Skillbook(path, FakeEmbedder()) as other:
+        for people in (("ana",), ("ana", "bob"), ("ana", "bob", "cid")):
+            approval = other.record_feedback("", people[-1], kind="approval", subtask=key)
+            other.add_template(approval, key, code)
+            [template] = book.retrieve(key).templates
+            assert template.provenance.who == people
+        assert book.generation() == 1
+
+
 # -- scoring every key from its parts ----------------------------------------------------------------------------------
 _NAME = st.sampled_from(["cup", "red cup", "box", "shelf", "oven door", "table", "lid"])
 _KEY = st.builds(
