@@ -10,7 +10,8 @@ as ``effects``:
 - *without effect*: noted, and the motion is the same
 - *misread*: noted, and the motion changed in another way than was meant, or praise was noted as a correction
 
-A sentence that is meant for the plan (``first``) is understood where a note about plans is made of it, as in a run.
+A sentence that is meant for the plan (another step ``first``, another ``object`` or ``place``) is understood where a note
+about plans is made of it, as in a run.
 Without ``effects`` a sentence that was noted is *to be judged*: by people, who see what the hand did differently.
 """
 
@@ -52,6 +53,7 @@ ALREADY = {  # effects that the untaught motion may have already, and how a note
     "close fingers first": r"close .* first",
 }
 
+_PLANNED = frozenset(["first", "object", "other object", "not", "place"])  # effects that the plan decides
 _OF_JUDGES = {"noted", "asked", "changed", "judges", "verdict", "notes"}
 Verdict = Literal["understood", "asked back", "without effect", "misread", "to be judged"]
 PRAISE = re.compile(r"right|fine|good|well|approv|praise|worked|as it (?:is|was)", re.I)
@@ -244,7 +246,7 @@ def judged(saying: Saying, notes: Notes, before: Motion | None, after: Motion | 
     """The mechanical criterion, as the module's docstring says it."""
     said = (*notes.corrections, *notes.general)
     if notes.plan and (saying.effects or not said):
-        for_plans = any(_name(effect) == "first" for effect in saying.effects)
+        for_plans = any(_name(effect) in _PLANNED for effect in saying.effects)
         return "understood" if for_plans else "misread" if saying.effects else "to be judged"
     if said and not saying.effects:
         return "to be judged"

@@ -10,6 +10,7 @@ import attrs
 
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
+from memo_llm.offline.about_plans import is_about_plans
 from memo_llm.offline.editing import apply
 from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.imagination import Imagination
@@ -273,14 +274,11 @@ def _elsewhere(
 def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     """Notes about the plan, where the prompt asks for them and the words say what is to be done before."""
     asked_for = '"plan"' in prompt.section("answer")
-    if not asked_for or not any(edit.kind == "plan" for edit in heard.edits):
+    if not asked_for or not is_about_plans(words, bool(heard.edits)):
         return []
     objects = prompt.subtask[1]
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?(?:\w+ )?{place}\b", words.lower())
-    handled = r"\b(?:put|hold|push|lower|lift|press|take|grab)\w* (?:the|its) (?:\w+ )?(?:edge|side|corner|end|half)\b"
-    if re.search(handled, words.lower()):
-        return []  # how the thing is to be handled
     if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
         return []  # where it goes anyway
     notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]

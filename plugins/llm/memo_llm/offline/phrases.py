@@ -23,10 +23,6 @@ _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _GRIPS = r"\b(?:grip|grab|grasp|hold|squeeze|take|pick|fingers|force|press)\w*\b"
 _GRIPS_ALONE = r"\b(?:grip|grab|grasp|hold|squeeze|take|fingers|pinch)\w*\b"
-_SOMEBODY = re.compile(
-    r"(?:i|we|he|she|they|somebody|someone|my \w+)(?:'ll|'m|'ve|'re)?"
-    r"(?: (?:will|am|are|have|had|just|only|already|going to|need to|have to|must))*"
-)
 _FORCEFUL = {
     "pull": "pull|tug|yank|heave",
     "push": "push|shov|nudg|lean",
@@ -54,18 +50,12 @@ def read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edit
             continue
         for pattern in phrase.patterns:
             match = pattern.search(plain)
-            if match and match.group().strip() and not (phrase.edit == "plan" and _of_somebody(plain, match.start())):
+            if match and match.group().strip():
                 edit = _edit(phrase, match, False, vocabulary)
                 edits += [] if any(edit.kind == other.kind for other in edits) else [edit]
                 plain = plain[: match.start()] + "\x00" + plain[match.end() :]
                 plain = re.sub(_SUBORDINATOR, "\x00", plain)
     return edits, plain
-
-
-def _of_somebody(plain: str, at: int) -> bool:
-    """Whether the words at a place tell what somebody else does or did: "I'll fetch a towel"."""
-    before = re.split(r"[,;:.!?]|\b(?:and|so|but)\b", plain[:at])[-1].strip()
-    return _SOMEBODY.fullmatch(before) is not None
 
 
 def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]) -> tuple[list[Edit], str]:

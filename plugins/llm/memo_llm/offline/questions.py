@@ -84,8 +84,6 @@ def question_about(
         return f"is it to be gripped less tightly, or turned less far? You said: {quoted}"
     if any(edit.kind == "offset" and edit.value == "out" for edit in edits):
         return f"is back away from the robot, or towards it? You said: {quoted}"
-    if any(edit.kind == "plan" for edit in edits):
-        return f"is that a step of its own, to be done before this one? You said: {quoted}"
     if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
         return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
     turned = [edit for edit in edits if edit.kind == "reverse"]
