@@ -59,6 +59,7 @@ def test_what_stands_in_place_of_something_is_set_off_from_it():
     [
         ("Stop as soon as you feel it touch.", "Lower it until it touches before you let go."),
         ("Come down really slowly for the last bit.", "Go slowly on the last stretch."),
+        ("Slower once you're close.", "Go slowly on the last stretch."),
         ("Raise it another hand's width before you go forward.", "On the way there, keep 8 cm above everything."),
         ("When you've let go, move straight up.", "Move away up once it is let go."),
         ("Open your fingers slowly.", "Open the fingers little by little to let go."),

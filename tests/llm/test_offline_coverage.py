@@ -116,7 +116,6 @@ OPENED, *_ = box_with_door(opened=True)
         ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so
         ("Down, not out.", CRATE, "OPEN(crate)"),
         ("Hold the stand, not the shade, and lift slowly.", JARS, "PICK_UP(red jar)"),
-        ("Slower once you're close.", JARS, "PLACE(red jar, green jar)"),  # only there
         ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),
     ],
 )

@@ -50,10 +50,10 @@ _WHICH = (
 _THING = r"(?!top\b|its\b|standing|the (?:middle|side|edge)\b)"
 _WHERE = (
     r"(?:go(?:es)?|belongs?|lives?|should (?:go|be)|ha(?:s|ve) to go) (?:back )?(?:in|on|into|onto|next|under|at|there|here) "
-    rf"{_THING}|(?:fork|knife|spoon|glass|plate|napkin)s?(?:'s| is| are| goe?s?| lives?| belongs?)? (?:on|to) the (?:left|right)|"
+    rf"{_THING}|\w+ (?:goes|belongs|lives|go|belong|live) (?:on|to) the (?:left|right)|"
     r"(?:big|bigger|biggest|large|largest|small\w*|heav\w+)(?: ones?| things?)? (?:goes |go )?(?:at|on) the (?:bottom|top)|"
-    r"(?:middle|top|bottom|upper|lower) (?:rack|shelf|drawer)|not (?:in|on|onto|into) (?:there|the|my|that|top)|"
-    rf"the (?:{_COLOUR}|other|right|left|lower|upper|top|bottom) (?:one|bin|drawer|shelf|door|bag|burner|ring)"
+    r"(?:middle|top|bottom|upper|lower) (?:rack|shelf)|not (?:in|on|onto|into) (?:there|the|my|that|top)|"
+    rf"the (?:{_COLOUR}|other|right|left|lower|upper|top|bottom) (?:one|bin|shelf|door|bag|burner|ring)"
 )
 _HOW_MUCH = (
     r"we're (?:two|three|four|five|six)|more of|(?:two|three|four|five|six|ten|one) (?:minutes?|will do|more)|"

@@ -153,7 +153,8 @@ def time_part(clause: str) -> int:
 # What a motion leads to anyway: "keep going until it is open".
 _REACHED = (
     r"(?:until|till) (?:[\w']+ ){0,6}?(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|"
-    r"empty|end|stop|table|bottom|no further|further|way)\b"
+    r"empty|end|stop|table|bottom|no further|further|way|stays|runs|catches|snaps|locks|latches|lights|starts|snug|tight|"
+    r"gone|clean)\b"
 )
 
 

@@ -88,7 +88,10 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     kind = recipe.kind if recipe is not None else ""
     sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip())
     others = _others(scene, objects)
-    readings = tuple(read_sentence(sentence, vocabulary, known, kind, others) for sentence in sentences)
+    readings: tuple[Reading, ...] = ()
+    for sentence in sentences:
+        asked = any(one.edits for one in readings)
+        readings += (read_sentence(sentence, vocabulary, known, kind, others, asked),)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
     if recipe is None or kind == "push":  # nothing is gripped: what is to be firm or gentle is the pressing
         edits = [_pressing(edit) for edit in edits]
@@ -311,6 +314,8 @@ def _settled_words(words: str) -> str:
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
+    reversals = [edit for edit in edits if edit.kind == "reverse"]
+    edits = [edit for edit in edits if edit not in reversals[1:] or edit is reversals[0]]  # said twice, meant once
     called = {edit.kind for edit in edits if edit.kind in ("force", "speed") and not _exclaimed(edit)}
     edits = [  # "easy! Hold it lightly"
         edit for edit in edits if not (_exclaimed(edit) and called and edit.kind not in called)
@@ -320,7 +325,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         return []  # what it does anyway: where or when is not said
     if any(edit.kind == "extent" or (edit.kind == "angle" and edit.degrees is not None) for edit in edits):
         edits = [edit for edit in edits if edit.kind not in LENGTHS]
-    if any(edit.kind == "pivot" and not edit.negated for edit in edits):  # the edge says which way round
+    if any(edit.kind in ("pivot", "turn-thing") and edit.value and not edit.negated for edit in edits):
+        # the edge, or the way, says which way round
         edits = [edit for edit in edits if edit.kind != "reverse"]
     measured = {(edit.kind, edit.value) for edit in edits if edit.amount is not None and edit.amount.exact}
     edits = [

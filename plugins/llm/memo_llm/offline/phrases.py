@@ -91,6 +91,8 @@ def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str])
         edits = [edit for edit in edits if edit.kind != "offset" or edit.degree or not _bare_way(edit)]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
+    if kind in ("pick", "place") and re.search(r"\bdown\b", clause):  # "put it down all the way"
+        edits = [_lowered(edit, kind, vocabulary) for edit in edits]
     if kind in ("pick", "place"):
         edits = [_from_above(_lifted(edit) if kind == "pick" else edit, vocabulary) for edit in edits]
     if kind == "pour" and len(edits) > 1:  # tilting is what it does; how far, and how fast, stands beside it
@@ -156,7 +158,8 @@ def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary, nouns: set[str]) -> 
 def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Edit:
     """What is to be gentle is a motion, where the clause's verb is one: then it is to be slow."""
     moved = (
-        kind in ("open", "close", "pull") and re.search(r"gently|softly|carefully|delicately", edit.said) is not None
+        kind in ("open", "close", "pull", "turn")
+        and re.search(r"gently|softly|carefully|delicately|rough", edit.said) is not None
     )
     moves = (
         "approach|mov|com|reach"
@@ -172,6 +175,7 @@ def _as_motion(edit: Edit, clause: str, kind: str, vocabulary: Vocabulary) -> Ed
         and edit.value in GENTLE
         and (moved or shut or set_down or re.search(rf"\b(?:{moves})\w*\b", clause))
         and (set_down or not re.search(_GRIPS_ALONE if shut else _GRIPS, clause))
+        and "rough with" not in clause
     ):
         slower = next((p for p in vocabulary.phrases if p.edit == "speed"), None)
         return attrs.evolve(edit, kind="speed", value="slower", phrase=slower)
@@ -183,6 +187,15 @@ def _lifted(edit: Edit) -> Edit:
     if edit.kind != "straight" or edit.phrase is None or not re.search(r"\bup\b|\blift", edit.said):
         return edit
     return attrs.evolve(edit, phrase=attrs.evolve(edit.phrase, say="Lift it straight up.", opposite=""))
+
+
+def _lowered(edit: Edit, kind: str, vocabulary: Vocabulary) -> Edit:
+    """To go all the way down is to go lower, and to put something down so is to let it touch first."""
+    if edit.kind != "all-the-way" or edit.negated:
+        return edit
+    to = "set-down" if kind == "place" else "offset"
+    phrase = next(p for p in vocabulary.phrases if p.edit == to and not p.flip)
+    return attrs.evolve(edit, kind=to, value="" if kind == "place" else "down", phrase=phrase)
 
 
 def _from_above(edit: Edit, vocabulary: Vocabulary) -> Edit:

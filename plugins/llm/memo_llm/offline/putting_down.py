@@ -43,7 +43,7 @@ def of_release(clause: Clause) -> list[Meant] | None:
         rest = [item for item in clause.items if item.part.kind not in ("before_release", "when")]
         if "wait" in clause.verbs and all(item.part.kind == "amount" for item in rest):
             return [Meant("hold-for", amount=rest[0].amount if rest else "")]
-        if clause.verbs & {"lower", "put"} and all(
+        if clause.verbs & {"lower", "put", "go"} and all(
             item.part.kind == "dir" and item.part.value == "down" and not item.amount for item in rest
         ):
             return [Meant("set-down")]

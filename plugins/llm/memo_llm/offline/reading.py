@@ -82,11 +82,16 @@ TOLD = re.compile(r"^(?:[a-z]+,? )?(?:you|i|we|your|because|since|otherwise|or|w
 
 
 def read_sentence(
-    text: str, vocabulary: Vocabulary, known: Iterable[str] = (), kind: str = "", others: Iterable[str] = ()
+    text: str,
+    vocabulary: Vocabulary,
+    known: Iterable[str] = (),
+    kind: str = "",
+    others: Iterable[str] = (),
+    asked: bool = False,
 ) -> Reading:
     """``known`` are words that name what the subtask is about or something in the scene, ``others`` those of them that
     the subtask is not about; ``kind`` is the kind of subtask that was spoken of (see ``memo_llm.offline.recipe``), ""
-    where that is not known."""
+    where that is not known; ``asked``: whether a sentence before it was read as a request."""
     nouns = _words(known)
     other_things = _words(others)
     own = nouns - other_things
@@ -103,7 +108,7 @@ def read_sentence(
             continue
         if when and not part:
             clause, when = f"{clause}{when}", ""
-        mood = mood_of(clause, is_request(clause, request), bool(edits))
+        mood = mood_of(clause, is_request(clause, request), asked or bool(edits))
         request = mood == "request"
         if edits and (amount := _amount_alone(clause, vocabulary)) and not is_measured(edits[-1]):
             edits[-1] = attrs.evolve(edits[-1], amount=amount)
@@ -217,6 +222,8 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
         return False  # "you missed it completely"
     if edit.kind in ("force", "speed") and _COMPARED.match(clause):
         return False  # "he is stronger than my grandpa"
+    if edit.kind == "speed" and edit.said.strip().startswith("like ") and not re.match(r"(?:and )?you\b", clause):
+        return False  # "it wobbles like crazy"
     flipped = edit.phrase is not None and edit.phrase.flip
     if (
         edit.kind == "offset"
@@ -335,6 +342,9 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
     if vocabulary is not None:
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
+    plain = re.sub(r"([a-z])\1{2,}", r"\1", plain)  # "sooo slow"
+    plain = re.sub(r"\bnice and (?=\w)", "", plain)
+    plain = re.sub(r"\b(?:(?:the|that|this|my) )?poor (?:\w+ )?(?:\w+)(?=[.!,])", " ", plain)
     side = r"(?:on|to) (?:the|its) (left|right)(?:[- ]hand)?(?: side)?"
     plain = re.sub(
         rf"\b(?:next to|beside) ((?:the|my|your|that) [a-z]+),? {side}\b",
