@@ -10,8 +10,8 @@ as ``effects``:
 - *without effect*: noted, and the motion is the same
 - *misread*: noted, and the motion changed in another way than was meant, or praise was noted as a correction
 
-A sentence that is meant for the plan (another step ``first``, another ``object`` or ``place``) is understood where a note
-about plans is made of it, as in a run.
+A sentence that is meant for the plan (another step ``first``, another ``object`` or ``place``) is understood where a
+note about plans is made of it, as in a run.
 Without ``effects`` a sentence that was noted is *to be judged*: by people, who see what the hand did differently.
 """
 

@@ -121,11 +121,7 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
         r"like (?:a|an|the|some|it|you)\b|(?:what|such) an? \w+|(?:of course|no wonder|thank (?:god|goodness))\b", plain
     ):
         return "told"
-    needless = re.match(
-        r"(?:(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b)",
-        plain,
-    )
-    if after_request and needless:
+    if after_request and is_needless(clause):
         return "contrast"
     if after_request and re.match(
         r"(?:not|instead of|rather than)\b(?! (?:so|that|too|as|quite|far|enough|only)\b)", plain
@@ -144,6 +140,13 @@ def mood_of(clause: str, request: bool, after_request: bool) -> Mood:
     return "request" if request else "told"
 
 
+def is_needless(clause: str) -> bool:
+    """Whether a clause says what need not be done."""
+    plain = _OPENERS.sub("", f"{clause} ").strip()
+    needless = r"(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b"
+    return re.match(needless, plain) is not None
+
+
 def time_part(clause: str) -> int:
     """Where a clause begins to say only when: "come up | before you let go"; its length where it does not."""
     match = re.search(r"\b(?:before|after|when|whenever|where|while|once|until|till|as soon as|by the time)\b", clause)
@@ -153,8 +156,8 @@ def time_part(clause: str) -> int:
 # What a motion leads to anyway: "keep going until it is open".
 _REACHED = (
     r"(?:until|till) (?:[\w']+ ){0,6}?(?:open|shut|closed|wide|flat|down|up|off|out|there|flush|click\w*|done|full|"
-    r"empty|end|stop|table|bottom|no further|further|way|stays|runs|catches|snaps|locks|latches|lights|starts|snug|tight|"
-    r"gone|clean)\b"
+    r"empty|end|stop|table|bottom|no further|further|way|stays|runs|catches|snaps|locks|latches|lights|starts|snug|"
+    r"tight|gone|clean)\b"
 )
 
 
@@ -222,7 +225,11 @@ def is_request(clause: str, before: bool = True) -> bool:
 def in_parts(clause: str) -> bool:
     """Whether it asks for one thing after the other, each by itself, which no single motion is."""
     return (
-        re.search(r"\b(?:(?:one|two|three|\d+) (?:at a time|by one|after the other)|each of|in turn)\b", clause)
+        re.search(
+            r"\b(?:(?:one|two|three|\d+) (?:at a time|by one|after the other)|each of|in turn|"
+            r"both (?!fingers|sides|hands|ends)\w+s)\b",
+            clause,
+        )
         is not None
     )
 

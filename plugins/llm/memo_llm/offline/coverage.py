@@ -102,5 +102,6 @@ def _known_moment(
     moment = _MOMENT.match(when)
     if moment is not None and is_own_act(moment.group(1), kind):
         when = when[moment.end() :].strip()
+    particles = _PARTICLES.get(kind, "").split()
     parts = lexicon.parts(when, things, around) if when else []
-    return parts is not None and all(part.kind in _MOMENTS for part in parts)
+    return parts is not None and all(part.kind in _MOMENTS or part.said in particles for part in parts)

@@ -92,12 +92,13 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     for sentence in sentences:
         asked = any(one.edits for one in readings)
         readings += (read_sentence(sentence, vocabulary, known, kind, others, asked),)
+    readings = tuple(_without_repeats(one, [other for other in readings if other is not one]) for one in readings)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
     if recipe is None or kind == "push":  # nothing is gripped: what is to be firm or gentle is the pressing
         edits = [_pressing(edit) for edit in edits]
         readings = tuple(attrs.evolve(one, edits=tuple(_pressing(edit) for edit in one.edits)) for one in readings)
     if kind in ("open", "close") and recipe is not None:
-        edits = _screwed(edits, scene, recipe, vocabulary)
+        edits = _settled(_screwed(edits, scene, recipe, vocabulary), kind)
         readings = tuple(
             attrs.evolve(one, edits=tuple(_screwed(list(one.edits), scene, recipe, vocabulary))) for one in readings
         )
@@ -110,6 +111,12 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
         else question_about(words, readings, edits, recipe, effective, vocabulary, _swings(scene, recipe))
     )
     return Heard(recipe, sentences, readings, tuple(edits), question)
+
+
+def _without_repeats(reading: Reading, others: Iterable[Reading]) -> Reading:
+    """Doubtful words that another sentence says as well, and there they were understood: "upright! Keep it upright"."""
+    said = {word for one in others for edit in one.edits for word in edit.said.split()}
+    return attrs.evolve(reading, unsure=tuple(part for part in reading.unsure if not set(part.split()) <= said))
 
 
 def _swings(scene: SceneGraph, recipe: Recipe | None) -> bool:
@@ -344,7 +351,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edits = [edit for edit in edits if edit.kind not in OF_DOORS]
     if "travel" in kinds:  # "up, across, then down"
         edits = [edit for edit in edits if edit.kind != "offset" or not ONLY_WAY.fullmatch(edit.said.strip())]
-    if "set-down" in kinds:  # "reach right down and set it on the bottom"
+    if "set-down" in kinds:  # "reach right down and set it on the bottom", "you press too hard: let go when it touches"
+        edits = [edit for edit in edits if edit.kind != "speed" or not re.search(r"\bpress|\bpush", edit.said)]
         edits = [edit for edit in edits if edit.kind != "offset" or edit.value != "down" or edit.amount is not None]
     if "shake" in kinds:  # to shake harder is not to grip harder
         edits = [edit for edit in edits if edit.kind != "force" or re.search(r"grip|hold|squeez", edit.said)]

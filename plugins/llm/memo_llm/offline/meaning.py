@@ -18,6 +18,7 @@ from memo_llm.offline.request import OPPOSITE, Clause, Item, Meant, bare, items_
 _LED = ("open", "close", "pull", "push", "turn", "pour", "")
 _HANDLED = ("pick", "place", "pour")
 _GRIPS = frozenset(["hold", "squeeze"])
+_BEFORE = frozenset(["before_down", "before_release"])
 _ONLY = frozenset(["only", "just", "at most", "no more than"])
 # Adjectives that tell how something is; they ask for it only with a degree or a verb.
 _STATES = re.compile(r"loose|light|soft|tight|hard|firm|strong|quiet|rough|secure")
@@ -83,7 +84,7 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
 
 def _over(parts: Sequence[Part], items: list[Item], verbs: frozenset[str], kind: str) -> list[Meant] | None:
     """Over something: on the way there, or where it is put down or poured; None where neither is sure."""
-    rest = [item for item in items if item.part.value != "first" and item.part.kind != "before_down"]
+    rest = [item for item in items if item.part.value != "first" and item.part.kind not in _BEFORE]
     up = [item.part.value for item in rest] == ["up"] and not (rest[0].too or rest[0].denied)
     top = any(part.kind == "prep" and " top " in part.said for part in parts)
     goes = verbs & {"go", "bring", "lift", "clear"}

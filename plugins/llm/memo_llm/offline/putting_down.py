@@ -39,11 +39,13 @@ def of_release(clause: Clause) -> list[Meant] | None:
     waits = clause.verbs & {"wait", "release", "hold", "keep", "stop"} or opens
     if "until_still" in kinds and set(kinds) <= {"until_still", "before_release", "when"} and waits:
         return [Meant("hold-for")]
+    if kinds and set(kinds) <= {"when_above", "before_release", "when"} and waits and "when_above" in kinds:
+        return [Meant("centre")]
     if "before_release" in kinds:
         rest = [item for item in clause.items if item.part.kind not in ("before_release", "when")]
         if "wait" in clause.verbs and all(item.part.kind == "amount" for item in rest):
             return [Meant("hold-for", amount=rest[0].amount if rest else "")]
-        if clause.verbs & {"lower", "put", "go"} and all(
+        if (clause.verbs & {"lower", "put"} or (rest and "go" in clause.verbs)) and all(
             item.part.kind == "dir" and item.part.value == "down" and not item.amount for item in rest
         ):
             return [Meant("set-down")]
@@ -91,12 +93,17 @@ def of_retreat(clause: Clause) -> list[Meant] | None:
 def of_pose(clause: Clause) -> list[Meant] | None:
     """How the thing is held or lies in the end."""
     poses = [item for item in clause.items if item.part.kind == "pose"]
+    up = [item.part.value for item in clause.items] == ["up"] and not clause.items[0].amount
+    if clause.kind == "place" and clause.verbs == {"stand"} and up:
+        return [Meant("pose", "upright")]
     if len(poses) != 1 or clause.hand:
         return None
+    goes_in = clause.kind == "place" and bool(clause.verbs & {"go", "put", "belong"})
     rest = [
         item
         for item in clause.items
-        if item.part.kind not in ("pose", "while_lift", "manner", "when_touch", "before_release", "when")
+        if not (goes_in and item.part.kind == "dir" and item.part.value == "in")
+        and item.part.kind not in ("pose", "while_lift", "manner", "when_touch", "before_release", "when")
     ]
     pose = poses[0]
     if rest or pose.denied or pose.too:

@@ -74,7 +74,11 @@ def question_about(
     bare = [edit for edit in edits if edit.kind == "offset" and edit.said.strip() in ("up", "down")]
     if bare and recipe is not None and recipe.kind in ("push", "open", "close", "pull"):
         return f"push that way, or push at another place: {understood} You said: {quoted}"
-    if recipe is None and any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits):
+    if any(edit.kind == "hold-on" for edit in edits) and re.search(r"\bwh(?:ile|ilst|en) you\b", words.lower()):
+        return f"is something else to be held meanwhile? You said: {quoted}"
+    easy = all(edit.kind == "speed" and re.match(r"easy\b", edit.said.strip()) for edit in edits)
+    gently = any(edit.kind == "force" and re.match(_GENTLY, edit.said.strip()) for edit in edits)
+    if (recipe is None and gently) or (recipe is not None and recipe.kind == "pick" and easy):
         return f"is it to be done more slowly, or with less force? You said: {quoted}"
     if (
         recipe is not None

@@ -14,6 +14,7 @@ from memo_llm.offline.clauses import (
     has_condition,
     in_parts,
     is_act,
+    is_needless,
     is_own_act,
     is_request,
     mood_of,
@@ -67,6 +68,10 @@ _COMPARED = re.compile(
 _OFF = re.compile(
     r"^(?!.*\b(?:mov|shift|slid|nudg|scoot|go|com|put|plac|set|aim)\w*\b).*\boff to (?:the|your) (?:left|right)\b"
 )
+# How one knows that it is done.
+_SIGN = re.compile(
+    r"(?:you(?:'ve| have| should| need| want| must| ought|'ll)?|i)(?: \w+){0,2} (?:hear|see|feel) [\w' ]+"
+)
 _OWN = re.compile(r"\b(?:you|yourself|robot|base|front)\b")
 # Where something was, told as a fault.
 _FAULT = re.compile(
@@ -114,6 +119,8 @@ def read_sentence(
             edits[-1] = attrs.evolve(edits[-1], amount=amount)
             continue
         found, rest = read_clause(clause, vocabulary, kind, nouns)
+        if mood == "request" and not found and (is_needless(clause) or _SIGN.fullmatch(clause)):
+            mood, request = "told", False
         complains = vocabulary.complaint(clause)
         said = [
             edit
@@ -222,6 +229,10 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
         return False  # "you missed it completely"
     if edit.kind in ("force", "speed") and _COMPARED.match(clause):
         return False  # "he is stronger than my grandpa"
+    if edit.degree and re.search(r"\w+er$", edit.said.strip()) and re.match(r"you(?:'re| are| were) \w+ing\b", clause):
+        return False  # "you're screwing it tighter"
+    if edit.degrees is not None and re.search(r"\b(?:not|n't) enough\b", clause):
+        return False  # "one turn isn't enough"
     if edit.kind == "speed" and edit.said.strip().startswith("like ") and not re.match(r"(?:and )?you\b", clause):
         return False  # "it wobbles like crazy"
     flipped = edit.phrase is not None and edit.phrase.flip
