@@ -11,10 +11,11 @@ import re
 # Words for how a step is done.
 _MOTION = re.compile(
     r"\b(?:hands?|fingers?|gripper|arm|wrist|elbow|claws?|handle|grip\w*|gr[ae]b\w*|hold\w*|held|squeez\w*|lift\w*|"
-    r"lower\w*|rais\w*|tilt\w*|lean\w*|push\w*|press\w*|shov(?:e|ing)\w*|pull\w*|yank\w*|tug\w*|drag\w*|slid\w*|"
-    r"turn(?! (?:\w+ ){0,3}(?:on|off)\b)\w*|twist\w*|rotat\w*|flip\w*|fold\w*|screw\w*|unscrew\w*|swing\w*|swung|"
-    r"let(?:ting)? (?:it |them )?go|releas\w*|drop\w*|shak\w*|stir\w*|pour\w*|sprinkl\w*|spread\w*|spout|reach\w*|"
-    r"touch\w*|aim\w*|wedge\w*|knock\w*|keep|until|till|stop (?!stop|!)\w+|wait\w*|pause|moment|seconds?|"
+    r"lower(?! (?:rack|shelf|door|one)\b)\w*|rais\w*|tilt\w*|lean\w*|push\w*|press\w*|shov(?:e|ing)\w*|pull\w*|"
+    r"yank\w*|tug\w*|drag\w*|slid\w*|"
+    r"turn(?!(?:ed|ing)? (?:\w+ ){0,3}(?:on|off)\b)\w*|twist\w*|rotat\w*|flip\w*|fold\w*|screw\w*|unscrew\w*|swing\w*|"
+    r"swung|let(?:ting)? (?:it |them )?go|releas\w*|drop\w*|shak\w*|stir\w*|pour\w*|sprinkl\w*|spread\w*|spout|"
+    r"reach\w*|touch\w*|aim\w*|wedge\w*|knock\w*|keep|until|till|stop (?!stop|!)\w+|wait(?!,)\w*|pause|moment|seconds?|"
     r"slow\w*|fast\w*|quick\w*|gent\w*|soft\w*|careful\w*|hard(?:er)?|firm\w*|tight\w*|loos\w*|click\w*|"
     r"up(?! (?:before|first|the|there))|upwards?|down(?! there)|higher|deep\w*|further|farther|closer|nearer|sideways|"
     r"direction|(?<!your )(?<!in the )way(?! too)|straight\w*|crooked|level|upright|flat|angle|curve|arc|circles?|line|"
@@ -58,15 +59,16 @@ _WHERE = (
     r"(?:middle|top|bottom|upper|lower) (?:rack|shelf)|not (?:in|on|onto|into) (?:there|the|my|that|top)|"
     rf"the (?:{_COLOUR}|other|right|left|lower|upper|top|bottom) (?:one|bin|shelf|door|bag|burner|ring)"
 )
+_COUNT = r"one|two|three|four|five|six|ten"
 _HOW_MUCH = (
-    r"we're (?:two|three|four|five|six)|more of|(?:two|three|four|five|six|ten|one) (?:minutes?|will do|more)|"
-    r"on (?:two|three|four|five|six|medium|low|high|full)|full blast|medium"
+    rf"we're (?:{_COUNT})|more of|(?:{_COUNT}) (?:minutes?|will do|more(?! (?:\w+ )?(?:times|turns?|shakes|goes)))|"
+    rf"on (?:{_COUNT}|medium|low|high|full)|full blast|medium"
 )
 _NAMED = re.compile(rf"\b(?:{_ORDER}|{_WHICH}|{_WHERE}|{_HOW_MUCH})\b")
 # A step of its own, whatever else the words may mean.
 _OWN_STEP = re.compile(
-    rf"\b(?:forg[eo]t\w* (?:to|the|your)|{_STEP} [^.;!?]*?\b(?:first|beforehand|before)|door first|one at a time|"
-    r"(?:start|begin) with (?:the|what))\b"
+    rf"\b(?:{_STEP} [^.;!?]*?\b(?:first|beforehand|before|when you're (?:done|finished))|"
+    r"forg[eo]t\w* (?:to|the|your)|door first|one at a time|(?:start|begin) with (?:the|what))\b"
 )
 _NEXT_STEP = re.compile(r"\bbefore (?:you|your|it|the|that|any|\w+ing)\b[^.,;!?]*")
 _HANDS_FULL = re.compile(

@@ -47,6 +47,12 @@ _STATES = frozenset(
         "turn-thing",
     ]
 )
+_AMOUNT_ALONE = re.compile(
+    r"[.!] (?P<amount>(?:(?:about|around|roughly|maybe|say|just|like|by|only) )*"
+    r"(?:an?|one|two|three|four|five|six|eight|ten|half an?|a couple of|a few|\d+) "
+    r"(?:cm|mm|(?:centi|milli)met(?:er|re)s?|inch(?:es)?)(?: or so)?)(?=[.!]|$)",
+    re.I,
+)
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Words that look back at what was done before, and the verbs that say at what.
 _LOOKS_BACK = re.compile(
@@ -86,7 +92,8 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     known = [*(node.label for node in scene.nodes), *objects, action]
     recipe = habits.recipe(action, objects)
     kind = recipe.kind if recipe is not None else ""
-    sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip())
+    joined = _AMOUNT_ALONE.sub(r", \g<amount>", words.strip())  # "to the left. Like a centimetre."
+    sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", joined) if one.strip())
     others = _others(scene, objects)
     readings: tuple[Reading, ...] = ()
     for sentence in sentences:
@@ -288,7 +295,7 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
         return []
     objects = prompt.subtask[1]
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
-    there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?(?:\w+ )?{place}\b", words.lower())
+    there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?{place}\b", words.lower())
     if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
         return []  # where it goes anyway
     notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
@@ -360,7 +367,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edits = [edit for edit in edits if edit.kind != "hold-at" or edit.said.strip() != "at the end"]
     if "press-turn" in kinds:
         edits = [edit for edit in edits if edit.kind != "first-in"]
-    if kind == "pick" and "hold-at" in kinds:  # "higher up, near the rim": the part says where
+    if kind == "pick" and any(edit.kind == "hold-at" and edit.value != "handle" for edit in edits):
+        # "higher up, near the rim": the part says where
         edits = [edit for edit in edits if edit.kind != "offset" or edit.amount or edit.value not in ("up", "down")]
     if "hold-for" in kinds and kind == "push":  # "hold it at the bottom for a second"
         edits = [edit for edit in edits if edit.kind != "hold-at"]

@@ -18,6 +18,8 @@ from memo_llm.offline.request import OPPOSITE, Clause, Item, Meant, bare, items_
 _LED = ("open", "close", "pull", "push", "turn", "pour", "")
 _HANDLED = ("pick", "place", "pour")
 _GRIPS = frozenset(["hold", "squeeze"])
+_STANDS = frozenset(["stand", "go", "put"])
+_STOOD_UP = r"\bstand(?:ing)?\b.*\bup\b"
 _BEFORE = frozenset(["before_down", "before_release"])
 _ONLY = frozenset(["only", "just", "at most", "no more than"])
 # Adjectives that tell how something is; they ask for it only with a degree or a verb.
@@ -71,6 +73,9 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
         return of_relation(parts, items, verbs, denied)
     if "other" in there:
         return None
+    stood_up = kind == "place" and verbs <= _STANDS and re.search(_STOOD_UP, _said(parts)) is not None
+    if stood_up and not denied and not told and all(item.part.value == "in" for item in items):
+        return [Meant("pose", "upright")]
     if not items and not denied and not told and verbs:
         return _of_verbs(verbs, hand, kind, " ".join(part.said for part in parts if part.kind == "verb"))
     readers = (_of_swing, of_opening, of_release, _of_fingers, of_retreat, of_pose, of_travel, _of_lead)
@@ -80,6 +85,10 @@ def meaning(parts: Sequence[Part], kind: str) -> list[Meant] | None:
         if found is not None:
             return found
     return _of_each(clause)
+
+
+def _said(parts: Sequence[Part]) -> str:
+    return " ".join(part.said for part in parts)
 
 
 def _over(parts: Sequence[Part], items: list[Item], verbs: frozenset[str], kind: str) -> list[Meant] | None:
@@ -97,8 +106,6 @@ def _of_verbs(verbs: frozenset[str], hand: set[str], kind: str, lifted: str) -> 
     """What a verb asks for by itself; nothing, where the subtask does it anyway."""
     if kind == "place" and "wait" in verbs:
         return [Meant("hold-for")]
-    if kind == "place" and verbs == {"stand"} and "up" in lifted:
-        return [Meant("pose", "upright")]
     if kind in ("open", "close") and re.match(r"(?:twist|screw|unscrew)", lifted):
         return [Meant("turn-thing", "counterclockwise" if kind == "open" else "clockwise")]
     own = {

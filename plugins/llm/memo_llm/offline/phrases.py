@@ -23,6 +23,7 @@ _FINGERS = r"\b(?:fingers|gripper|jaws|hand)\b"
 _OPENS_FINGERS = r"\b(?:open|spread)\w*(?: up)? (?:the |your |its )?(?:hand|gripper|fingers|jaws)\b"
 _GRIPS = r"\b(?:grip|grab|grasp|hold|squeeze|take|pick|fingers|force|press)\w*\b"
 _GRIPS_ALONE = r"\b(?:grip|grab|grasp|hold|squeeze|take|fingers|pinch)\w*\b"
+_JUST_THERE = re.compile(r" (?:over|above|on|onto|in|into|at|next|below|up|down|there|by|behind|under)\b")  # right over
 _FORCEFUL = {
     "pull": "pull|tug|yank|heave",
     "push": "push|shov|nudg|lean",
@@ -63,7 +64,11 @@ def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str])
     rest = clause
     found: list[tuple[int, Phrase, re.Match[str]]] = []
     when = time_part(clause)  # what begins in there only says when
-    degrees = [one for one in vocabulary.degrees.read(clause, kind) if one.start <= when]
+    degrees = [
+        one
+        for one in vocabulary.degrees.read(clause, kind)
+        if one.start <= when and not (one.value == "right" and _JUST_THERE.match(clause[one.end :]))
+    ]
     for one in degrees:
         rest = rest[: one.start] + "\x00" * (one.end - one.start) + rest[one.end :]
     if any(one.edit in ("finger-width", "farther", "less-far") for one in degrees):

@@ -39,7 +39,7 @@ def of_release(clause: Clause) -> list[Meant] | None:
     waits = clause.verbs & {"wait", "release", "hold", "keep", "stop"} or opens
     if "until_still" in kinds and set(kinds) <= {"until_still", "before_release", "when"} and waits:
         return [Meant("hold-for")]
-    if kinds and set(kinds) <= {"when_above", "before_release", "when"} and waits and "when_above" in kinds:
+    if "when_above" in kinds and set(kinds) <= {"when_above", "before_release", "when"} and waits:
         return [Meant("centre")]
     if "before_release" in kinds:
         rest = [item for item in clause.items if item.part.kind not in ("before_release", "when")]
@@ -79,7 +79,9 @@ def of_retreat(clause: Clause) -> list[Meant] | None:
     if clause.kind != "place" or not ("after_release" in clause.said or "retreat" in clause.verbs):
         return None
     ways = [item for item in clause.items if item.part.kind == "dir"]
-    rest = [item for item in clause.items if item.part.kind not in ("dir", "after_release", "when", "manner")]
+    rest = [
+        item for item in clause.items if item.part.kind not in ("dir", "after_release", "before_go", "when", "manner")
+    ]
     manners = [item for item in clause.items if item.part.kind == "manner"]
     if rest or any(way_of(item) != "slow" for item in manners):
         return None
@@ -93,9 +95,6 @@ def of_retreat(clause: Clause) -> list[Meant] | None:
 def of_pose(clause: Clause) -> list[Meant] | None:
     """How the thing is held or lies in the end."""
     poses = [item for item in clause.items if item.part.kind == "pose"]
-    up = [item.part.value for item in clause.items] == ["up"] and not clause.items[0].amount
-    if clause.kind == "place" and clause.verbs == {"stand"} and up:
-        return [Meant("pose", "upright")]
     if len(poses) != 1 or clause.hand:
         return None
     goes_in = clause.kind == "place" and bool(clause.verbs & {"go", "put", "belong"})

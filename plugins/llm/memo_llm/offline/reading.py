@@ -204,7 +204,9 @@ def _of_the_thing(rest: str, kind: str, others: set[str]) -> str:
     named = re.compile(
         rf"\b({verbs})(ing)? (?:the|that|this|my|your) (\w+)(?= (?:\W|down|up|in|at|by|on|around|$)|$|  )"
     )
-    return named.sub(lambda m: m.group() if m.group(3) in others else f"{m.group(1)}{m.group(2) or ''} it", rest)
+    rest = named.sub(lambda m: m.group() if m.group(3) in others else f"{m.group(1)}{m.group(2) or ''} it", rest)
+    with_it = re.compile(r"\bwith (?:the|those|that|this|these) (\w+)$")
+    return with_it.sub(lambda m: m.group() if m.group(1) in others else " ", rest)
 
 
 def _words(names: Iterable[str]) -> set[str]:
@@ -221,7 +223,9 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
     """Whether an edit's words, said in such a clause, ask for it."""
     if mood == "request":
         return True
-    if edit.phrase is not None and edit.phrase.lesson:
+    if re.match(r"(?:i|we) (?:didn't|did not|don't|never) (?:want|mean|ask|say)\b", clause):
+        return False
+    if edit.phrase is not None and edit.phrase.lesson and mood != "hypothesis":
         return True  # how a thing moves is a reason to move it so
     if mood in ("contrast", "hypothesis", "question"):
         return False
