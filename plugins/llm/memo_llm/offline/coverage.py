@@ -21,7 +21,7 @@ _STARTING = frozenset(["start", "begin", "starting", "beginning"])  # only at fi
 _LAST = frozenset(["release", "back-off"])
 _FUNCTION_WORDS = split_words(
     "a an the to of at about like good so or two three few little nice same thing and as than some one with for by "
-    "from on onto into in would be give another super handle hand fingers gripper arm continue continuing"
+    "from on onto into in would be give another super you've handle hand fingers gripper arm continue continuing"
 )
 # Where the motion of a kind of subtask goes anyway.
 _PARTICLES = {
