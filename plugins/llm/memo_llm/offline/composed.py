@@ -57,6 +57,8 @@ def preferred(composed: list[Edit], said: list[Edit], doubtful: bool) -> bool:
     kinds, phrased = {edit.kind for edit in composed}, {edit.kind for edit in said}
     if phrased == {"farther"} and "offset" in kinds:
         return True  # "lower it 2 cm": which way is said, too
+    if phrased == {"straight"} and kinds == {"tilt"}:
+        return True  # "keep it straight", of what is carried
     if phrased == {"offset"} and kinds <= {"farther", "all-the-way"}:
         return True  # "down until it goes no further"
     if kinds == phrased == {"offset"} and {edit.value for edit in composed} != {edit.value for edit in said}:

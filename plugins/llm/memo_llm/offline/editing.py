@@ -80,7 +80,7 @@ def _farther(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _all_the_way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    return recipe if edit.negated else _stretched(recipe, edit, rough["all_the_way"], rough)
+    return recipe if edit.negated else _stretched(recipe, edit, rough["further"], rough)
 
 
 def _less_far(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:

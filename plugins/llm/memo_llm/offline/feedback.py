@@ -335,6 +335,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edit for edit in edits if not (_exclaimed(edit) and called and edit.kind not in called)
     ]
     kinds = {edit.kind for edit in edits}
+    if "all-the-way" in kinds:
+        edits = [edit for edit in edits if edit.kind != "farther" or edit.amount or edit.degrees]
     if kind == "place" and kinds == {"release"}:
         return []  # what it does anyway: where or when is not said
     if any(edit.kind == "extent" or (edit.kind == "angle" and edit.degrees is not None) for edit in edits):

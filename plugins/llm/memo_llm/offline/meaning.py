@@ -226,7 +226,9 @@ def _of_each(clause: Clause) -> list[Meant] | None:
     last = any(_of_the_end(item, clause) for item in clause.items)
     how = any(item.part.kind == "manner" for item in clause.items)
     came = any(item.part.kind == "side" for item in clause.items)
-    centred = any(item.part.kind == "centre" for item in clause.items)
+    centred = any(
+        item.part.kind == "centre" and not re.match(r"closer|nearer", item.part.said) for item in clause.items
+    )
     for item in clause.items:
         if (how or came) and item.part.kind == "dir" and bare(item):
             continue  # "come down slowly", "come down from the top": how, not where to

@@ -96,6 +96,8 @@ def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str])
         edits = [edit for edit in edits if edit.kind != "offset" or edit.degree or not _bare_way(edit)]
     if any(edit.kind == "offset" for edit in edits):  # "2 cm lower, a bit more": how much, not how far
         edits = [edit for edit in edits if edit.kind != "farther" or edit.said.strip() not in ("more", "further")]
+    if kind == "pick" and re.search(r"\b(?:lift|raise)\b", clause):
+        edits = [_lifted_more(edit, vocabulary) for edit in edits]
     if kind in ("pick", "place") and re.search(r"\bdown\b", clause):  # "put it down all the way"
         edits = [_lowered(edit, kind, vocabulary) for edit in edits]
     if kind in ("pick", "place"):
@@ -192,6 +194,14 @@ def _lifted(edit: Edit) -> Edit:
     if edit.kind != "straight" or edit.phrase is None or not re.search(r"\bup\b|\blift", edit.said):
         return edit
     return attrs.evolve(edit, phrase=attrs.evolve(edit.phrase, say="Lift it straight up.", opposite=""))
+
+
+def _lifted_more(edit: Edit, vocabulary: Vocabulary) -> Edit:
+    """To lift it more is to lift it higher."""
+    if edit.kind != "farther" or edit.negated:
+        return edit
+    phrase = next(p for p in vocabulary.phrases if p.edit == "offset" and not p.flip)
+    return attrs.evolve(edit, kind="offset", value="up", said=f"lift {edit.said}", phrase=phrase)
 
 
 def _lowered(edit: Edit, kind: str, vocabulary: Vocabulary) -> Edit:

@@ -72,6 +72,7 @@ _OFF = re.compile(
 _SIGN = re.compile(
     r"(?:you(?:'ve| have| should| need| want| must| ought|'ll)?|i)(?: \w+){0,2} (?:hear|see|feel) [\w' ]+"
 )
+_GOES_ON = re.compile(r"(?:then )?(?:go|come|move) (?:in|down|over|on)(?: there)?")
 _OWN = re.compile(r"\b(?:you|yourself|robot|base|front)\b")
 # Where something was, told as a fault.
 _FAULT = re.compile(
@@ -121,6 +122,8 @@ def read_sentence(
         found, rest = read_clause(clause, vocabulary, kind, nouns)
         if mood == "request" and not found and (is_needless(clause) or _SIGN.fullmatch(clause)):
             mood, request = "told", False
+        if not found and kind in ("pick", "place") and _GOES_ON.fullmatch(clause):
+            continue  # "... and then go in": what it does anyway
         complains = vocabulary.complaint(clause)
         said = [
             edit
@@ -354,6 +357,7 @@ def clauses(text: str) -> list[str]:
 
 def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str] = ()) -> str:
     plain = text.lower().replace("’", "'").replace("`", "'")
+    plain = plain.replace("'ve gotta", "'ve got to")
     if vocabulary is not None:
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
@@ -367,7 +371,7 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
         plain,
     )
     plain = re.sub(r"\brighty[- ]tighty,? (?:and )?lefty[- ]loosey\b", " ", plain)  # a rhyme, and no request
-    plain = re.sub(r"\bgotta\b", "have to", re.sub(r"\bgonna\b", "going to", plain))
+    plain = plain.replace("gotta", "have to").replace("gonna", "going to")
     plain = re.sub(
         r"\b(?:(?:can't|couldn't|can|could|would|won't|will) you|why (?:don't|not)(?: you)?)\b", "", plain
     )  # asked politely
@@ -384,7 +388,9 @@ def _clauses(plain: str) -> list[str]:
 def _parted(plain: str) -> list[tuple[str, bool]]:
     """Clauses, each with whether it is what is left beside something that was read already."""
     plain = re.sub(r"\b(instead of|rather than|but|so that)\b", r"; \1", plain)
-    plain = re.sub(r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we)\b))", r"; \1", plain)
+    plain = re.sub(
+        r"\b(because|since|otherwise|or else|or(?= (?:you|it|the|they|your|i|we|nothing|everything)\b))", r"; \1", plain
+    )
     plain = re.sub(r"\bexcept (?:that|for)\b", "; but", plain)
     plain = re.sub(r"\bas (\w+) as you (like|want|please|wish)\b", r"as \1 as-you-\2", plain)
     plain = re.sub(r"\bup and over\b", "up over", plain)

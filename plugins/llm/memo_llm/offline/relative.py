@@ -204,7 +204,7 @@ def _goal(edit: Edit, rough: dict[str, float]) -> float:
     if edit.amount and edit.amount.exact:
         further = math.degrees(metres / rough["door_radius"]) if edit.base_degrees is not None else metres
         return _start(edit) + sign * further
-    factor = {"farther": rough["further"], "less-far": rough["less"], "all-the-way": rough["all_the_way"]}[edit.kind]
+    factor = rough["less"] if edit.kind == "less-far" else rough["further"]
     goal = _start(edit) * (edit.amount.factor if edit.amount and sign > 0 else factor)
     return min(goal, rough["widest_angle"]) if edit.base_degrees is not None else goal
 
