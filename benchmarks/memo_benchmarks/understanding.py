@@ -53,7 +53,7 @@ ALREADY = {  # effects that the untaught motion may have already, and how a note
     "close fingers first": r"close .* first",
 }
 
-_PLANNED = frozenset(["first", "object", "other object", "not", "place"])  # effects that the plan decides
+_PLANNED = frozenset(["first", "object", "other object", "not", "place", "beside"])  # effects that the plan decides
 _OF_JUDGES = {"noted", "asked", "changed", "judges", "verdict", "notes"}
 Verdict = Literal["understood", "asked back", "without effect", "misread", "to be judged"]
 PRAISE = re.compile(r"right|fine|good|well|approv|praise|worked|as it (?:is|was)", re.I)

@@ -18,8 +18,8 @@ _MOTION = re.compile(
     r"reach\w*|touch\w*|aim\w*|wedge\w*|knock\w*|keep|until|till|stop (?!stop|!)\w+|wait(?!,)\w*|pause|moment|seconds?|"
     r"slow\w*|fast\w*|quick\w*|gent\w*|soft\w*|careful\w*|hard(?:er)?|firm\w*|tight\w*|loos\w*|click\w*|"
     r"up(?! (?:before|first|the|there))|upwards?|down(?! there)|higher|deep\w*|further|farther|closer|nearer|sideways|"
-    r"direction|(?<!your )(?<!in the )way(?! too)|straight\w*|crooked|level|upright|flat|angle|curve|arc|circles?|line|"
-    r"centimet\w*|cm|inch\w*|degrees?|edges?|corners?|rim|cent(?:re|er)\w*|middle(?! (?:rack|shelf))|"
+    r"direction|(?<!your )(?<!in the )(?<!of the )way(?! too)|straight\w*|crooked|level|upright|angle|curve|arc|"
+    r"circles?|line|centimet\w*|cm|inch\w*|degrees?|edges?|corners|corner of|rim|cent(?:re|er)\w*|middle(?! (?:rack|shelf))|"
     r"(?<!all )over the|only thing|if (?:the|it|they|there)|"
     r"from (?:above|below|the (?:top|side|front|back|left|right)))\b"
 )
@@ -47,8 +47,9 @@ _WHICH = (
     r"(?<!i )use (?:the|an?|my) (?!handle|side|edge|tip|rim|end|full|whole|other)\w+|"
     r"(?:take|get|bring|want|have) (?:me )?(?:an?|the) (?:different|clean|fresh|new|other|glass|big|small)|"
     rf"take (?:the|an?|my) \w+ (?:one|dish)|(?:another|different|clean|glass|{_COLOUR}) one|the one (?:closest|next|"
-    r"sitting|standing|lying|that's|over|in front|behind|with|above|below|in|on|at|by)|"
-    r"(?:still|hadn't|haven't|wasn't|not) (?:drinking|eating|using|finished|done)"
+    r"sitting|standing|lying|that's|all|over|in front|behind|with|above|below|in|on|at|by)|"
+    r"(?:still|hadn't|haven't|wasn't|not) (?:drinking|eating|using|finished|done)|"
+    rf"(?:the \w+ one|\w+)'s (?:the (?:{_COLOUR}|one)|just (?:below|above|next|behind))"
 )
 _GOES = r"go(?:es)?|belongs?|lives?|should (?:go|be)|ha(?:s|ve) to go"
 _WHERE = (
@@ -56,23 +57,27 @@ _WHERE = (
     r"(?!top\b|its\b|standing|the (?:middle|side|edge)\b)|"
     r"(?!it|that)\w+(?:'s| goes| belongs| lives| go| belong| live) (?:on|to) the (?:left|right)|"
     r"(?:big|large|small|heav)\w*(?: ones?| things?)? (?:go(?:es)? )?(?:at|on) the (?:bottom|top)|"
-    r"(?:middle|top|bottom|upper|lower) (?:rack|shelf)|not (?:in|on|onto|into) (?:there|the|my|that|top)|"
+    r"(?:middle|top|bottom|upper|lower) (?:rack|shelf)|"
+    r"not (?:in|on|onto|into) (?:there|the|my|that|top|it|them)|not (?:behind|beside|next to) (?:it|them|the)|"
     rf"the (?:{_COLOUR}|other|right|left|lower|upper|top|bottom) (?:one|bin|shelf|door|bag|burner|ring)"
 )
 _COUNT = r"one|two|three|four|five|six|ten"
 _HOW_MUCH = (
     rf"we're (?:{_COUNT})|more of|(?:{_COUNT}) (?:minutes?|will do|more(?! (?:\w+ )?(?:times|turns?|shakes|goes)))|"
-    rf"on (?:{_COUNT}|medium|low|high|full)|full blast|medium"
+    rf"(?:on|(?:set|put) it to) (?:{_COUNT}|medium|low|high|full)|full blast|medium"
 )
 _NAMED = re.compile(rf"\b(?:{_ORDER}|{_WHICH}|{_WHERE}|{_HOW_MUCH})\b")
 # A step of its own, whatever else the words may mean.
 _OWN_STEP = re.compile(
     rf"\b(?:{_STEP} [^.;!?]*?\b(?:first|beforehand|before|when you're (?:done|finished))|"
-    r"forg[eo]t\w* (?:to|the|your)|door first|one at a time|(?:start|begin) with (?:the|what))\b"
+    r"forg[eo]t\w* (?:to|the|your|some|one|two)|you're not (?:done|finished)|door first|one at a time|"
+    r"(?:start|begin) with (?:the|what))\b"
 )
 _NEXT_STEP = re.compile(r"\bbefore (?:you|your|it|the|that|any|\w+ing)\b[^.,;!?]*")
-_HANDS_FULL = re.compile(
-    r"\b(?:no|one|both|your) hands?(?: are| is)? (?:full|free)\b|\bwith (?:just |only )?one hand\b"
+# Words that are no motion here.
+_BESIDE = re.compile(
+    r"\b(?:(?:no|one|both|your) hands?(?: are| is)? (?:full|free)|(?:with|got) (?:just |only )?one hand|mixed up|"
+    r"pick\w*(?: \w+)? up)\b"
 )
 
 
@@ -81,4 +86,4 @@ def is_about_plans(words: str, understood: bool) -> bool:
     named."""
     plain = words.lower().replace("’", "'")
     named = _OWN_STEP if understood else _NAMED
-    return named.search(plain) is not None and _MOTION.search(_HANDS_FULL.sub("", _NEXT_STEP.sub("", plain))) is None
+    return named.search(plain) is not None and _MOTION.search(_BESIDE.sub("", _NEXT_STEP.sub("", plain))) is None

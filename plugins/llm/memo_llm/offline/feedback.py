@@ -53,6 +53,10 @@ _AMOUNT_ALONE = re.compile(
     r"(?:cm|mm|(?:centi|milli)met(?:er|re)s?|inch(?:es)?)(?: or so)?)(?=[.!]|$)",
     re.I,
 )
+_PLACED = frozenset(["hold-at", "centre", "offset", "approach", "beside"])
+_WAS_THERE = re.compile(
+    r"(?:you(?:'ve|'re| were| are)?|it(?:'s| was)|that(?:'s| was))(?: \w+){0,3} too (?:close|near|far|high|low)\b"
+)
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 # Words that look back at what was done before, and the verbs that say at what.
 _LOOKS_BACK = re.compile(
@@ -121,9 +125,13 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
 
 
 def _without_repeats(reading: Reading, others: Iterable[Reading]) -> Reading:
-    """Doubtful words that another sentence says as well, and there they were understood: "upright! Keep it upright"."""
-    said = {word for one in others for edit in one.edits for word in edit.said.split()}
-    return attrs.evolve(reading, unsure=tuple(part for part in reading.unsure if not set(part.split()) <= said))
+    """Without doubts about what another sentence makes clear: words that were understood there ("upright! Keep it
+    upright"), and where it was, if the other one says where it should be ("too close to the top. Take it lower")."""
+    edits = [edit for one in others for edit in one.edits]
+    said = {word for edit in edits for word in edit.said.split()}
+    placed = any(edit.kind in _PLACED for edit in edits)
+    unsure = [part for part in reading.unsure if not (set(part.split()) <= said or (placed and _WAS_THERE.match(part)))]
+    return attrs.evolve(reading, unsure=tuple(unsure))
 
 
 def _swings(scene: SceneGraph, recipe: Recipe | None) -> bool:
@@ -291,12 +299,12 @@ def _elsewhere(
 def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     """Notes about the plan, where the prompt asks for them and the words say what is to be done before."""
     asked_for = '"plan"' in prompt.section("answer")
-    if not asked_for or not is_about_plans(words, bool(heard.edits)):
+    if not asked_for or not is_about_plans(words, not all(map(_idle, heard.edits))):
         return []
     objects = prompt.subtask[1]
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?{place}\b", words.lower())
-    if there and not re.search(r"\b(?:first|before|out|off|not|forgot)\b", words.lower()):
+    if there and not re.search(r"\b(?:first|before|out|off|not|\w+n't|forgot)\b", words.lower()):
         return []  # where it goes anyway
     notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
     named = f"The {objects[0].lower()}" if objects else "It"

@@ -238,6 +238,8 @@ def _asks(edit: Edit, mood: Mood, clause: str, complains: bool, kind: str) -> bo
         return False  # "he is stronger than my grandpa"
     if edit.degree and re.search(r"\w+er$", edit.said.strip()) and re.match(r"you(?:'re| are| were) \w+ing\b", clause):
         return False  # "you're screwing it tighter"
+    if mood == "told" and re.search(r"\b(?:if|when) (?:i|we)\b", clause):
+        return False  # "it leaks if I tip it"
     if edit.degrees is not None and re.search(r"\b(?:not|n't) enough\b", clause):
         return False  # "one turn isn't enough"
     if edit.kind == "speed" and edit.said.strip().startswith("like ") and not re.match(r"(?:and )?you\b", clause):
@@ -362,7 +364,7 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
         plain = in_full(plain, vocabulary.spelled | set(nouns))
     plain = re.sub(r"[\"“”()\[\]]", " ", plain)
     plain = re.sub(r"([a-z])\1{2,}", r"\1", plain)  # "sooo slow"
-    plain = re.sub(r"\bnice and (?=\w)", "", plain)
+    plain = re.sub(r"\bnice and (?=\w)|\bgood (?:spot|start)\b", "", plain)
     plain = re.sub(r"\b(?:(?:the|that|this|my) )?poor (?:\w+ )?(?:\w+)(?=[.!,])", " ", plain)
     side = r"(?:on|to) (?:the|its) (left|right)(?:[- ]hand)?(?: side)?"
     plain = re.sub(
