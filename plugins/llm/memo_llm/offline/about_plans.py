@@ -19,8 +19,8 @@ _MOTION = re.compile(
     r"slow\w*|fast\w*|quick\w*|gent\w*|soft\w*|careful\w*|hard(?:er)?|firm\w*|tight\w*|loos\w*|click\w*|"
     r"up(?! (?:before|first|the|there))|upwards?|down(?! there)|higher|deep\w*|further|farther|closer|nearer|sideways|"
     r"direction|(?<!your )(?<!in the )(?<!of the )way(?! too)|straight\w*|crooked|level|upright|angle|curve|arc|"
-    r"circles?|line|centimet\w*|cm|inch\w*|degrees?|edges?|corners|corner of|rim|cent(?:re|er)\w*|middle(?! (?:rack|shelf))|"
-    r"(?<!all )over the|only thing|if (?:the|it|they|there)|"
+    r"circles?|line|centimet\w*|cm|inch\w*|degrees?|edges?|corners|corner of|rim|"
+    r"cent(?:re|er)\w*|middle(?! (?:rack|shelf))|(?<!all )over the|only thing|if (?:the|it|they|there)|"
     r"from (?:above|below|the (?:top|side|front|back|left|right)))\b"
 )
 _STEP = (
