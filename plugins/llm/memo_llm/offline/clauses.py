@@ -144,7 +144,7 @@ def is_needless(clause: str) -> bool:
     """Whether a clause says what need not be done."""
     plain = _OPENERS.sub("", f"{clause} ").strip()
     needless = r"(?:you |there's |there is )?(?:don't need|no need|needn't|don't have|won't (?:even )?(?:need|have))\b"
-    return re.match(needless, plain) is not None
+    return re.match(needless, plain) is not None or re.match(needless, clause) is not None
 
 
 def time_part(clause: str) -> int:

@@ -55,6 +55,7 @@ _AMOUNT_ALONE = re.compile(
 )
 _PLACED = frozenset(["hold-at", "centre", "offset", "approach", "beside"])
 _WAS_THERE = re.compile(
+    r"(?:please )?don't (?:stick|put) your fingers?\b|"
     r"(?:you(?:'ve|'re| were| are)?|it(?:'s| was)|that(?:'s| was))(?: \w+){0,3} too (?:close|near|far|high|low)\b"
 )
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
@@ -304,9 +305,10 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     objects = prompt.subtask[1]
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?{place}\b", words.lower())
-    if there and not re.search(r"\b(?:first|before|out|off|not|\w+n't|forgot)\b", words.lower()):
+    if there and not re.search(r"\b(?:first|before|out|off|not|never|\w+n't|forgot)\b", words.lower()):
         return []  # where it goes anyway
-    notes = [sentence_plainly(sentence) for sentence in heard.sentences if len(sentence.split()) > 1]
+    said = [one for one in heard.sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
+    notes = [sentence_plainly(sentence) for sentence in said]
     named = f"The {objects[0].lower()}" if objects else "It"
     return [
         re.sub(r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)", named, note)
@@ -366,6 +368,9 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     ]
     if kind == "turn" and len(kinds) > 1:  # what is turned in place is led nowhere
         edits = [edit for edit in edits if edit.kind not in OF_DOORS]
+    if any(edit.kind == "centre" and re.search(r"\bwait\b", edit.said) for edit in edits):
+        # "too early! Wait until you are over it": where it is let go
+        edits = [edit for edit in edits if edit.kind != "set-down" or not re.search(r"too (?:early|soon)", edit.said)]
     if "travel" in kinds:  # "up, across, then down"
         edits = [edit for edit in edits if edit.kind != "offset" or not ONLY_WAY.fullmatch(edit.said.strip())]
     if "set-down" in kinds:  # "reach right down and set it on the bottom", "you press too hard: let go when it touches"

@@ -99,7 +99,8 @@ def _over(parts: Sequence[Part], items: list[Item], verbs: frozenset[str], kind:
     goes = verbs & {"go", "bring", "lift", "clear"}
     if kind in ("pick", "place") and goes and (up or (not rest and (top or "other" in {part.kind for part in parts}))):
         return [Meant("travel", "", rest[0].amount if rest else "")]
-    return [Meant("centre")] if not rest and verbs and kind in ("place", "pour") else None
+    done = bool(verbs) or any(part.kind == "be" or part.said.endswith(" be") for part in parts)
+    return [Meant("centre")] if not rest and done and kind in ("place", "pour") else None
 
 
 def _of_verbs(verbs: frozenset[str], hand: set[str], kind: str, lifted: str) -> list[Meant] | None:

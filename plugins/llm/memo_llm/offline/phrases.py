@@ -197,8 +197,9 @@ def _lifted(edit: Edit) -> Edit:
 
 
 def _lifted_more(edit: Edit, vocabulary: Vocabulary) -> Edit:
-    """To lift it more is to lift it higher."""
-    if edit.kind != "farther" or edit.negated:
+    """To lift it more, or up a bit, is to lift it higher."""
+    up = edit.kind == "way" and edit.value == "up" and edit.amount is not None
+    if not (edit.kind == "farther" or up) or edit.negated:
         return edit
     phrase = next(p for p in vocabulary.phrases if p.edit == "offset" and not p.flip)
     return attrs.evolve(edit, kind="offset", value="up", said=f"lift {edit.said}", phrase=phrase)

@@ -51,6 +51,9 @@ def of_release(clause: Clause) -> list[Meant] | None:
             return [Meant("set-down")]
         if "lower" in clause.verbs and [item.part.kind for item in rest] == ["amount"]:
             return [Meant("offset", "down", rest[0].amount)]
+        ways = [item for item in rest if item.part.kind == "dir" and not (item.denied or item.too)]
+        if len(rest) == len(ways) == 1 and ways[0].part.value in ("left", "right") and clause.verbs & {"go", "shift"}:
+            return [Meant("offset", ways[0].part.value, ways[0].amount)]
         return None
     if "release" in clause.verbs and kinds == ["when"] and clause.items[0].part.value == "later":
         return [Meant("set-down")]

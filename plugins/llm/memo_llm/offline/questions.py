@@ -138,6 +138,8 @@ def question_about(
     if _UP_AND_BACK.search(words.lower()) and any(edit.value == "towards" for edit in edits):
         return f"is back away from the robot, or towards it? You said: {quoted}"
     pressed = any(edit.kind == "press-part" for edit in edits)
+    if pressed and any(edit.kind in ("hold-at", "offset") and not edit.negated for edit in edits):
+        return f"what is to be pressed, and where is it? You said: {quoted}"
     if pressed and (besides := [edit for edit in edits if edit.kind in ("release", "all-the-way", "farther", "way")]):
         return f"is this before or after pressing: {said_plainly(besides[0], None, None)} You said: {quoted}"
     drawn = [

@@ -72,6 +72,7 @@ _OFF = re.compile(
 _SIGN = re.compile(
     r"(?:you(?:'ve| have| should| need| want| must| ought|'ll)?|i)(?: \w+){0,2} (?:hear|see|feel) [\w' ]+"
 )
+_BEYOND = re.compile(r"\b(?:right|other|wrong) way up\b|\b(?:other|both) hands?\b")  # no edit says that
 _GOES_ON = re.compile(r"(?:then )?(?:go|come|move) (?:in|down|over|on)(?: there)?")
 _OWN = re.compile(r"\b(?:you|yourself|robot|base|front)\b")
 # Where something was, told as a fault.
@@ -168,14 +169,15 @@ def read_sentence(
                     vocabulary.small_talk,
                 )
             )
-        doubtful |= _clash(said, clause) or in_parts(clause)
+        beyond = _BEYOND.search(clause) is not None
+        doubtful |= _clash(said, clause) or in_parts(clause) or beyond
         doubtful |= _relative_to_something(said, clause, other_things)
         doubtful |= request and not said and (_forbids(clause, rest, vocabulary, nouns, kind) or _insists(rest, kind))
         doubtful |= ends_when(clause) is not None and not any(edit.kind in _ENDS for edit in said)
         doubtful |= mood == "told" and re.search(_BOUNDED, rest) is not None
         faulty = _FAULT.search(clause) is not None or vocabulary.lexicon.begins_with_wish(clause)
         doubtful |= mood == "told" and not said and faulty  # told, and yet something is to be different
-        if not part:
+        if not (part or beyond):
             composed = composed_edits(clause, mood, vocabulary, kind, own, other_things)
             if composed is not None and preferred(composed, said, doubtful):
                 edits = [*before, *(edit for edit in composed if not any(_same(edit, other) for other in before))]
@@ -201,9 +203,9 @@ def read_sentence(
 
 def _of_the_thing(rest: str, kind: str, others: set[str]) -> str:
     """A clause's remainder without another name for what is in the hand: "hold the carton" of the milk."""
-    if kind not in ("pick", "place"):
+    if kind not in ("pick", "place", ""):
         return rest
-    verbs = "hold|carry|take|grab|grip|grasp|lift|pick up|put|set|lay|lower"
+    verbs = "hold|carry|take|grab|grip|grasp|lift|pick up|put|set|lay|lower" if kind else "get|hold|keep|move|bring"
     named = re.compile(
         rf"\b({verbs})(ing)? (?:the|that|this|my|your) (\w+)(?= (?:\W|down|up|in|at|by|on|around|$)|$|  )"
     )
@@ -378,6 +380,12 @@ def _plain(text: str, vocabulary: Vocabulary | None = None, nouns: Iterable[str]
         r"\b(?:(?:can't|couldn't|can|could|would|won't|will) you|why (?:don't|not)(?: you)?)\b", "", plain
     )  # asked politely
     plain = in_figures(" ".join(plain.split()))
+    plain = re.sub(r"\b([\d.]+) more (cm|mm|inch|m|degrees)\b", r"\1 \2 more", plain)
+    plain = re.sub(  # which way a door swings is to be seen
+        r"\b(in an? (?:\w+ )?(?:curve|arc)),? (?:a?round |out )?(?:to|towards?) (?:the|your) (?:left|right|side)\b",
+        r"\1",
+        plain,
+    )
     if vocabulary is not None:
         plain = vocabulary.lexicon.as_request(plain)
     return re.sub(r"\b(?:maybe|roughly|like|say|approximately|perhaps|i'd say|something like) (?=\d)", "", plain)

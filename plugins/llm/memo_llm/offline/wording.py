@@ -10,7 +10,7 @@ from memo_llm.offline.relative import Attempted, than_that
 
 ONLY_WAY = re.compile(r"(?:(?:go|move|push|try|just) )*(?:up|down)(?:wards?)?")  # no more than up or down
 _FILLERS = re.compile(
-    r"^(?:(?:no|well|hm+|hey|ok(?:ay)?|please|and|so|but|then)[, ]+)+|[, ]+(?:please|ok(?:ay)?)$", re.I
+    r"^(?:(?:no(?=[,!.]| no\b)|well|hm+|hey|ok(?:ay)?|please|and|so|but|then)[, ]+)+|[, ]+(?:please|ok(?:ay)?)$", re.I
 )
 _MUST = re.compile(
     r"^(?:you(?:'ve| have)? (?:got to|have to|need to|must|should|can|could|to)|you'd better|try to|i want you to) ",
