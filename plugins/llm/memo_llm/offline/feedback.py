@@ -338,8 +338,8 @@ def _settled_words(words: str) -> str:
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     """Without what another edit of the same remark says better: "further, to 90 degrees" is 90 degrees."""
-    reversals = [edit for edit in edits if edit.kind == "reverse"]
-    edits = [edit for edit in edits if edit not in reversals[1:] or edit is reversals[0]]  # said twice, meant once
+    reversal = next((edit for edit in edits if edit.kind == "reverse"), None)
+    edits = [edit for edit in edits if edit.kind != "reverse" or edit is reversal]  # said twice, meant once
     called = {edit.kind for edit in edits if edit.kind in ("force", "speed") and not _exclaimed(edit)}
     edits = [  # "easy! Hold it lightly"
         edit for edit in edits if not (_exclaimed(edit) and called and edit.kind not in called)
@@ -373,8 +373,7 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
         edits = [edit for edit in edits if edit.kind != "set-down" or not re.search(r"too (?:early|soon)", edit.said)]
     if "travel" in kinds:  # "up, across, then down"
         edits = [edit for edit in edits if edit.kind != "offset" or not ONLY_WAY.fullmatch(edit.said.strip())]
-    if "set-down" in kinds:  # "reach right down and set it on the bottom", "you press too hard: let go when it touches"
-        edits = [edit for edit in edits if edit.kind != "speed" or not re.search(r"\bpress|\bpush", edit.said)]
+    if "set-down" in kinds:  # "reach right down and set it on the bottom"
         edits = [edit for edit in edits if edit.kind != "offset" or edit.value != "down" or edit.amount is not None]
     if "shake" in kinds:  # to shake harder is not to grip harder
         edits = [edit for edit in edits if edit.kind != "force" or re.search(r"grip|hold|squeez", edit.said)]

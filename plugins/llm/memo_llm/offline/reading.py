@@ -210,8 +210,8 @@ def _of_the_thing(rest: str, kind: str, others: set[str]) -> str:
         rf"\b({verbs})(ing)? (?:the|that|this|my|your) (\w+)(?= (?:\W|down|up|in|at|by|on|around|$)|$|  )"
     )
     rest = named.sub(lambda m: m.group() if m.group(3) in others else f"{m.group(1)}{m.group(2) or ''} it", rest)
-    with_it = re.compile(r"\bwith (?:the|those|that|this|these) (\w+)$")
-    return with_it.sub(lambda m: m.group() if m.group(1) in others else " ", rest)
+    with_it = re.fullmatch(r"(?:\s|be\b|please\b|more\b|really\b)*with (?:the|those|that|this|these) (\w+)", rest)
+    return rest if with_it is None or with_it.group(1) in others else ""  # "be gentler with the fruit"
 
 
 def _words(names: Iterable[str]) -> set[str]:
