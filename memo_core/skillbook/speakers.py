@@ -4,7 +4,7 @@ of the entries that it serves and of those under its own key, and in the book th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from operator import itemgetter
 from typing import Any
@@ -28,8 +28,6 @@ _LINKS_OF = (
     .order_by(_S.entry, _S.feedback)
 )
 _SAID = sa.select(_F.id, _F.who, _F.time, _F.subtask).where(_F.id > sa.bindparam("after")).order_by(_F.id)
-
-_BATCH = 10_000  # rows that are in memory at a time
 
 
 class Speakers:
@@ -59,26 +57,27 @@ class Speakers:
         """Read what came since the last time; ``anew``: everything, since some of it may be gone."""
         if anew:
             self._clear()
-        with self._database.read() as connection:
-            for part in _parts(connection, _SAID, self._last_feedback):
-                self._hear(part)
-            links = _parts(connection, _LINKS, self._last_entry)
-            parts = [np.fromiter(chain.from_iterable(part), np.int64, 2 * len(part)) for part in links]
-        if not parts:
+        links = self._database.fetch(_LINKS, {"after": self._last_entry})
+        self._hear(self._database.fetch(_SAID, {"after": self._last_feedback}))
+        if not links:
             return
-        entries, feedback = np.concatenate(parts).reshape(-1, 2).T
-        ids, counts = np.unique(entries, return_counts=True)
+        entries, feedback = np.fromiter(chain.from_iterable(links), np.int64, 2 * len(links)).reshape(-1, 2).T
+        made_of = self._feedback.get(feedback)
+        there = made_of >= 0  # all, unless somebody forgot some between the two readings
+        ids, counts = np.unique(entries[there], return_counts=True)
         self._entries.put(ids, len(self._first.values) - 1 + np.arange(len(ids)))
-        self._first.add(len(self._made_of.values) + np.cumsum(counts))
-        self._made_of.add(self._feedback.get(feedback))
-        self._last_entry = int(ids[-1])
+        self._first.add(len(self._made_of.values) + counts.cumsum())
+        self._made_of.add(made_of[there])
+        self._last_entry = int(entries[-1])
 
-    def _hear(self, said: Sequence[sa.Row[Any]]) -> None:
-        ids, who, when, subtasks = zip(*said, strict=True)
-        self._feedback.put(np.array(ids), len(self._who.values) + np.arange(len(ids)))
-        self._who.add(np.array([self._people[name] for name in who]))
-        self._when.add(np.array(when))
-        self._about.add(np.array([self._subtasks[subtask] for subtask in subtasks]))
+    def _hear(self, said: Sequence[Sequence[Any]]) -> None:
+        if not said:
+            return
+        ids = np.array([row[0] for row in said], np.int64)
+        self._feedback.put(ids, len(self._who.values) + np.arange(len(ids)))
+        self._who.add(np.array([self._people[row[1]] for row in said]))
+        self._when.add(np.array([row[2] for row in said]))
+        self._about.add(np.array([self._subtasks[row[3]] for row in said]))
         self._last_feedback = int(ids[-1])
         self._names, self._said_of = list(self._people), list(self._subtasks)
 
@@ -118,9 +117,3 @@ class Speakers:
         there = numbers >= 0
         numbers, firsts = numbers[there], self._first.values
         return entries[there], firsts[numbers], firsts[numbers + 1] - firsts[numbers]
-
-
-def _parts(connection: sa.Connection, query: sa.Select[Any], after: int) -> Iterator[Sequence[sa.Row[Any]]]:
-    """Rows as values, without all of a large book's in memory."""
-    found = connection.execute(query, {"after": after}, execution_options={"yield_per": _BATCH})
-    yield from found.partitions()
