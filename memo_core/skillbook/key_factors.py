@@ -38,14 +38,17 @@ class KeyParts:
         both unit vectors, of the moved objects alone, and of the objects in exchanged roles, what is moved compared
         with the destination (0 where one of both has no destination); float64, shape (keys,)."""
         half = len(objects) // 2
+        thing, place = objects[:half], objects[half:]
         by_action = np.vecdot(self.actions, action).astype(np.float64)[self.action_of]
-        by_moved = np.vecdot(self.moved, objects[:half]).astype(np.float64)[self.moved_of]
-        by_place = np.vecdot(self.places, objects[half:]).astype(np.float64)[self.place_of]
-        length = float(np.linalg.norm(objects[:half])) or 1.0
-        as_place = np.vecdot(self.moved, objects[half:]).astype(np.float64)[self.moved_of]
-        as_moved = np.vecdot(self.places, objects[:half]).astype(np.float64)[self.place_of]
+        by_moved = np.vecdot(self.moved, thing).astype(np.float64)[self.moved_of]
+        alone = by_moved / (float(np.linalg.norm(thing)) or 1.0)
+        if not place.any():
+            return by_action, by_moved * self.share, alone, np.zeros(len(self))
+        by_place = np.vecdot(self.places, place).astype(np.float64)[self.place_of]
+        as_place = np.vecdot(self.moved, place).astype(np.float64)[self.moved_of]
+        as_moved = np.vecdot(self.places, thing).astype(np.float64)[self.place_of]
         crossed = np.where(as_place * as_moved != 0, (as_place + as_moved) * self.share, 0.0)
-        return by_action, (by_moved + by_place) * self.share, by_moved / length, crossed
+        return by_action, (by_moved + by_place) * self.share, alone, crossed
 
 
 def distinct(parts: Sequence[_Part], make: Callable[[list[_Part]], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
