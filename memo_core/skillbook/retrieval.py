@@ -234,7 +234,7 @@ class Retriever:
         if self._finder is None:
             return provenance_of(self._database, [entry for some in entries.values() for entry in some])
         known = self._speakers.provenance([*entries["correction"], *entries["general"]])
-        return known | self._speakers.provenance_now(entries["template"])
+        return known | provenance_of(self._database, entries["template"])
 
     # -- what was not served -------------------------------------------------------------------------------------------
     def _cut(self, question: Question, served: dict[str, tuple[Served, ...]], state: Contents) -> tuple[Cut, ...]:

@@ -18,22 +18,16 @@ from memo_core.skillbook.id_table import IdTable
 from memo_core.skillbook.newest import LATEST, newest_of
 from memo_core.skillbook.provenance import Provenance, provenance_from
 from memo_core.skillbook.term_lists import Growing, Numbered, ranges
-from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, batched, places
 
 _F, _S = tables.feedback.c, tables.sources.c
 _LINKS = sa.select(_S.entry, _S.feedback).where(_S.entry > sa.bindparam("after")).order_by(_S.entry, _S.feedback)
-_LINKS_OF = (
-    sa.select(_S.entry, _S.feedback)
-    .where(_S.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]))
-    .order_by(_S.entry, _S.feedback)
-)
 _SAID = sa.select(_F.id, _F.who, _F.time, _F.subtask).where(_F.id > sa.bindparam("after")).order_by(_F.id)
 
 
 class Speakers:
     """Of one book. What is read stays as it is until something is forgotten: feedback is only added, and what
-    corrections and general statements were made of is stored with them. Templates are looked up in the book: an
-    approval of code that is the template already is added to its sources.
+    corrections and general statements were made of is stored with them. (Of templates it may be more by now: an
+    approval of code that is the template already is added to its sources.)
 
     Entries and feedback are numbered in the order of their ids.
     """
@@ -90,26 +84,15 @@ class Speakers:
     def provenance(self, entries: Sequence[int]) -> dict[int, Provenance]:
         """``provenance_of`` corrections and general statements."""
         ids, starts, counts = self._links(np.array(entries, np.int64))
-        return self._told(np.repeat(ids, counts), self._made_of.values[ranges(starts, counts)])
-
-    def provenance_now(self, templates: Sequence[int]) -> dict[int, Provenance]:
-        """``provenance_of`` templates."""
-        links = [link for part in batched(templates, PLACES) for link in self._database.fetch(_LINKS_OF, places(part))]
-        entries, feedback = np.array([tuple(link) for link in links], np.int64).reshape(-1, 2).T
-        made_of = self._feedback.get(feedback)
-        if (made_of < 0).any():  # said since the book's state was read
-            self.follow(anew=False)
-            made_of = self._feedback.get(feedback)
-        there = made_of >= 0
-        return self._told(entries[there], made_of[there])
-
-    def _told(self, entries: np.ndarray, made_of: np.ndarray) -> dict[int, Provenance]:
-        """By entry, of entries and the numbers of the feedback that they were made of."""
-        who, when, about = (column.values[made_of].tolist() for column in (self._who, self._when, self._about))
-        remarks: dict[int, list[tuple[str, float, str]]] = {}
-        for entry, one, then, subtask in zip(entries.tolist(), who, when, about, strict=True):
-            remarks.setdefault(entry, []).append((self._names[one], then, self._said_of[subtask]))
-        return {entry: provenance_from(sorted(said, key=itemgetter(1))) for entry, said in remarks.items()}
+        of = self._made_of.values[ranges(starts, counts)]
+        columns = (np.repeat(ids, counts), self._who.values[of], self._when.values[of], self._about.values[of])
+        said: dict[int, list[tuple[str, float, str]]] = {}
+        for entry, who, when, about in zip(*(column.tolist() for column in columns), strict=True):
+            said.setdefault(entry, []).append((self._names[who], when, self._said_of[about]))
+        return {
+            entry: provenance_from(remarks if len(remarks) == 1 else sorted(remarks, key=itemgetter(1)))
+            for entry, remarks in said.items()
+        }
 
     def _links(self, entries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Those of the entries that are known, and where what they were made of begins and how many that are."""
