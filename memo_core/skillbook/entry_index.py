@@ -165,7 +165,8 @@ class EntryIndex:
         return self._ids[positions]
 
     def rows(self, positions: np.ndarray) -> np.ndarray:
-        """Of entries, the rows of their keys."""
+        """Of entries, the rows of their keys; -1 only where somebody writes meanwhile, which the book's
+        generation tells before anything is served."""
         return self._row_at[self._slots[positions]]
 
     def positions(self, ids: np.ndarray) -> np.ndarray:
