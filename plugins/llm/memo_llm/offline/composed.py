@@ -6,6 +6,7 @@ import re
 
 from memo_llm.offline.clauses import Mood, time_part
 from memo_llm.offline.composition import TIMES
+from memo_llm.offline.doubts import Context
 from memo_llm.offline.edits import GENTLE, Edit
 from memo_llm.offline.meaning import Meant, meaning
 from memo_llm.offline.vocabulary import Vocabulary
@@ -15,14 +16,13 @@ _SIDED = ("force", "speed")
 _COMPOSED_ONLY = frozenset(["travel", "retreat", "slow-end", "ease-open", "pose", "set-down", "finger-width", "beside"])
 
 
-def composed_edits(
-    clause: str, mood: Mood, vocabulary: Vocabulary, kind: str, own: set[str], others: set[str]
-) -> list[Edit] | None:
+def composed_edits(clause: str, mood: Mood, context: Context) -> list[Edit] | None:
     """Edits of a clause that is made up of known parts throughout; None where it is not, or where they mean nothing."""
     if mood not in ("request", "told"):
         return None
+    vocabulary, kind, own = context.vocabulary, context.kind, context.own
     parts = vocabulary.lexicon.parts(
-        re.sub(r"^so (?=\w+ (?:it|the|your|that|up|down)\b)", "", clause), frozenset(own), frozenset(others)
+        re.sub(r"^so (?=\w+ (?:it|the|your|that|up|down)\b)", "", clause), own, context.others
     )
     if not parts:
         return None
@@ -38,11 +38,11 @@ def composed_edits(
     return [_as_edit(one, clause, vocabulary, kind) for one in meant]
 
 
-def only_when(clause: str, vocabulary: Vocabulary, own: set[str], others: set[str]) -> bool:
+def only_when(clause: str, context: Context) -> bool:
     """Whether a clause only says when what follows it is to be done: "when you have let go"."""
     if time_part(clause) != 0:
         return False
-    parts = vocabulary.lexicon.parts(clause, frozenset(own), frozenset(others)) or []
+    parts = context.vocabulary.lexicon.parts(clause, context.own, context.others) or []
     return bool(parts) and all(part.kind in TIMES for part in parts)
 
 

@@ -59,7 +59,7 @@ def read_whole(plain: str, vocabulary: Vocabulary, kind: str) -> tuple[list[Edit
     return edits, plain
 
 
-def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: set[str]) -> tuple[list[Edit], str]:
+def read_clause(clause: str, vocabulary: Vocabulary, kind: str, nouns: frozenset[str]) -> tuple[list[Edit], str]:
     """Edits in the order of the words, and the clause with what was read blanked out."""
     rest = clause
     found: list[tuple[int, Phrase, re.Match[str]]] = []
@@ -146,7 +146,7 @@ def _of_degree(degree: Degree, clause: str, subtask: str, vocabulary: Vocabulary
     )
 
 
-def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary, nouns: set[str]) -> Edit:
+def _as_turn(edit: Edit, kind: str, vocabulary: Vocabulary, nouns: frozenset[str]) -> Edit:
     """To the right is clockwise where something is turned in place."""
     if (
         kind != "turn"
