@@ -6,7 +6,7 @@ import re
 
 from memo_llm.offline.clauses import Mood, time_part
 from memo_llm.offline.composition import TIMES
-from memo_llm.offline.doubts import Context
+from memo_llm.offline.coverage import Context
 from memo_llm.offline.edits import GENTLE, Edit
 from memo_llm.offline.meaning import Meant, meaning
 from memo_llm.offline.vocabulary import Vocabulary

@@ -9,8 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
+import attrs
+
 from memo_llm.offline.clauses import core, goes_on_to_end, is_act, is_own_act, split_words, time_part
-from memo_llm.offline.composition import TIMES, Lexicon
+from memo_llm.offline.composition import TIMES
+from memo_llm.offline.vocabulary import Vocabulary
 
 # Parts of the lexicon that change nothing of what is asked for beside them.
 _IDLE = frozenset(["lead", "vocative", "very", "pronoun", "thing", "hand", "be", "comparison", "destination", "vessel"])
@@ -44,27 +47,31 @@ _DONE = re.compile(r"(?:when|once|after|as soon as) you(?:'re| are) (?:done|fini
 _MOMENT = re.compile(r"(?:when|while|as|before|after|once) (?:(?:you|it|they)(?:'re| are|'s| is)? )?(\w+)\b")
 
 
-def unaccounted(
-    clause: str,
-    rest: str,
-    edits: Collection[str],
-    before: Collection[str],
-    kind: str,
-    lexicon: Lexicon,
-    own: Collection[str],
-    others: Collection[str],
-    small_talk: Collection[str] = (),
-) -> list[str]:
+@attrs.frozen(eq=False)
+class Context:
+    """What a sentence is said of. ``kind`` is the kind of subtask (``memo_llm.offline.recipe``), "" where that is not
+    known; ``own`` are words for what the subtask is about, ``others`` for what else is to be seen."""
+
+    vocabulary: Vocabulary
+    kind: str
+    own: frozenset[str]
+    others: frozenset[str]
+
+    @property
+    def nouns(self) -> frozenset[str]:
+        return self.own | self.others
+
+
+def unaccounted(clause: str, rest: str, edits: Collection[str], before: Collection[str], context: Context) -> list[str]:
     """Words of a clause that carry meaning and that no reading accounts for. ``rest`` is the clause without the words
-    that ``edits`` (their kinds) were read from, ``before`` kinds of what was read before it; ``own`` and ``others`` are
-    nouns for what the subtask is about and for what else is to be seen."""
-    things, around = frozenset(own), frozenset(others)
+    that ``edits`` (their kinds) were read from, ``before`` kinds of what was read before it."""
+    kind, lexicon, things, around = context.kind, context.vocabulary.lexicon, context.own, context.others
     particles = _PARTICLES.get(kind, "").split()
     body = _REASON.sub("", _PURPOSE.sub(" ", rest[: time_part(rest)]).strip())
     body = _GOING_ON.sub("", _SUBJECT.sub("", body, 1))
     found = []
     acts = False
-    for part, said in lexicon.pieces(core(body, own, others, times=False), things, around):
+    for part, said in lexicon.pieces(core(body, things, around, times=False), things, around):
         words = [word for word in re.findall(r"[\w'-]*\w", said.removesuffix("'s")) if word not in _FUNCTION_WORDS]
         returns = said == "back" and "back" not in particles
         if returns or said == "something" or (said in _STARTING and {"force", "speed"} & set(edits)):
@@ -74,7 +81,7 @@ def unaccounted(
         if (
             held
             or part in _IDLE
-            or said in small_talk
+            or said in context.vocabulary.small_talk
             or all({word, word.removesuffix("s")} & things for word in words)
         ):
             continue
@@ -86,22 +93,20 @@ def unaccounted(
         elif not (acts and said in particles):
             found.append(said)
     when = clause[time_part(clause) :] if time_part(rest) < len(rest) else ""  # else it was read itself
-    if when and not _known_moment(when, {*edits, *before}, kind, lexicon, things, around):
+    if when and not _known_moment(when, {*edits, *before}, context):
         found.append(when)
     return found
 
 
-def _known_moment(
-    when: str, edits: Collection[str], kind: str, lexicon: Lexicon, things: frozenset[str], around: frozenset[str]
-) -> bool:
+def _known_moment(when: str, edits: Collection[str], context: Context) -> bool:
     """Whether words that say when say no more than what is done anyway, or how far."""
     if re.match(r"(?:until|till)\b", when):
         return bool(_BOUNDED & set(edits)) or goes_on_to_end(when)
     if _LAST & set(edits) and _DONE.match(when):
         return True
     moment = _MOMENT.match(when)
-    if moment is not None and is_own_act(moment.group(1), kind):
+    if moment is not None and is_own_act(moment.group(1), context.kind):
         when = when[moment.end() :].strip()
-    particles = _PARTICLES.get(kind, "").split()
-    parts = lexicon.parts(when, things, around) if when else []
+    particles = _PARTICLES.get(context.kind, "").split()
+    parts = context.vocabulary.lexicon.parts(when, context.own, context.others) if when else []
     return parts is not None and all(part.kind in _MOMENTS or part.said in particles for part in parts)

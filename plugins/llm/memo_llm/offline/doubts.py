@@ -18,9 +18,8 @@ from memo_llm.offline.clauses import (
     split_words,
     unread,
 )
-from memo_llm.offline.coverage import unaccounted
+from memo_llm.offline.coverage import Context, unaccounted
 from memo_llm.offline.edits import Edit
-from memo_llm.offline.vocabulary import Vocabulary
 
 _UNITS = {"cm", "mm", "inch", "m", "degrees", "seconds", "newton"}
 # Fillers that say which, when or whether, where nothing else was read.
@@ -52,21 +51,6 @@ _TOWARDS = re.compile(
     r"\b(?:closer|nearer|further|farther|away)(?: in| out| over)? (?:to|towards?|from) "
     r"(?:me\b|us\b|(?:the|its|that|this|my) (?!robot\b|base\b|front\b))"
 )
-
-
-@attrs.frozen(eq=False)
-class Context:
-    """What a sentence is said of. ``kind`` is the kind of subtask (``memo_llm.offline.recipe``), "" where that is not
-    known; ``own`` are words for what the subtask is about, ``others`` for what else is to be seen."""
-
-    vocabulary: Vocabulary
-    kind: str
-    own: frozenset[str]
-    others: frozenset[str]
-
-    @property
-    def nouns(self) -> frozenset[str]:
-        return self.own | self.others
 
 
 @attrs.frozen(eq=False)
@@ -146,18 +130,13 @@ def _leaves_words(clause: ReadClause) -> bool:
         return False
     if clause.beside and re.fullmatch(r"(?:the|that|this|its) \w+", clause.words):
         return False
-    context = clause.context
     return bool(
         unaccounted(
             clause.words,
-            _of_the_thing(clause.left, context) if clause.said else clause.left,
+            _of_the_thing(clause.left, clause.context) if clause.said else clause.left,
             {edit.kind for edit in (clause.edits if clause.beside else clause.said)},
             {edit.kind for edit in clause.edits},
-            context.kind,
-            context.vocabulary.lexicon,
-            context.own,
-            context.others,
-            context.vocabulary.small_talk,
+            clause.context,
         )
     )
 

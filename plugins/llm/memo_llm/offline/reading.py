@@ -9,8 +9,9 @@ import attrs
 
 from memo_llm.offline.clauses import Mood, is_needless, is_request, mood_of
 from memo_llm.offline.composed import composed_edits, only_when, preferred
+from memo_llm.offline.coverage import Context
 from memo_llm.offline.degrees import REFUSED
-from memo_llm.offline.doubts import Context, ReadClause, is_beyond, is_doubtful
+from memo_llm.offline.doubts import ReadClause, is_beyond, is_doubtful
 from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.phrases import is_measured, read_clause, read_whole
 from memo_llm.offline.spelling import in_figures
