@@ -79,13 +79,11 @@ _OWN_STEP = re.compile(
     rf"turn (?:it|that|the \w+) (?:down|up) to (?:about )?(?:{_COUNT}|medium|low|high))\b"
 )
 _NEXT_STEP = re.compile(r"\bbefore (?:you|your|it|the|that|any|\w+ing)\b[^.,;!?]*")
-# Words that are no motion here.
-_BESIDE = re.compile(
+_NO_MOTION = re.compile(
     r"\b(?:(?:no|one|both|your) hands?(?: are| is)? (?:full|free)|(?:with|got) (?:just |only )?one hand|mixed up|"
     r"pick\w*(?: \w+)? up|turn (?:it|that|the \w+) (?:down|up) to|(?:other|(?:those|them) the wrong) way a?round)\b"
 )
-
-
+# Carrying in place of pushing is another step, however it is said.
 _CARRY = r"pick (?:it|them|that) up"
 _SHOVE = r"(?:push|drag|shov)\w*"
 _CARRY_INSTEAD = re.compile(
@@ -101,4 +99,4 @@ def is_about_plans(words: str, understood: bool) -> bool:
     if _CARRY_INSTEAD.search(plain):
         return True
     named = _OWN_STEP if understood else _NAMED
-    return named.search(plain) is not None and _MOTION.search(_BESIDE.sub("", _NEXT_STEP.sub("", plain))) is None
+    return named.search(plain) is not None and _MOTION.search(_NO_MOTION.sub("", _NEXT_STEP.sub("", plain))) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import cached_property
 
 import attrs
 
@@ -71,12 +72,12 @@ class ReadClause:
         """Whether it says what not to do, and nothing follows from that."""
         return not self.said and self.context.vocabulary.negations.search(self.words) is not None
 
-    @property
+    @cached_property
     def rest(self) -> str:
         """What no phrase accounts for and says more than where and when."""
         return _of_the_thing(core(self.left, self.context.own, self.context.others), self.context)
 
-    @property
+    @cached_property
     def unknown(self) -> list[str]:
         """Words that are not known at all."""
         words = re.findall(r"[^\W_][\w'-]*", self.rest)

@@ -86,14 +86,15 @@ def read_sentence(
         said = [edit for edit in found if edit.kind not in ("nothing", REFUSED) and _asks(edit, mood, words, context)]
         praised |= not said and vocabulary.praises(words)
         clause = ReadClause(words, mood, beside, bool(found), said, _with(edits, said), left, context)
+        doubtful = is_doubtful(clause)
         if not (beside or is_beyond(clause)):
             composed = composed_edits(words, mood, context)
-            if composed is not None and preferred(composed, said, is_doubtful(clause)):
+            if composed is not None and preferred(composed, said, doubtful):
                 edits = _with(edits, composed)
                 continue
         edits = list(clause.edits)
         missed += [words] if clause.unknown and not said else clause.unknown
-        unsure += [words] if is_doubtful(clause) else []
+        unsure += [words] if doubtful else []
     ways = {(edit.kind, edit.value) for edit in edits if edit.kind in ("offset", "way")}
     rising = {
         edit.value in GENTLE or edit.value.startswith("slow") for edit in edits if edit.kind in ("force", "speed")
