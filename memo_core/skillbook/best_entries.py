@@ -39,6 +39,11 @@ class Scored(NamedTuple):
         similar = index.similar(positions, meant).astype(np.float64)
         return cls(positions, index.rows(positions), similar, index.overlap(positions, wanted))
 
+    @classmethod
+    def none(cls) -> Scored:
+        whole, real = np.zeros(0, np.int64), np.zeros(0)
+        return cls(whole, whole, real, real)
+
     def only(self, chosen: np.ndarray | slice) -> Scored:
         return Scored(*[column[chosen] for column in self])
 
@@ -99,6 +104,7 @@ class Weighed:
     wanted: Wanted
     near: Scored  # the entries that the store found, by ascending position
     nearest: float  # the largest cosine that any other may have
+    every: tuple[np.ndarray, np.ndarray] | None = None  # positions and cosines of all entries, where all were compared
 
     def scored(self, positions: np.ndarray) -> Scored:
         found = Scored.of(self.index, positions, self.keys.meant, self.wanted)
@@ -112,9 +118,11 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
     ``among``: of each key whether its entries may be, bool.
     ``floor``: entries that share no term with the subtask are left out if the mean cosine of text and key is smaller.
     """
-    near = asked.near.only(among[asked.near.rows])
     if count < 1 or not among.any():
-        return near.only(slice(0))
+        return asked.near.only(slice(0))
+    if asked.every is not None:
+        return _best_of_compared(asked, *asked.every, among, count, floor)
+    near = asked.near.only(among[asked.near.rows])
     most = asked.index.most_overlap(asked.wanted)
     limits = np.where(among, asked.keys.scores(slice(None), asked.nearest, most), -np.inf)
     few = _FIRST * count
@@ -134,6 +142,29 @@ def best_entries(asked: Weighed, among: np.ndarray, count: int, floor: float = -
         if len(some.positions):
             found, least = _best(asked, [found, some.scored(asked)], count, floor)
     return found
+
+
+def _best_of_compared(
+    asked: Weighed, positions: np.ndarray, similar: np.ndarray, among: np.ndarray, count: int, floor: float
+) -> Scored:
+    """``best_entries`` where all texts were compared: words in common and keys' words are compared where they can
+    matter."""
+    index = asked.index
+    rows = index.rows(positions)
+    there = among[rows]
+    positions, rows, similar = positions[there], rows[there], similar[there].astype(np.float64)
+    limits = asked.keys.scores(rows, similar, index.most_overlap(asked.wanted)[rows])
+
+    def scored(chosen: np.ndarray) -> Scored:
+        asked.keys.compare(rows[chosen])
+        some = positions[chosen]
+        return Scored(some, rows[chosen], similar[chosen], index.overlap(some, asked.wanted))
+
+    few = _AMONG * count
+    likely = limits >= nth_largest(limits, few) if len(limits) > few else np.ones(len(limits), bool)
+    found, least = _best(asked, [scored(likely)], count, floor)
+    left = ~likely & (limits >= least)
+    return _best(asked, [found, scored(left)], count, floor)[0] if left.any() else found
 
 
 def _likeliest(asked: Weighed, limits: np.ndarray, most: np.ndarray, few: int) -> np.ndarray:

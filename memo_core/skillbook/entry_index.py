@@ -216,6 +216,17 @@ class EntryIndex:
         found *= self._scales[positions]
         return found
 
+    def compared(self, meant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions of all valid entries, and the cosines of their texts as ``similar`` gives them."""
+        if self._vectors.dtype == np.int8:
+            positions = np.flatnonzero(self._there[: self._count])
+            return positions, self.similar(positions, meant)
+        cosines = np.vecdot(self._vectors[: self._count], meant)
+        if self._valid == self._count:
+            return np.arange(self._count), cosines
+        positions = np.flatnonzero(self._there[: self._count])
+        return positions, cosines[positions]
+
     def parts(self, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Ids and vectors, float32 (n, d), of all valid entries, ``size`` at a time."""
         there = np.flatnonzero(self._there[: self._count])

@@ -30,6 +30,8 @@ _MORE = 3  # times as many entries are candidates as are served, where more than
 _BY_TEXT = 64  # entries asked of the vector store
 _OPPOSITE_KEYS = 12  # of the opposite action, that remarks about gripping are looked for under,
 _OPPOSITE_ENTRIES = 400  # as long as there are not so many entries under them
+_COMPARED = 5_000  # templates that are all compared where no corrections are looked for; else the store is asked
+_NONE = np.zeros(0, np.int64)
 
 
 class Finder:
@@ -72,35 +74,49 @@ class Finder:
 
     def candidates(self, question: Question, state: Contents) -> dict[str, Candidates]:
         """By kind, entries that may be served; more than are served where more than their scores orders them."""
-        wanted = [kind for kind in KINDS if self._settings.limit(kind) and len(self._indexes[kind])]
         found = {kind: Candidates.none() for kind in KINDS}
-        if wanted and state.keys:
-            weighed = self._weighed(question, state, wanted)
-            found |= {kind: self._of_kind(kind, question, state, weighed[kind]) for kind in wanted}
+        wanted = [kind for kind in KINDS if self._settings.limit(kind) and len(self._indexes[kind])]
+        if not wanted or not state.keys:
+            return found
+        keys, newest = self._key_weights(question), self._newest(question, state)
+        if len(newest) and len(newest) >= self._settings.corrections:  # no room for others
+            wanted.remove("correction")
+            index = self._indexes["correction"]
+            last = Scored.of(index, newest, question.meant, question.terms)
+            keys.compare(last.rows)
+            found["correction"] = self._scored(question, index, keys, last, np.ones(len(newest), bool))
+        for kind, asked in self._weighed(question, state, keys, wanted).items():
+            must = newest if kind == "correction" else _NONE
+            found[kind] = self._of_kind(kind, question, state, asked, must)
         return found
 
     # -- comparing -----------------------------------------------------------------------------------------------------
-    def _weighed(self, question: Question, state: Contents, wanted: list[str]) -> dict[str, Weighed]:
-        """The question for each index."""
+    def _key_weights(self, question: Question) -> KeyWeights:
         settings, scores = self._settings, question.scores
-        near = self._near(question, state, wanted)
-        nearest = self._nearest([found.similar for found in near.values()])
         counts = 1 - scores.exchanged
         by_text, by_terms = counts * settings.text_weight / 2, counts * settings.overlap_weight
         base = (1 - settings.text_weight - settings.overlap_weight) * scores.scores
-        keys = KeyWeights.of(question.meant, self._key_words, base, by_text, by_terms)
-        return {
-            kind: Weighed(index, keys, question.terms, near[kind], nearest) for kind, index in self._indexes.items()
-        }
+        return KeyWeights.of(question.meant, self._key_words, base, by_text, by_terms)
 
-    def _near(self, question: Question, state: Contents, wanted: list[str]) -> dict[str, Scored]:
-        """What the vector store finds by the subtask's words."""
+    def _weighed(self, question: Question, state: Contents, keys: KeyWeights, wanted: list[str]) -> dict[str, Weighed]:
+        """The question for each of some kinds."""
+        if wanted == ["template"] and len(index := self._indexes["template"]) <= _COMPARED:
+            return {
+                "template": Weighed(index, keys, question.terms, Scored.none(), 1.0, index.compared(question.meant))
+            }
+        near, nearest = self._near(question, state) if wanted else ({}, 1.0)
+        return {kind: Weighed(self._indexes[kind], keys, question.terms, near[kind], nearest) for kind in wanted}
+
+    def _near(self, question: Question, state: Contents) -> tuple[dict[str, Scored], float]:
+        """What the vector store finds by the subtask's words, by kind, and the largest cosine that any other text may
+        have."""
         found = self._positions(self._search.nearest(question.meant, _BY_TEXT, state))
-        if not any(len(found[kind]) for kind in wanted):
+        if not any(map(len, found.values())):
             found = self._positions(self._search.nearest(question.meant, _BY_TEXT, state, distrust=True))
-        return {
+        near = {
             kind: Scored.of(index, found[kind], question.meant, question.terms) for kind, index in self._indexes.items()
         }
+        return near, self._nearest([one.similar for one in near.values()])
 
     def _positions(self, ids: np.ndarray) -> dict[str, np.ndarray]:
         return {kind: index.positions(ids) for kind, index in self._indexes.items()}
@@ -114,13 +130,13 @@ class Finder:
         return float(cosines[len(cosines) // 2]) if len(cosines) else 1.0
 
     # -- choosing ------------------------------------------------------------------------------------------------------
-    def _of_kind(self, kind: str, question: Question, state: Contents, asked: Weighed) -> Candidates:
+    def _of_kind(self, kind: str, question: Question, state: Contents, asked: Weighed, must: np.ndarray) -> Candidates:
+        """``must``: positions of those that are served whatever their scores."""
         settings, limit = self._settings, self._settings.limit(kind)
-        found, newest = self._best(kind, question, state, asked), np.zeros(0, np.int64)
-        if kind == "correction" and settings.newest and len(own := question.own_rows(state)):
-            newest = self._newest(own)
-            found = Scored.appended([found, asked.scored(newest[~within(newest, np.sort(found.positions))])])
-        several = [self._scored(question, asked, found, must=within(found.positions, newest))]
+        found = self._best(kind, question, state, asked)
+        if len(must):
+            found = Scored.appended([found, asked.scored(must[~within(must, np.sort(found.positions))])])
+        several = [self._scored(question, asked.index, asked.keys, found, within(found.positions, must))]
         if kind == "correction" and self._terms.grips(question.key.action, question.context):
             several.insert(0, self._about_gripping(question, state, asked))
         joined = Candidates.appended(several)
@@ -130,7 +146,8 @@ class Finder:
             joined, scores = joined.only(chosen), scores[chosen]
         if not (chosen := joined.served(settings, settings.room(kind), scores)).all():
             joined, scores = joined.only(chosen), scores[chosen]
-        return joined.only(best(scores, joined.similar, limit * self._more(kind, question, state), joined.must))
+        left = (limit - len(must)) * self._more(kind, question, state)
+        return joined.only(best(scores, joined.similar, left, joined.must))
 
     def _more(self, kind: str, question: Question, state: Contents) -> int:
         """Times as many entries are looked at as are served: more where not their scores alone decide which."""
@@ -154,21 +171,26 @@ class Finder:
         ]
         return Scored.joined(several)
 
-    def _newest(self, rows: np.ndarray) -> np.ndarray:
-        """Positions of what people said last under some keys, ascending."""
+    def _newest(self, question: Question, state: Contents) -> np.ndarray:
+        """Positions of what people said last under the subtask's own key, ascending."""
+        own = question.own_rows(state) if self._settings.newest and self._settings.corrections else _NONE
+        if not len(own):
+            return _NONE
         index = self._indexes["correction"]
-        newest = self._speakers.newest(index.ids(index.under(rows)), self._settings.corrections)
+        newest = self._speakers.newest(index.ids(index.under(own)), self._settings.corrections)
         return index.positions(np.array(newest, np.int64))
 
-    def _scored(self, question: Question, asked: Weighed, found: Scored, must: np.ndarray) -> Candidates:
+    def _scored(
+        self, question: Question, index: EntryIndex, keys: KeyWeights, found: Scored, must: np.ndarray
+    ) -> Candidates:
         scores, rows = question.scores, found.rows
         return Candidates(
-            asked.index.ids(found.positions),
+            index.ids(found.positions),
             scores.scores[rows],
             scores.action_cosines[rows],
             scores.objects_cosines[rows],
             found.similar,
-            asked.keys.similar[rows],
+            keys.similar[rows],
             found.overlap,
             must,
             scores.exchanged[rows],
@@ -186,7 +208,7 @@ class Finder:
         near_moved, nothing = moved[found.rows], np.zeros(len(found.rows), bool)
         likeliest = best(near_moved, found.similar, _MORE * self._settings.corrections, nothing)
         likeliest = likeliest[~index.terms.have(found.positions[likeliest], RELEASE)]
-        one = self._scored(question, asked, found.only(likeliest), nothing[likeliest])
+        one = self._scored(question, index, asked.keys, found.only(likeliest), nothing[likeliest])
         near_moved, action = near_moved[likeliest], np.ones(len(likeliest))
         by_action, by_moved = self._settings.weights
         scores = (by_action * action + by_moved * near_moved) / (by_action + by_moved)

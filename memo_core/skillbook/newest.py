@@ -74,11 +74,11 @@ def newest_of(entries: np.ndarray, who: np.ndarray, when: np.ndarray, feedback: 
     mine = within(feedback, np.sort(last))
     for entry, number in zip(entries[mine].tolist(), feedback[mine].tolist(), strict=True):
         made[number].append(entry)
-    found: list[int] = []
+    found: dict[int, None] = {}
     for several in made.values():
-        new = sorted(set(several).difference(found), reverse=True)
-        found += new if len(found) + len(new) <= most else new[:1]
-    return found
+        new = sorted(set(several) - found.keys(), reverse=True)
+        found |= dict.fromkeys(new if len(found) + len(new) <= most else new[:1])
+    return list(found)
 
 
 def newest_before_older(served: Sequence[_WithEntry], known: Mapping[int, Provenance]) -> list[_WithEntry]:
@@ -91,6 +91,8 @@ def newest_before_older(served: Sequence[_WithEntry], known: Mapping[int, Proven
             places_of.setdefault((one.entry.key, who[0]), []).append(place)
     ordered = list(served)
     for held in places_of.values():
+        if len(held) == 1:
+            continue
         last = max(known[served[place].entry.id].when for place in held)
         mine = sorted((served[place] for place in held), key=lambda one: known[one.entry.id].when < last)
         for place, one in zip(held, mine, strict=True):

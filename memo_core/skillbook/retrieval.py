@@ -241,32 +241,36 @@ class Retriever:
         """Of the nearest keys those that nothing, or not everything, was served of."""
         rows = question.scores.best_first(_FIRST)
         place_of = {state.keys[row]: place for place, row in enumerate(rows.tolist())}
-        left = {kind: state.sizes[kind][rows] for kind in KINDS}
-        nothing = np.ones(len(rows), bool)
+        left = {kind: state.sizes[kind][rows].tolist() for kind in KINDS}
+        nothing = [True] * len(rows)
         for kind in KINDS:
-            of = [place_of[one.entry.key] for one in served[kind] if one.entry.key in place_of]
-            left[kind] -= np.bincount(of, minlength=len(rows))
-            nothing[of] = False
-        passing = question.scores.scores[rows] >= self._settings.cut - TIE
-        below = f"below the cut {self._settings.cut:g}"
-        opposite = question.opposite[rows]
-        told = [
-            self._cut_of(question, state, int(rows[n]), int(sum(left[kind][n] for kind in KINDS)), rule)
-            for n in np.flatnonzero(nothing & (opposite | ~passing))[:_SHOWN].tolist()
-            for rule in ["opposite action" if opposite[n] else below]
-        ]
+            for key in [one.entry.key for one in served[kind]]:
+                if (place := place_of.get(key)) is not None:
+                    left[kind][place] -= 1
+                    nothing[place] = False
+        passing = (question.scores.scores[rows] >= self._settings.cut - TIE).tolist()
+        opposite = question.opposite[rows].tolist()
+        rules: list[tuple[int, int, str]] = []  # place among the rows, entries, rule
+        for n in [n for n in range(len(rows)) if nothing[n] and (opposite[n] or not passing[n])][:_SHOWN]:
+            rule = "opposite action" if opposite[n] else f"below the cut {self._settings.cut:g}"
+            rules.append((n, sum(left[kind][n] for kind in KINDS), rule))
         for kind in KINDS:
             limit = self._settings.limit(kind)
             if len(served[kind]) >= limit:
-                rule = f"beyond the first {limit} {kind}s"
-                beyond = np.flatnonzero((left[kind] != 0) & passing & ~opposite)[:_SHOWN]
-                told += [self._cut_of(question, state, int(rows[n]), int(left[kind][n]), rule) for n in beyond]
-        return tuple(told)
-
-    def _cut_of(self, question: Question, state: Contents, row: int, entries: int, rule: str) -> Cut:
+                beyond = [n for n in range(len(rows)) if left[kind][n] and passing[n] and not opposite[n]]
+                rules += [(n, left[kind][n], f"beyond the first {limit} {kind}s") for n in beyond[:_SHOWN]]
         scores = question.scores
-        r, action, objects = scores.scores[row], scores.action_cosines[row], scores.objects_cosines[row]
-        return Cut(state.labels[row], float(r), float(action), float(objects), entries, rule)
+        return tuple(
+            Cut(
+                state.labels[row],
+                float(scores.scores[row]),
+                float(scores.action_cosines[row]),
+                float(scores.objects_cosines[row]),
+                entries,
+                rule,
+            )
+            for row, entries, rule in ((int(rows[n]), entries, rule) for n, entries, rule in rules)
+        )
 
 
 def _in_order(found: Candidates, rows: dict[int, Entry], settings: RetrievalSettings) -> list[_Ranked]:

@@ -108,11 +108,16 @@ class Candidates:
 
 
 def best(scores: np.ndarray, similar: np.ndarray, count: int, must: np.ndarray) -> np.ndarray:
-    """Places of the ``count`` best by score and then likeness, of all that tie with the last, and of those that
-    ``must`` be there, in no order."""
-    if len(scores) <= count:
+    """Places of those that ``must`` be there, and of the others of the ``count`` best by score and then likeness and of
+    all that tie with the last of these, in no order."""
+    others = np.flatnonzero(~must)
+    if len(others) <= count:
         return np.arange(len(scores))
-    order = np.lexsort((-similar, -np.round(scores, 6)))  # keys of one synonym group differ by rounding only
-    last = order[count - 1]
-    level = np.abs(scores - scores[last]) <= TIE
-    return np.flatnonzero((scores > scores[last] + TIE) | (level & (similar > similar[last] - TIE)) | must)
+    if count < 1:
+        return np.flatnonzero(must)
+    ranked, near = scores[others], similar[others]
+    last = np.lexsort((-near, -np.round(ranked, 6)))[count - 1]  # keys of one synonym group differ by rounding only
+    level = np.abs(ranked - ranked[last]) <= TIE
+    chosen = must.copy()
+    chosen[others] = (ranked > ranked[last] + TIE) | (level & (near > near[last] - TIE))
+    return np.flatnonzero(chosen)

@@ -15,7 +15,7 @@ from memo_benchmarks.generated_book import BookSize, fill, keys_of
 from memo_benchmarks.skillbook import WordVectors
 from test_skillbook_retrieval_cache import KEYS, STEPS, change
 
-from memo_core.skillbook import best_entries, entry_index, queries
+from memo_core.skillbook import best_entries, entry_index, finding, queries
 from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.bulk_adding import Lesson
@@ -80,6 +80,31 @@ def test_what_is_served_is_what_scoring_every_entry_serves(
             assert all(scores[one.entry.id] >= least - tolerance for one in served)
     every.close()
     assert sum(scored) < 0.8 * len(asked) * SIZE.entries
+
+
+@pytest.mark.parametrize("cut", [0.85, 0.99])
+@pytest.mark.usefixtures("pruned")
+def test_where_what_people_said_last_takes_every_place_templates_are_served_as_by_an_exact_store(
+    path: Path, monkeypatch: pytest.MonkeyPatch, cut: float
+) -> None:
+    asked = [*keys_of(SIZE)[:40], Key.parse("POKE(anvil)")]
+    searches: list[int] = []
+
+    class Store(FakeStore):
+        def search(self, query: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+            searches.append(count)
+            return super().search(query, count)
+
+    def served(corrections: int) -> list[list[tuple[int, float, float]]]:
+        chosen = RetrievalSettings(cut=cut, corrections=corrections)
+        with Skillbook(str(path), WordVectors(), Store(), chosen, read_only=True) as book:
+            return [_told(book.retrieve(key)) for key in asked]
+
+    found = served(corrections=3)
+    assert 0 < len(searches) < len(asked) / 2, "where it can find nothing that is served the store is not asked"
+    monkeypatch.setattr(finding, "_COMPARED", 0)
+    searches.clear()
+    assert served(corrections=3) == found and len(searches) == len(asked)
 
 
 @pytest.mark.usefixtures("pruned")
