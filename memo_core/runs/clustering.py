@@ -21,6 +21,7 @@ from memo_core.policy.clustering import Clustering, ClusteringSettings, Outcome
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of, prompts_of
 from memo_core.runs.folder import RunFolder
+from memo_core.runs.freed_memory import give_back_freed_memory
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.key_aliases import NearKeys
 from memo_core.stop_switch import StopSwitch
@@ -95,6 +96,7 @@ def calls_without_a_run(
         log.close()
         if folder is not None:
             folder.close()
+        give_back_freed_memory()
 
 
 @contextmanager

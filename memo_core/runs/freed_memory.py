@@ -1,5 +1,6 @@
-"""What a run's threads have freed goes back to the system. glibc's malloc keeps it in arenas of the threads, and every
-run has new threads: a process that makes runs for hours grows about twice as fast without (docs/run-log.md)."""
+"""What the threads of a run or of a clustering have freed goes back to the system. glibc's malloc keeps it in arenas of
+the threads, and each has new threads: a process that makes runs for hours grows about twice as fast without
+(docs/run-log.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What threads have freed is given back to the system, and a run does that."""
+"""What threads have freed is given back to the system; a run and a clustering do that."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.runs import run
+from memo_core.config import load_experiment
+from memo_core.plugins import Registry
+from memo_core.runs import clustering, run
 from memo_core.runs.freed_memory import give_back_freed_memory
+from memo_core.runs.sections import SECTIONS
+from memo_core.stop_switch import StopSwitch
 
 
 def anonymous_mib() -> float:
@@ -48,4 +52,13 @@ def test_a_run_gives_it_back_also_when_it_cannot_begin(monkeypatch):
     components = type("Components", (), {"teacher": None})
     with pytest.raises(OSError, match="no space"):
         run.perform(components, None, 0, no_folder, None, {})
+    assert given
+
+
+def test_a_clustering_gives_it_back(monkeypatch):
+    given = []
+    monkeypatch.setattr(clustering, "give_back_freed_memory", lambda: given.append(True))
+    experiment = load_experiment(Registry(), None, ("llm=offline",), SECTIONS)
+    with clustering.calls_without_a_run(experiment, experiment.choice("llm"), print, StopSwitch(), "cluster"):
+        assert not given
     assert given
