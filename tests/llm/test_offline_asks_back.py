@@ -6,6 +6,7 @@ import json
 
 import attrs
 import pytest
+from memo_llm.offline.questions import OFFERS
 from memo_llm.plugin import memo_language_models
 from offline_prompts import MODEL, box_with_door, plan, request, scene, thing
 
@@ -130,6 +131,45 @@ def test_the_answer_to_a_question_stands_for_what_it_was_asked_about(answer, not
     assert question.startswith("is this what you mean: Go lower.")
     # As memo_core.policy.feedback_processing puts an answer beside what it answers.
     assert said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")["corrections"] == [noted]
+
+
+@pytest.mark.parametrize(
+    ("answer", "noted"),
+    [
+        ("Yes, go lower, and mind the whatsit.", ["Go lower than in that attempt."]),  # said again is meant once
+        ("Yes, lower. And more slowly.", ["Go lower than in that attempt.", "Move slower."]),
+        ("Where you take hold. Go 2 cm lower.", ["Go 2 cm lower than in that attempt."]),
+        ("None of that. Grip it more gently.", ["Use the gripper gently."]),
+        ("Yes.", ["Go lower than in that attempt."]),
+    ],
+)
+def test_yes_with_more_words_is_a_yes_and_no_praise(answer, noted):
+    words = "come lower and mind the thingummy on the whatsit"
+    question = said(words, PEN, "PICK_UP(pen)")["unclear"]
+    assert said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")["corrections"] == noted
+
+
+SUBTASKS = {
+    "open": "OPEN(crate)",
+    "close": "CLOSE(crate)",
+    "pull": "PULL(crate)",
+    "pick": "PICK(pen)",
+    "place": "PLACE(pen, mug)",
+    "push": "PUSH(pen)",
+    "turn": "TURN(pen)",
+    "pour": "POUR(pen, mug)",
+    "": "STIR(pen)",
+}
+
+
+@pytest.mark.parametrize(("kind", "offer"), [(kind, one) for kind, some in OFFERS.items() for one in some.split("; ")])
+def test_what_a_question_offers_to_say_is_understood(kind, offer):
+    held = scene(thing("pen"), thing("mug", (0.5, 0.2, 0.05), (0.1, 0.1, 0.1)), relations=[("pen", "held")])
+    graph = {"pour": held, "pick": PEN, "turn": PEN, "push": PEN, "place": PEN, "": PEN}.get(kind, CRATE)
+    question = said("do the thingummy with the whatsit", graph, SUBTASKS[kind])["unclear"]
+    assert offer in question
+    answer = said(offer, graph, SUBTASKS[kind])
+    assert answer["corrections"] and not answer["unclear"]
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,7 @@ _DONE_BEFORE = {
 class NotesAnswer:
     text: str  # JSON
     not_understood: tuple[str, ...]
+    unclear: str = ""  # what has to be asked
 
 
 @attrs.frozen
@@ -193,7 +194,15 @@ def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
 def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> NotesAnswer:
     """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
     prompt lacks."""
-    words = _settled_words(prompt.quoted("what the person said"))
+    answers = [
+        _note(words, prompt, habits, vocabulary, imagination)
+        for words in _settled_words(prompt.quoted("what the person said"))
+    ]
+    return next((answer for answer in answers if not answer.unclear), answers[0])
+
+
+def _note(words: str, prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> NotesAnswer:
+    """Of one reading of what the person said in the end."""
     scene = prompt.scene()
     elsewhere = _elsewhere(words, prompt, scene, habits, vocabulary)
     if elsewhere is not None:
@@ -268,7 +277,7 @@ def _answer(
 ) -> NotesAnswer:
     lists = {"corrections": corrections, "general": general, **({"plan": plan} if plan else {})}
     answer: dict[str, object] = {name: list(dict.fromkeys(notes)) for name, notes in lists.items()}
-    return NotesAnswer(json.dumps(answer | {"unclear": unclear}, ensure_ascii=False), heard.not_understood)
+    return NotesAnswer(json.dumps(answer | {"unclear": unclear}, ensure_ascii=False), heard.not_understood, unclear)
 
 
 def _elsewhere(
@@ -319,21 +328,31 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
 _ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)
 _MEANT = re.compile(r"is this what you mean: (?P<understood>.*?) (?:It is not clear|You said:)")
 _YES = re.compile(
-    r"(?:yes|yep|yeah|y|ok|okay|right|correct|exactly|that's (?:it|right)|please|do|i do|it is|that too|[, .!])+", re.I
+    r"(?:(?:yes|yep|yeah|y|ok|okay|sure|right|correct|exactly|that's (?:it|right)|please|do|i do|it is|that too)\b"
+    r"[, .!]*)+",
+    re.I,
+)
+_NO = re.compile(r"(?:no|nope|nah|sort of|not really|none of (?:that|those|them|these))\b[, .!;]+(?:but )?", re.I)
+# What an answer is about, said before it: "Where you let go. Put it down further in."
+_ASPECT = re.compile(
+    r"(?:it's |just )?(?:where|which way|how (?:far|hard|fast|much)|the way|when)\b(?: [\w']+){0,5}[.!] (?=\w)", re.I
 )
 
 
-def _settled_words(words: str) -> str:
-    """What somebody said in the end: the answer to a question stands for what it was asked about, and "yes" for what
-    the question took it to mean."""
+def _settled_words(words: str) -> list[str]:
+    """What somebody said in the end, the first that is understood counts: the answer to a question stands for what it
+    was asked about, and "yes" for what the question took it to mean, whatever else is said with it."""
     asked = _ASKED.search(words)
     if asked is None:
-        return words
+        return [words]
     answer = asked.group("answer").strip()
-    meant = _MEANT.search(asked.group("question"))
-    if meant is not None and _YES.fullmatch(answer):
-        return meant.group("understood")
-    return answer
+    yes, meant = _YES.match(answer), _MEANT.search(asked.group("question"))
+    rest = answer[yes.end() :] if yes is not None else answer
+    rest = _ASPECT.sub("", _NO.sub("", rest, count=1), count=1).strip()
+    if yes is None or meant is None:
+        return [rest or answer]
+    understood = meant.group("understood")
+    return [f"{understood} {rest[:1].upper()}{rest[1:]}", understood] if rest else [understood]
 
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:

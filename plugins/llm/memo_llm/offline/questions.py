@@ -33,6 +33,20 @@ _RESERVED = re.compile(
 _SURFACES = frozenset(
     ["table", "counter", "desk", "worktop", "board", "tray", "plate", "mat"]
 )  # where "in" is no one way
+# What may be said of each kind of subtask, for who does not know what can be understood; "": of others.
+OFFERS = {
+    "open": "pull it in an arc; pull it straight; open it further; push it in first; hold the handle lower",
+    "close": "push it in an arc; push it further; push it harder; more slowly",
+    "pick": "hold it at the top; 2 cm lower; come from the front; turn the hand by 90 degrees; grip it more gently; "
+    "lift it higher; more slowly",
+    "place": "3 cm to the left; 2 cm lower; in the middle; turn the hand by 90 degrees; put it down upright; "
+    "let go slowly; carry it higher",
+    "push": "press harder; 2 cm lower; press twice; hold it for two seconds",
+    "pull": "pull it in an arc; pull it straight; further; push it in first; grip harder",
+    "turn": "further; half a turn; clockwise; press it down while you turn; grip harder",
+    "pour": "tip it further; tip it less far; tip it slowly; 5 cm higher; 2 cm to the left; shake it twice",
+    "": "more slowly; 2 cm lower; 3 cm to the left; do it again",
+}
 OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
 _OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
 
@@ -58,10 +72,7 @@ def question_about(
         ]
         if vocabulary.praises(words) and not wishes:
             return f"that sounds as if it was right as it was; was it? You said: {quoted}"
-        return (
-            "what should be different: where the hand takes hold or lets go, which way it moves, how far, or how hard? "
-            f"None of it is understood: {quoted}"
-        )
+        return f"what should be different? {_offered(recipe)} Not understood: {quoted}"
     understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
     if recipe is not None and recipe.kind == "pick" and any(edit.kind == "hold-for" for edit in edits):
         return f"wait when: once it is held, or before it is let go? You said: {quoted}"
@@ -124,6 +135,8 @@ def question_about(
     if led and recipe is not None and recipe.kind == "place":
         way = said_plainly(led[0], None, None)
         return f"where to, and how far: {way} What is put down is led nowhere. You said: {quoted}"
+    if swung and recipe is not None and recipe.kind in ("pick", "place"):
+        return f"what is to be turned, and how? {_offered(recipe)} You said: {quoted}"
     if swung and recipe is not None and (recipe.kind not in ("open", "close", "pull") or not doors):
         return f"which way should the hand go? {said_plainly(swung[0], None, None)} This is no door. You said: {quoted}"
     if recipe is not None and recipe.kind in ("pick", "place") and {"offset", "less-far"} <= {e.kind for e in edits}:
@@ -161,6 +174,11 @@ def question_about(
     if not effective and recipe is not None:
         return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
     return ""
+
+
+def _offered(recipe: Recipe | None) -> str:
+    offers = OFFERS.get("" if recipe is None else recipe.kind, OFFERS[""])
+    return f"One can say, for example: {offers}; or what has to be done first, or with what else."
 
 
 def _wishes_part(words: str) -> bool:
