@@ -100,11 +100,14 @@ class Finder:
 
     def _weighed(self, question: Question, state: Contents, keys: KeyWeights, wanted: list[str]) -> dict[str, Weighed]:
         """The question for each of some kinds."""
-        if wanted == ["template"] and len(index := self._indexes["template"]) <= _COMPARED:
-            return {
-                "template": Weighed(index, keys, question.terms, Scored.none(), 1.0, index.compared(question.meant))
-            }
-        near, nearest = self._near(question, state) if wanted else ({}, 1.0)
+        templates = self._indexes["template"]
+        if self._search.is_current(state):  # else it is asked all the same, so that what was forgotten leaves it
+            if not wanted:
+                return {}
+            if wanted == ["template"] and len(templates) <= _COMPARED:
+                every = templates.compared(question.meant)
+                return {"template": Weighed(templates, keys, question.terms, Scored.none(), 1.0, every)}
+        near, nearest = self._near(question, state)
         return {kind: Weighed(self._indexes[kind], keys, question.terms, near[kind], nearest) for kind in wanted}
 
     def _near(self, question: Question, state: Contents) -> tuple[dict[str, Scored], float]:

@@ -105,15 +105,18 @@ class TextSearch:
         problem = "a fresh index finds nothing of what was added"
         raise BackendUnavailable("vectorstore", type(self._store).__name__, problem)
 
+    def is_current(self, state: Contents) -> bool:
+        """Whether the store was brought up to the book's state."""
+        return self._current == (state.book, state.generation)
+
     # -- inside --------------------------------------------------------------------------------------------------------
     def _follow(self, state: Contents, anew: bool) -> bool:
         """Update the store to the book's state. Returns whether that succeeded."""
-        now = (state.book, state.generation)
-        if self._current != now or anew:
+        if anew or not self.is_current(state):
             self._store.open()
             if anew or not self._bring_up_to_date(state):
                 self._rebuild(state)
-            self._current, self._wanted = now, (self._stamp(state), _size(state))
+            self._current, self._wanted = (state.book, state.generation), (self._stamp(state), _size(state))
         stamp, size = self._wanted
         return self._store.generation() in (None, stamp) and len(self._store) == size
 

@@ -107,6 +107,15 @@ def test_where_what_people_said_last_takes_every_place_templates_are_served_as_b
     assert served(corrections=3) == found and len(searches) == len(asked)
 
 
+def test_what_was_forgotten_leaves_a_store_that_is_not_asked(tmp_path: Path) -> None:
+    store, key = FakeStore(), Key.parse("OPEN(microwave)")
+    with Skillbook(str(tmp_path / "b.db"), FakeEmbedder(), store, RetrievalSettings(corrections=1)) as book:
+        book.add_many([Lesson("no", who, key, (f"{who} pulls it",)) for who in ("ana", "bob", "cid")])
+        assert len(book.retrieve(key).corrections) == len(store) == 3
+        book.forget("ana")
+        assert len(book.retrieve(key).corrections) == len(store) == 2
+
+
 @pytest.mark.usefixtures("pruned")
 def test_what_others_write_is_served_at_the_next_question(tmp_path: Path) -> None:
     file, key = str(tmp_path / "b.db"), Key.parse("OPEN(microwave)")

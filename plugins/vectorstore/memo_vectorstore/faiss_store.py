@@ -158,7 +158,7 @@ class FaissStore(VectorStore):
         faiss, flat = self._faiss, self._index.index
         vectors = flat.reconstruct_n(0, count)
         ids = faiss.vector_to_array(self._index.id_map)
-        lists = int(4 * np.sqrt(count))
+        lists = min(int(4 * np.sqrt(count)), count // _SAMPLE)
         kind = faiss.ScalarQuantizer.QT_8bit_uniform  # compared a third faster than with a range for each component
         centres = faiss.IndexFlatIP(flat.d)
         index = faiss.IndexIVFScalarQuantizer(centres, flat.d, lists, kind, faiss.METRIC_INNER_PRODUCT, False)
