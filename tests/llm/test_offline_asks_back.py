@@ -149,6 +149,31 @@ def test_yes_with_more_words_is_a_yes_and_no_praise(answer, noted):
     assert said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")["corrections"] == noted
 
 
+@pytest.mark.parametrize(
+    ("answer", "noted"),
+    [
+        ("No. Mind the whatsit while you take it.", ["Mind the whatsit while you take it."]),
+        ("I mean put the doohickey beside the whatsit.", ["Put the doohickey beside the whatsit."]),
+        ("I don't know, never mind.", []),
+        ("What do you mean by that?", []),
+        ("The whatsit was wobbling.", []),
+    ],
+)
+def test_who_was_asked_and_asks_for_it_again_is_noted_as_it_was_said(answer, noted):
+    """Nothing is read in it, so nothing follows from it here; a question a second time would help nobody."""
+    words = "do the thingummy with the whatsit"
+    question = said(words, PEN, "PICK_UP(pen)")["unclear"]
+    heard = said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")
+    assert heard["corrections"] == noted and bool(heard["unclear"]) == (not noted)
+
+
+def test_no_that_belongs_to_a_request_is_no_answer():
+    words = "do the thingummy with the whatsit"
+    question = said(words, PEN, "TURN(pen)")["unclear"]
+    heard = said(f"{words}\n(asked back: {question})\nNo turning, please.", PEN, "TURN(pen)")
+    assert "Turn" not in " ".join(heard["corrections"])
+
+
 SUBTASKS = {
     "open": "OPEN(crate)",
     "close": "CLOSE(crate)",

@@ -11,12 +11,13 @@ import attrs
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.about_plans import is_about_plans
+from memo_llm.offline.clauses import is_request
 from memo_llm.offline.editing import apply
 from memo_llm.offline.edits import GENTLE, Edit, Reading
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
 from memo_llm.offline.questions import OF_DOORS, question_about
-from memo_llm.offline.reading import read_sentence
+from memo_llm.offline.reading import clauses, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart
 from memo_llm.offline.rendering import render
@@ -194,15 +195,15 @@ def _others(scene: SceneGraph, objects: Iterable[str]) -> list[str]:
 def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> NotesAnswer:
     """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
     prompt lacks."""
-    answers = [
-        _note(words, prompt, habits, vocabulary, imagination)
-        for words in _settled_words(prompt.quoted("what the person said"))
-    ]
+    said, answered = _settled_words(prompt.quoted("what the person said"))
+    answers = [_note(words, answered, prompt, habits, vocabulary, imagination) for words in said]
     return next((answer for answer in answers if not answer.unclear), answers[0])
 
 
-def _note(words: str, prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination) -> NotesAnswer:
-    """Of one reading of what the person said in the end."""
+def _note(
+    words: str, answered: bool, prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Imagination
+) -> NotesAnswer:
+    """Of one way to take what the person said. ``answered``: whether it answers a question."""
     scene = prompt.scene()
     elsewhere = _elsewhere(words, prompt, scene, habits, vocabulary)
     if elsewhere is not None:
@@ -211,6 +212,8 @@ def _note(words: str, prompt: Prompt, habits: Habits, vocabulary: Vocabulary, im
     plans = _plans(words, heard, prompt)
     if plans:
         return _answer(heard, plan=plans)
+    if heard.question and answered and (wished := _wished(heard, vocabulary)):
+        return _answer(heard, wished)
     if heard.question:
         # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
         return _answer(heard, unclear=heard.question)
@@ -328,31 +331,64 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
 _ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)
 _MEANT = re.compile(r"is this what you mean: (?P<understood>.*?) (?:It is not clear|You said:)")
 _YES = re.compile(
-    r"(?:(?:yes|yep|yeah|y|ok|okay|sure|right|correct|exactly|that's (?:it|right)|please|do|i do|it is|that too)\b"
-    r"[, .!]*)+",
+    r"(?:yes|yep|yeah|y|ok|okay|sure|right|correct|exactly|that's (?:it|right)|please|do|i do|it is|that too|[, .!])+",
     re.I,
 )
-_NO = re.compile(r"(?:no|nope|nah|sort of|not really|none of (?:that|those|them|these))\b[, .!;]+(?:but )?", re.I)
+_YES_AND = re.compile(
+    r"(?:(?:yes|yep|yeah|sure|exactly|right|correct|ok|okay|that's (?:it|right))[,.!]+\s*|yes )+", re.I
+)
+_YES_OR_NO = re.compile(
+    r"(?:yes|yep|yeah|no|nope|nah|sort of|not really|none of (?:that|those|them|these))[,.!;]+\s*(?:but )?", re.I
+)
 # What an answer is about, said before it: "Where you let go. Put it down further in."
 _ASPECT = re.compile(
-    r"(?:it's |just )?(?:where|which way|how (?:far|hard|fast|much)|the way|when)\b(?: [\w']+){0,5}[.!] (?=\w)", re.I
+    r"(?:i mean )?(?:it's |just )?(?:where|which way|how (?:far|hard|fast|much)|the way|when)\b(?: [\w']+){0,5}[.!] "
+    r"(?=\w)|i mean ",
+    re.I,
+)
+_NO_ANSWER = re.compile(
+    r"\b(?:never ?mind|forget (?:it|that)|(?:don't|do not) (?:know|care)|no idea|not sure|whatever|nothing|"
+    r"(?:don't|do not) understand|(?:already|just) (?:told|said))\b|\?\s*$"
 )
 
 
-def _settled_words(words: str) -> list[str]:
-    """What somebody said in the end, the first that is understood counts: the answer to a question stands for what it
-    was asked about, and "yes" for what the question took it to mean, whatever else is said with it."""
+def _settled_words(words: str) -> tuple[list[str], bool]:
+    """What somebody said in the end, the first that is understood counts, and whether it answers a question. An answer
+    stands for what it was asked about, and "yes" for what the question took it to mean, whatever else is said with
+    it."""
     asked = _ASKED.search(words)
     if asked is None:
-        return [words]
+        return [words], False
     answer = asked.group("answer").strip()
-    yes, meant = _YES.match(answer), _MEANT.search(asked.group("question"))
-    rest = answer[yes.end() :] if yes is not None else answer
-    rest = _ASPECT.sub("", _NO.sub("", rest, count=1), count=1).strip()
-    if yes is None or meant is None:
-        return [rest or answer]
+    meant = _MEANT.search(asked.group("question"))
+    if meant is None:
+        return [_without_echo(answer)], True
     understood = meant.group("understood")
-    return [f"{understood} {rest[:1].upper()}{rest[1:]}", understood] if rest else [understood]
+    if _YES.fullmatch(answer):
+        return [understood], True
+    if (yes := _YES_AND.match(answer)) is None:
+        return [_without_echo(answer)], True
+    rest = answer[yes.end() :]
+    return [f"{understood} {rest[:1].upper()}{rest[1:]}", understood], True
+
+
+def _without_echo(answer: str) -> str:
+    """Without "yes" or "no", and without what the question offered."""
+    for echo in (_YES_OR_NO, _ASPECT):
+        if (found := echo.match(answer)) is not None:
+            answer = answer[found.end() :] or answer
+    return answer[:1].upper() + answer[1:]
+
+
+def _wished(heard: Heard, vocabulary: Vocabulary) -> list[str]:
+    """The sentences of an answer of which nothing was read, where they are a request all the same: who was asked
+    already, and asks for it again, is not asked a second time. Nothing follows from them here."""
+    words = " ".join(heard.sentences)
+    if any(reading.edits for reading in heard.readings) or _NO_ANSWER.search(words.lower()):
+        return []
+    said = [one for one in heard.sentences if len(one.split()) > 3 and not vocabulary.praises(one)]
+    wishes = any(is_request(clause) and vocabulary.lexicon.asks(clause) for one in said for clause in clauses(one))
+    return [sentence_plainly(one) for one in said] if wishes else []
 
 
 def _settled(edits: list[Edit], kind: str) -> list[Edit]:
