@@ -8,7 +8,7 @@ from pathlib import Path
 import attrs
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from memo_core.llm.readers import Notes, Unreadable, read_code, read_notes, read_plan, read_template
@@ -89,6 +89,7 @@ def test_a_reader_reads_or_raises_unreadable_and_nothing_else(text):
 
 @settings(max_examples=300, deadline=None)
 @given(GARBLED)
+@example("0(<think></think>)")
 def test_every_line_of_code_is_one_the_model_wrote_and_in_its_order(text):
     for read in (read_code, read_template):
         try:

@@ -14,7 +14,9 @@ import pytest
 from memo_benchmarks.sayings_scenes import scene_for
 from offline_prompts import MODEL, request
 
-KEPT = Path(__file__).parents[1] / "sayings" / "offline_verdicts.jsonl"
+SAYINGS = Path(__file__).parents[1] / "sayings"
+KEPT = SAYINGS / "offline_verdicts.jsonl"
+ANSWERS = SAYINGS / "everyday_answers.jsonl"  # what people answered who were asked back; the worse of two verdicts
 
 
 def compared(notes):
@@ -48,3 +50,9 @@ def test_no_more_is_misread_than_was_measured(shares):
 
 def test_no_less_is_understood_than_was_measured(shares):
     assert shares["understood"] >= 169 / 440
+
+
+def test_of_what_people_answer_no_more_is_asked_again_or_misread_than_was_measured():
+    rows = [json.loads(line) for line in ANSWERS.read_text("utf-8").splitlines()]
+    counts = Counter(verdict(row) for row in rows)
+    assert len(rows) == 157 and counts["asked"] <= 68 and counts["misread"] <= 7 and counts["understood"] >= 62

@@ -42,7 +42,7 @@ def spoken(phase: str, text: str, wanted: str) -> str:
     """An answer with normalised line ends and without tagged reasoning. Raises ``Unreadable``, which says what is
     ``wanted``, if nothing is left."""
     plain = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")
-    said = _THOUGHT.sub("", plain)
+    said = _THOUGHT.sub("\n", plain)  # within a line: what stands on both sides of it was not written as one
     if said.strip():
         return said
     if plain.strip():
