@@ -149,6 +149,17 @@ def test_yes_with_more_words_is_a_yes_and_no_praise(answer, noted):
     assert said(f"{words}\n(asked back: {question})\n{answer}", PEN, "PICK_UP(pen)")["corrections"] == noted
 
 
+def test_a_yes_with_a_reservation_that_is_not_understood_is_asked_about():
+    words = "come lower and mind the thingummy on the whatsit"
+    question = said(words, PEN, "PICK_UP(pen)")["unclear"]
+    heard = said(
+        f"{words}\n(asked back: {question})\nYes, but mind the whatsit on the gizmo and go left of it.",
+        PEN,
+        "PICK_UP(pen)",
+    )
+    assert heard["corrections"] == [] and heard["unclear"]
+
+
 @pytest.mark.parametrize(
     ("answer", "noted"),
     [

@@ -215,7 +215,7 @@ def _note(
     if heard.question and answered and (wished := _wished(heard, vocabulary)):
         return _answer(heard, wished)
     if heard.question:
-        # The words themselves are kept by whoever asked; a note that nobody can follow would only be in the way.
+        # The words themselves are kept by whoever asked.
         return _answer(heard, unclear=heard.question)
     attempt = _attempt(heard, prompt, scene, imagination)
     if lost := _lost(heard, attempt, scene, habits.rough, vocabulary):
@@ -337,6 +337,7 @@ _YES = re.compile(
 _YES_AND = re.compile(
     r"(?:(?:yes|yep|yeah|sure|exactly|right|correct|ok|okay|that's (?:it|right))[,.!]+\s*|yes )+", re.I
 )
+_BUT = re.compile(r"(?:but|only|except|though|however|no|not|don't|unless|if)\b", re.I)  # a yes with a reservation
 _YES_OR_NO = re.compile(
     r"(?:yes|yep|yeah|no|nope|nah|sort of|not really|none of (?:that|those|them|these))[,.!;]+\s*(?:but )?", re.I
 )
@@ -369,7 +370,8 @@ def _settled_words(words: str) -> tuple[list[str], bool]:
     if (yes := _YES_AND.match(answer)) is None:
         return [_without_echo(answer)], True
     rest = answer[yes.end() :]
-    return [f"{understood} {rest[:1].upper()}{rest[1:]}", understood], True
+    both = f"{understood} {rest[:1].upper()}{rest[1:]}"
+    return [both] if _BUT.match(rest) else [both, understood], True
 
 
 def _without_echo(answer: str) -> str:
