@@ -556,7 +556,7 @@ def drawer(
     """The effect of a lesson about a door on a drawer, before and after one remark: see docs/offline-backend.md."""
     import attrs
 
-    from memo_benchmarks.drawer import SETTINGS, bench_drawer, sayings_in, summary
+    from memo_benchmarks.drawer import DOORS, SETTINGS, bench_drawer, sayings_in, summary
     from memo_core.cli.tasks import read_seeds
 
     sayings, wanted = sayings_in(file), read_seeds(seeds)
@@ -572,10 +572,15 @@ def drawer(
         print_json({"bench": "drawer"} | measured | {"all": [attrs.asdict(one) for one in heard]})
         return
     rows = [
-        (one.seed, one.says, len(one.notes), *(_tried(each) for each in (one.before, one.retry, one.later, one.door)))
+        (
+            one.seed,
+            one.says,
+            len(one.notes),
+            *map(_tried, (one.before, one.retry, one.later, *(one.doors[door] for door in DOORS))),
+        )
         for one in heard
     ]
-    print_table(("seed", "said", "notes", "before", "retry", "later run", "fridge"), rows)
+    print_table(("seed", "said", "notes", "before", "retry", "later run", *DOORS), rows)
     print_report(measured, json)
 
 

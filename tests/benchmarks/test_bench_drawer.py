@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+import attrs
 import pytest
+from memo_benchmarks import drawer
 from memo_benchmarks.drawer import Attempt, Heard, _Watch, sayings_in, summary
 
+from memo_core.cli.main import main
 from memo_core.errors import InvalidArgument
 from memo_core.events import SkillCalled
 
@@ -38,6 +41,18 @@ def test_the_summary_counts_what_was_served_and_what_opened():
     names = ("before_opened", "retry_opened", "later_straight", "fridge_opened", "oven_before_opened", "oven_opened")
     assert [counted[name] for name in names] == [0, 1, 1, 1, 1, 0]
     assert counted["before_served_the_lesson"] == 1 and counted["later_served_the_lesson"] == 0
+
+
+def test_the_command_prints_a_row_a_sentence_and_the_summary(tmp_path, capsys, monkeypatch):
+    failed, door = Attempt((), "arc failed", False), Attempt((), "straight", True)
+    heard = Heard(0, "it slides", (), failed, door, door, {}, {"fridge": failed, "oven": door})
+    monkeypatch.setattr(drawer, "bench_drawer", lambda *given: [attrs.evolve(heard, doors_before=heard.doors)])
+    (tmp_path / "said.txt").write_text("it slides\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["bench", "drawer", str(tmp_path / "said.txt"), "--out", str(tmp_path)])
+    assert not ended.value.code
+    shown = capsys.readouterr().out
+    assert "it slides" in shown and "arc failed, shut" in shown and "straight, opened" in shown and "oven" in shown
 
 
 def test_a_file_without_sentences_is_refused(tmp_path):
