@@ -91,7 +91,6 @@ def test_the_tasks_it_was_measured_at_are_declared_and_what_is_beyond_it_is_said
         ),  # a reason asks for nothing
         ("Why are you shutting it?", "OPEN(crate)"),
         ("check that nothing sticks out before you shut any lid or door", "OPEN(crate)"),  # says only when
-        ("Follow the curve round to the left with the handle", "OPEN(crate)"),
         ("Up, then in.", "OPEN(crate)"),
         ("pull it out towards you first and lift afterwards", "PICK_UP(pen)"),
         ("Oh how lovely, not even a crack. Exactly like that, please.", "PICK_UP(pen)"),

@@ -85,7 +85,6 @@ def test_how_something_is_put_down(words, noted):
         ("Ninety degrees, then down.", "PLACE(jug, tray)"),  # about which axis
         ("On the left.", "PLACE(jug, tray)"),  # where it belongs, and not which way from where it was
         ("Only a little bit, it splashes.", "TURN(jug)"),
-        ("Up, not down.", "TURN(jug)"),
         ("Tilt it left 3 cm.", "TURN(jug)"),
         ("It may be behind the tray, open that first.", "PICK_UP(jug)"),  # not the fingers
     ],

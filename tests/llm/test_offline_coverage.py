@@ -19,8 +19,6 @@ def said(words, graph=JARS, subtask="PICK_UP(red jar)"):
 @pytest.mark.parametrize(
     "words",
     [
-        "Go lower and polish the lid with the cloth.",  # an order with a verb that is not known
-        "Take the green jar a little higher.",  # another thing
         "Unless it is full, squeeze harder.",  # a condition
         "Go lower, then shake it and throw it over.",  # verbs that nothing was made of
         "I would not go any lower than that.",  # says where to stop, not where to go
@@ -90,10 +88,8 @@ OPENED, *_ = box_with_door(opened=True)
         ("Straighten it up faster when you're done.", JARS, "POUR(red jar, green jar)"),  # only then
         ("Squeeze as hard as you like.", JARS, "PICK_UP(red jar)"),
         ("Shake one off.", JARS, "PICK_UP(red jar)"),
-        ("Move it a bit closer to the middle of the green jar.", JARS, "POUR(red jar, green jar)"),
         ("Push it down until it clicks into the slot.", JARS, "PLACE(red jar, green jar)"),
         ("You're off by about half a jar to the right.", JARS, "PLACE(red jar, green jar)"),
-        ("Flip it over, the opening is meant to be on top.", JARS, "PLACE(red jar, green jar)"),  # from how it was
         ("Further in, please.", JARS, "PLACE(red jar, table)"),  # which way is in?
         ("Not so far down next time, I'd say an inch less.", JARS, "PLACE(red jar, table)"),
         ("Don't touch the rim on the way in.", JARS, "PLACE(red jar, green jar)"),
@@ -107,10 +103,8 @@ OPENED, *_ = box_with_door(opened=True)
         ("Tip it back quicker.", JARS, "POUR(red jar, green jar)"),  # the way back only
         ("Go straight down on it and close fast.", JARS, "PICK_UP(red jar)"),  # the fingers only
         ("Not too tight.", JARS, "SCREW(red jar)"),  # the grip, or the turn
-        ("Down, not sideways.", JARS, "PUSH(red jar)"),  # pushed down, or pushed at another place
         ("You missed it completely.", JARS, "POUR(red jar, green jar)"),
         ("A jar's not going to bite you, get closer.", JARS, "PICK_UP(red jar)"),  # closer to what
-        ("Hold it firmly, but loosely enough that it can swing.", JARS, "PICK_UP(red jar)"),  # the other half
         ("Slightly less far to the left this time.", JARS, "PLACE(red jar, green jar)"),
         ("Hold the bottom with something while you lift the lid.", CRATE, "OPEN(crate)"),
         ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so

@@ -93,7 +93,6 @@ def test_what_is_about_the_motion_is_noted_of_it(words, subtask, noted):
 @pytest.mark.parametrize(
     ("words", "subtask"),
     [
-        ("I didn't want it on top.", "PLACE(jug, tray)"),  # where it is wanted is not said
         ("You've got to hold on to the crate while you turn the lid.", "OPEN(crate)"),  # something else is to be held
         ("Easy, easy, it's ripe.", "PICK_UP(jug)"),  # more slowly, or with less force
     ],

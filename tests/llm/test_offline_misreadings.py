@@ -19,7 +19,6 @@ def said(words, graph=CRATE, subtask="OPEN(crate)"):
 @pytest.mark.parametrize(
     "words",
     [
-        "pull slowly and stop as soon as your hand fits in",  # the second request says where to stop
         "keep pulling until it budges",  # how long, not how far
         "open it fully and make sure nothing falls out",  # something else is to be seen to
         "pull it out, don't scratch the lacquer",  # what not to do, and nothing that follows from it
@@ -61,7 +60,6 @@ def test_what_need_not_be_done_is_not_forbidden():
         ("Other way.", CRATE, "OPEN(crate)"),  # of a straight pull: round, or to another side?
         ("It slides.", CRATE, "OPEN(crate)"),  # what has its handle at an edge slides to a side
         ("Gently!", JUG, "STIR(jug)"),  # more slowly, or with less force
-        ("Let go and press the button.", CRATE, "OPEN(crate)"),  # in which order
     ],
 )
 def test_what_has_two_readings_is_asked_about(words, graph, subtask):
@@ -120,7 +118,6 @@ def test_halfway_that_is_complained_of_is_further(words):
 @pytest.mark.parametrize(
     "words",
     [
-        "Press the big button at the bottom and it pops open by itself.",
         "You've got to push the thing down there and then the door jumps open.",
         "Turn that off again and press the bottom one instead.",
         "It goes up and then backwards.",

@@ -63,6 +63,8 @@ def _way(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     ):
         return _offset(recipe, edit, rough)  # neither is done by leading something that way
     recipe = _with_path(recipe)
+    if recipe.kind == "turn":  # led that way instead
+        recipe = attrs.evolve(recipe, steps=tuple(step for step in recipe.steps if step != "turn"))
     if recipe.shape == "arc":
         return attrs.evolve(recipe, sense=-1 if way == "in" else 1, way=way)
     if way == "in" and recipe.kind == "close":
@@ -360,7 +362,7 @@ def _hold_for(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 
 def _shake(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
-    if recipe.kind not in ("pick", "pour"):
+    if recipe.kind not in ("pick", "place", "pour"):
         return recipe
     return attrs.evolve(recipe, shakes=0 if edit.negated else max(1, min(10, edit.count)))
 

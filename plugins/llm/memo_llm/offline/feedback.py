@@ -11,12 +11,14 @@ import attrs
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.about_plans import is_about_plans
+from memo_llm.offline.agreement import opposed, unlikely, wanted
 from memo_llm.offline.clauses import is_request
 from memo_llm.offline.editing import apply
 from memo_llm.offline.edits import GENTLE, Edit, Reading
+from memo_llm.offline.gist import gist_of, is_no_plan
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
-from memo_llm.offline.questions import OF_DOORS, question_about
+from memo_llm.offline.questions import OF_DOORS, what_is_missing, which_is_meant
 from memo_llm.offline.reading import clauses, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart
@@ -54,6 +56,13 @@ _AMOUNT_ALONE = re.compile(
     r"(?:cm|mm|(?:centi|milli)met(?:er|re)s?|inch(?:es)?)(?: or so)?)(?=[.!]|$)",
     re.I,
 )
+# How sure of a gist one must be to follow it: where the rules read nothing, something with doubts, and something surely
+# (there one asks from 0.75 on); and of one about the plan, which is only kept, where they read nothing.
+_SURE, _DESPITE_DOUBTS, _CERTAIN, _WORTH_ASKING, _SURE_OF_PLANS = 0.5, 0.6, 0.9, 0.75, 0.4
+_SHORT = 9  # words of a remark that the rules read better than a classifier
+_UNNAMED = frozenset(  # edits that no gist is about
+    ["between", "clear-first", "close-first", "open-first", "back-off-before", "settle-grip", "beside", "ease", "look"]
+)
 _PLACED = frozenset(["hold-at", "centre", "offset", "approach", "beside"])
 _WAS_THERE = re.compile(
     r"(?:please )?don't (?:stick|put) your fingers?\b|"
@@ -87,6 +96,12 @@ class Heard:
     readings: tuple[Reading, ...]
     edits: tuple[Edit, ...]
     question: str
+    ambiguous: bool = False  # whether it is asked because what was read can be meant in more than one way
+    about_plans: bool = False  # whether it surely is no word about the motion
+
+    @property
+    def kind(self) -> str:
+        return "" if self.recipe is None else self.recipe.kind
 
     @property
     def not_understood(self) -> tuple[str, ...]:
@@ -94,7 +109,52 @@ class Heard:
 
 
 def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
-    """What a person means who said ``words`` of the prompt's subtask."""
+    """What a person means who said ``words`` of the prompt's subtask: as the rules read it, or, where they would have
+    to ask, what it surely comes down to. Where the two contradict each other it is asked."""
+    heard = _read(words, prompt, scene, habits, vocabulary)
+    objects, kind = prompt.subtask[1], heard.kind
+    quoted = " ".join(words.split())[:200]
+    if not heard.question and len(words.split()) <= _SHORT:
+        return heard  # the rules read that better
+    if not heard.question and unlikely(heard.edits, words, objects, kind, vocabulary):
+        return attrs.evolve(heard, question=_suggestion(heard.edits, quoted))
+    gist = gist_of(words, objects, kind, vocabulary, screwed=not _swings(scene, heard.recipe))
+    if gist is None or any(edit.kind in _UNNAMED for edit in heard.edits):
+        return heard
+    sure = gist.probability >= (_DESPITE_DOUBTS if heard.edits else _SURE)
+    certain = gist.probability >= _CERTAIN
+    if gist.about_plans and (heard.question or certain):
+        return attrs.evolve(heard, about_plans=sure or (not heard.edits and gist.probability >= _SURE_OF_PLANS))
+    if gist.about_plans:
+        asked = f"is something else to be done, or {_suggestion(heard.edits, quoted)}"
+        return attrs.evolve(heard, question=asked if sure else "")
+    meant = _read(gist.text, prompt, scene, habits, vocabulary)
+    if meant.question:
+        return heard
+    asked = _suggestion(meant.edits, quoted)
+    against = opposed(heard.edits, meant.edits, vocabulary)
+    read, told = wanted(heard.edits), wanted(meant.edits)
+    if not heard.question:
+        # "It folds down": the arc that was read says more than the way down.
+        swung = any(edit.kind in OF_DOORS for edit in heard.edits) and all(edit.kind == "way" for edit in meant.edits)
+        apart = gist.probability >= _WORTH_ASKING and not (swung or read & told)
+        if apart and certain and not against:
+            return meant
+        return attrs.evolve(heard, question=asked if apart or (against and sure) else "")
+    if not sure and not heard.edits:
+        return attrs.evolve(heard, question=asked)
+    # A gist that is the doubtful reading once more does not tell which of its meanings is meant.
+    unresolved = heard.ambiguous and read <= told
+    return heard if against or unresolved or not sure else meant
+
+
+def _suggestion(edits: Iterable[Edit], quoted: str) -> str:
+    said = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
+    return f"is this what you mean: {said} You said: {quoted}"
+
+
+def _read(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
+    """What the rules read."""
     action, objects = prompt.subtask
     known = [*(node.label for node in scene.nodes), *objects, action]
     recipe = habits.recipe(action, objects)
@@ -119,12 +179,13 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     done = recipe or habits.recipe("push", objects)  # what is done for a verb that is not known
     aside = recipe is not None and recipe.kind == "open" and _slides_aside(words, edits, scene, recipe.thing)
     effective = done is not None and _effective(edits, done, habits, prompt, scene)
-    question = (
+    ambiguous = (
         _ASIDE.format(" ".join(words.split())[:200])
         if aside
-        else question_about(words, readings, edits, recipe, effective, vocabulary, _swings(scene, recipe))
+        else which_is_meant(words, edits, recipe, vocabulary, _swings(scene, recipe))
     )
-    return Heard(recipe, sentences, readings, tuple(edits), question)
+    question = ambiguous or what_is_missing(words, readings, edits, recipe, effective, vocabulary)
+    return Heard(recipe, sentences, readings, tuple(edits), question, ambiguous=bool(ambiguous))
 
 
 def _without_repeats(reading: Reading, others: Iterable[Reading]) -> Reading:
@@ -312,9 +373,10 @@ def _elsewhere(
 def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     """Notes about the plan, where the prompt asks for them and the words say what is to be done before."""
     asked_for = '"plan"' in prompt.section("answer")
-    if not asked_for or not is_about_plans(words, not all(map(_idle, heard.edits))):
-        return []
     objects = prompt.subtask[1]
+    about = is_about_plans(words, not all(map(_idle, heard.edits))) and not is_no_plan(words, objects, heard.kind)
+    if not (asked_for and (heard.about_plans or about)):
+        return []
     place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
     there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?{place}\b", words.lower())
     if there and not re.search(r"\b(?:first|before|out|off|not|never|\w+n't|forgot)\b", words.lower()):
@@ -322,10 +384,9 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     said = [one for one in heard.sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
     notes = [sentence_plainly(sentence) for sentence in said]
     named = f"The {objects[0].lower()}" if objects else "It"
-    return [
-        re.sub(r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)", named, note)
-        for note in notes
-    ]
+    goes = r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)"
+    # "You forgot the lid! That goes on the jar", said of the jar, is not about the jar.
+    return [note if named[4:] in note.lower() else re.sub(goes, named, note) for note in notes]
 
 
 _ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)

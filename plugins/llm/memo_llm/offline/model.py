@@ -30,7 +30,7 @@ def _built_in_habits() -> Habits:
 
 
 class OfflineModel(LanguageModel):
-    """A deterministic, rule-based reader of MEMO's prompts. It uses only the messages' text."""
+    """A deterministic reader of MEMO's prompts, by rules and a small classifier. It uses only the messages' text."""
 
     name = "offline"
     deterministic = True

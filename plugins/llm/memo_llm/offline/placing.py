@@ -165,6 +165,12 @@ def _steps(recipe: Recipe, sheet: Sheet, sideways: bool, clearance: str) -> None
                     "    wait(0.2)",
                 )
             sheet.add(f"open_gripper({opening})")
+            if recipe.shakes:
+                shakes = sheet.constant("SHAKES", recipe.shakes, "times up and down")
+                sheet.add(
+                    f"for shake in range({shakes}):  # what sticks to the fingers falls off",
+                    f"    follow_path([along({at}, [0.0, 0.0, 1.0], 0.03), {at}], speed=1.0)",
+                )
         elif step == "close-hand":
             sheet.add("close_gripper()")
         elif step == "approach":

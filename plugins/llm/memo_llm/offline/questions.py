@@ -25,6 +25,7 @@ _TOLD_PARTLY = re.compile(
     r"(?: (?:it|that|them|the \w+))?|^(?:it|that|this|they|you|the \w+)) $"
 )
 _PRESSED_PART = re.compile(r"\b(?:button|switch|lever|pedal|tab|trigger|catch|thing (?:\w+ )?there)\b")
+_SHAKEN_OFF = re.compile(r"\bshake (?:the|your) hand\b|\b(?:stuck|stick(?:s|ing)|cling(?:s|ing))\b")
 _UP_AND_BACK = re.compile(r"\bup(?:wards?)?,? (?:and|then)(?: then)? back(?:wards?)?\b")
 # Praise with one of these is praise with a reservation.
 _RESERVED = re.compile(
@@ -51,29 +52,14 @@ OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})
 _OF_ANY_MOTION = frozenset({"offset", "speed", "force", "repeat"})
 
 
-def question_about(
-    words: str,
-    readings: Iterable[Reading],
-    edits: list[Edit],
-    recipe: Recipe | None,
-    effective: bool,
-    vocabulary: Vocabulary,
-    doors: bool = True,
+def which_is_meant(
+    words: str, edits: list[Edit], recipe: Recipe | None, vocabulary: Vocabulary, doors: bool = True
 ) -> str:
-    """What has to be asked before anything is noted; "" where the words are surely understood."""
-    quoted = " ".join(words.split())[:200]
-    readings = list(readings)
+    """What has to be asked because that which was read can be meant in more than one way; "" where it cannot."""
     if not edits:
-        wishes = [
-            part
-            for reading in readings
-            for part in reading.unsure
-            if not vocabulary.praises(part) and vocabulary.lexicon.asks(part)
-        ]
-        if vocabulary.praises(words) and not wishes:
-            return f"that sounds as if it was right as it was; was it? You said: {quoted}"
-        return f"what should be different? {_offered(recipe)} Not understood: {quoted}"
-    understood = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
+        return ""
+    quoted = " ".join(words.split())[:200]
+    understood = _plainly(edits)
     if recipe is not None and recipe.kind == "pick" and any(edit.kind == "hold-for" for edit in edits):
         return f"wait when: once it is held, or before it is let go? You said: {quoted}"
     if (
@@ -99,8 +85,6 @@ def question_about(
         return f"is it to be gripped less tightly, or turned less far? You said: {quoted}"
     if any(edit.kind == "offset" and edit.value == "out" for edit in edits):
         return f"is back away from the robot, or towards it? You said: {quoted}"
-    if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
-        return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
     turned = [edit for edit in edits if edit.kind == "reverse"]
     if turned and recipe is not None and recipe.kind not in ("open", "close", "pull", "turn"):
         return f"which way should the hand go? You said: {quoted}"
@@ -110,7 +94,8 @@ def question_about(
     flat = recipe is not None and (recipe.kind == "pick" or (recipe.kind == "place" and recipe.place in _SURFACES))
     if flat and any(re.search(r"\b(?:in|inside)\b", edit.said) for edit in inside):
         return f"further in to which side, seen from the robot? You said: {quoted}"
-    if recipe is not None and recipe.kind == "turn" and any(edit.kind == "way" for edit in edits):
+    doubtful_way = any(edit.kind == "way" for edit in edits) and "instead of turning" not in words
+    if recipe is not None and recipe.kind == "turn" and doubtful_way:
         return f"is it to be led that way, or turned, and then which way round? You said: {quoted}"
     if (
         recipe is not None
@@ -141,7 +126,8 @@ def question_about(
         return f"which way should the hand go? {said_plainly(swung[0], None, None)} This is no door. You said: {quoted}"
     if recipe is not None and recipe.kind in ("pick", "place") and {"offset", "less-far"} <= {e.kind for e in edits}:
         return f"how far, and which way: {understood} You said: {quoted}"
-    if recipe is not None and recipe.kind != "pour" and any(edit.kind == "shake" for edit in edits):
+    hand = recipe is not None and recipe.kind == "place" and _SHAKEN_OFF.search(words.lower())
+    if recipe is not None and recipe.kind != "pour" and not hand and any(edit.kind == "shake" for edit in edits):
         return f"what is to be shaken, and why? You said: {quoted}"
     longer = [edit for edit in edits if edit.kind in ("farther", "all-the-way")]
     if longer and _wishes_part(words):
@@ -166,6 +152,33 @@ def question_about(
     opposed = _opposed(edits, vocabulary)
     if opposed:
         return f"which of the two is meant: {opposed}? You said: {quoted}"
+    return ""
+
+
+def what_is_missing(
+    words: str,
+    readings: Iterable[Reading],
+    edits: list[Edit],
+    recipe: Recipe | None,
+    effective: bool,
+    vocabulary: Vocabulary,
+) -> str:
+    """What has to be asked because nothing was read, or not all of it, or nothing would follow; "" else."""
+    quoted = " ".join(words.split())[:200]
+    readings = list(readings)
+    if not edits:
+        wishes = [
+            part
+            for reading in readings
+            for part in reading.unsure
+            if not vocabulary.praises(part) and vocabulary.lexicon.asks(part)
+        ]
+        if vocabulary.praises(words) and not wishes:
+            return f"that sounds as if it was right as it was; was it? You said: {quoted}"
+        return f"what should be different? {_offered(recipe)} Not understood: {quoted}"
+    understood = _plainly(edits)
+    if any(reading.praised for reading in readings) and not _RESERVED.search(words.lower()):
+        return f"was it right as it was, or is this meant: {understood} You said: {quoted}"
     unsure = [part for reading in readings for part in reading.unsure]
     if unsure:
         return f"is this what you mean: {understood} It is not clear what this adds: {'; '.join(unsure)}"
@@ -174,6 +187,10 @@ def question_about(
     if not effective and recipe is not None:
         return f"how would one do that here: {understood} Which way should the hand move? You said: {quoted}"
     return ""
+
+
+def _plainly(edits: Iterable[Edit]) -> str:
+    return " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
 
 
 def _offered(recipe: Recipe | None) -> str:

@@ -53,7 +53,7 @@ class Recipe:
     press: float = 0.0  # newtons along the approach while turning
     hold: float = 0.0  # seconds that the hand stays before it lets go or leaves
     grip_wait: float = 0.0  # seconds that the hand stays once it has closed on something to be lifted
-    shakes: int = 0  # up and down, of what is held
+    shakes: int = 0  # up and down, of what is held; of the open hand, where something is put down
     beside: tuple[str, str, float] | None = None  # (which side, of what, metres between them), where it is put down
     gap: float = 0.008  # that a thing is let fall
     travel: float = 0.0  # above the stop before the last stretch, on the way there

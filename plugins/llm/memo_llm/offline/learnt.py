@@ -1,0 +1,69 @@
+"""What is asked for in a remark, as a classifier has learnt it from labelled sentences.
+
+One logistic regression for each name of ``gist.yaml``, over the words of a remark, pairs of neighbouring words, and
+words together with the kind of subtask they were said of. ``tools/offline_reader/train.py`` makes ``learnt.npz`` from
+the sentences beside it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from functools import cache
+from importlib import resources
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+_TOKENS = re.compile(r"[a-z']+|#|[.,!?;:-]")
+UNKNOWN = 0.6  # what is left of a probability for each word that stood in no sentence learnt from, or in one only
+THING = "<thing>"  # in place of any word that names what the subtask is about
+
+
+def features(words: str, objects: Iterable[str], kind: str) -> set[str]:
+    """What the classifier sees of a remark. ``objects`` are the subtask's, ``kind`` is as in a recipe ("": unknown)."""
+    named = {word for name in objects for word in re.findall(r"[a-z]+", name.lower())}
+    plain = re.sub(r"\d+(?:\.\d+)?", "#", words.lower().replace("’", "'"))
+    tokens = [THING if token in named else token for token in _TOKENS.findall(plain)]
+    pairs = zip(["<", *tokens], [*tokens, ">"], strict=True)
+    return {f"kind {kind}", *tokens, *(" ".join(pair) for pair in pairs), *(f"{kind}~{token}" for token in tokens)}
+
+
+@attrs.frozen(eq=False)
+class Learnt:
+    """The classifier. ``weights`` are (features, names), in units of ``scale`` (names,)."""
+
+    names: tuple[str, ...]
+    rows: dict[str, int]
+    weights: NDArray[np.int8]
+    scale: NDArray[np.float32]
+    bias: NDArray[np.float32]
+    learnt_from: str  # SHA-256 of the file of sentences
+
+    @classmethod
+    @cache
+    def load(cls) -> Learnt:
+        """The one that comes with this package."""
+        with (
+            resources.files(__package__).joinpath("learnt.npz").open("rb") as file,
+            np.load(file, allow_pickle=False) as data,
+        ):
+            rows = {name: i for i, name in enumerate(data["features"].tobytes().decode().split("\n"))}
+            names = tuple(data["names"].tobytes().decode().split("\n"))
+            return cls(names, rows, data["weights"], data["scale"], data["bias"], str(data["learnt_from"]))
+
+    def likelihoods(self, words: str, objects: Iterable[str], kind: str) -> dict[str, float]:
+        """The probability of each name."""
+        seen = [self.rows[one] for one in features(words, objects, kind) if one in self.rows]
+        sums = self.weights[seen].sum(axis=0, dtype=np.float64) / np.sqrt(max(1, len(seen)))
+        shares = 1 / (1 + np.exp(-(sums * self.scale + self.bias)))
+        return dict(zip(self.names, shares.tolist(), strict=True))
+
+    def asked_for(self, words: str, objects: Iterable[str], kind: str) -> tuple[frozenset[str], float]:
+        """The names of what is asked for, and the probability that it is just these; less for each unknown word."""
+        likely = self.likelihoods(words, objects, kind)
+        unknown = sum(one not in self.rows and one.isalpha() for one in features(words, objects, kind))
+        names = frozenset(name for name, share in likely.items() if share > 0.5)
+        return names, math.prod(max(share, 1 - share) for share in likely.values()) * UNKNOWN**unknown

@@ -1,0 +1,100 @@
+"""What a remark comes down to where the rules would ask: learnt from labelled sentences, said in plain words."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib import resources
+from pathlib import Path
+
+import memo_llm.offline
+import pytest
+import yaml
+from memo_benchmarks.sayings_scenes import scene_for
+from memo_llm.offline.gist import gist_of
+from memo_llm.offline.learnt import Learnt
+from memo_llm.offline.vocabulary import Vocabulary
+from offline_prompts import MODEL, request
+
+LEARNT_FROM = Path(__file__).parents[2] / "tools" / "offline_reader" / "requests.jsonl"
+SENTENCES = yaml.safe_load(resources.files(memo_llm.offline).joinpath("gist.yaml").read_text("utf-8"))
+VOCABULARY = Vocabulary.load()
+ASKED_ABOUT = {"plan", "other", "nothing"}  # what has no plain words of its own
+SUBTASKS = {
+    "pick": "PICK(left can)",
+    "place": "PLACE(red cube, blue cube)",
+    "open": "OPEN(fridge)",
+    "close": "CLOSE(fridge)",
+    "push": "PUSH(safe button)",
+    "pull": "PULL(drawer)",
+    "turn": "TURN(bottle cap)",
+    "pour": "POUR(can, bowl)",
+    "": "WIPE(plate)",
+    "screw on": "CLOSE(bottle)",
+    "screw off": "OPEN(bottle)",
+}
+NAMED = {"amount": "2 cm", "angle": "by 45 degrees", "seconds": "2 seconds", "count": "3", "part": "button"}
+NAMED |= {"gap": "3 cm", "place": "blue cube", "turn": "by 45 degrees", "pull": "Pull"}
+PLAIN = [
+    (kind, said.format(**NAMED))
+    for sentence in SENTENCES.values()
+    for kind, said in (sentence.items() if isinstance(sentence, dict) else [("pick", sentence), ("place", sentence)])
+]
+# It asks whether the attempt went too low at all, which the empty one of this test did not.
+PLAIN.remove(("place", "Stop as soon as it touches."))
+
+
+def noted(words, subtask="PICK(left can)"):
+    told = {"task": "t", "subtask": subtask, "words": words, "code": "open_gripper()"}
+    return json.loads(MODEL.answer(request("feedback", scene_for(subtask), ended="done", plans=True, **told)).text)
+
+
+@pytest.mark.parametrize(("kind", "words"), PLAIN)
+def test_what_a_gist_is_said_in_is_read_by_the_rules(kind, words):
+    answer = noted(words, SUBTASKS[kind])
+    assert answer["corrections"] and not answer["unclear"]
+
+
+def test_names_sentences_and_the_classifier_go_together():
+    rows = [json.loads(line) for line in LEARNT_FROM.read_text("utf-8").splitlines()]
+    known = SENTENCES.keys() | ASKED_ABOUT
+    assert {name for row in rows for name in row["asks"]} <= known
+    assert set(Learnt.load().names) <= known
+    assert len({(row["subtask"], row["says"]) for row in rows}) == len(rows)
+    trained = Learnt.load().learnt_from
+    assert trained == hashlib.sha256(LEARNT_FROM.read_bytes()).hexdigest(), "run tools/offline_reader/train.py"
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask", "expected"),
+    [
+        ("Whoa, easy, you're crushing it. Just enough that it doesn't fall.", "PICK(left can)", "gently"),
+        ("Those are eggs, for heaven's sake, hold them like eggs!", "PICK(eggs)", "gently"),
+        ("Slower, you're getting it everywhere.", "STIR(food, pan)", "slower"),
+    ],
+)
+def test_what_the_rules_cannot_take_apart_is_understood_by_its_gist(words, subtask, expected):
+    assert any(expected in note for note in noted(words, subtask)["corrections"])
+
+
+def test_words_about_the_plan_are_kept_as_they_were_said():
+    answer = noted("One rack up, please, it'll burn on the bottom down there.", "PLACE(food, oven)")
+    assert answer["plan"] == ["One rack up, please, it'll burn on the bottom down there."]
+
+
+def test_amounts_are_the_persons_own():
+    gist = gist_of("Oh, a good bit too high, come down by about three centimetres, love.", ["can"], "pick", VOCABULARY)
+    assert gist is not None and "3 cm" in gist.text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "You're much too high, three centimetres lower, and the cap is two centimetres wide.",  # which is it?
+        "Grip it more gently, at 0.45 0.2.",
+        "Unless it is full, squeeze it harder.",
+        "Blorp the frobnicator more gently with your quuxes.",
+    ],
+)
+def test_what_is_not_surely_the_gist_is_none(words):
+    assert gist_of(words, ["can"], "pick", VOCABULARY) is None
