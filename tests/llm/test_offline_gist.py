@@ -82,6 +82,14 @@ def test_words_about_the_plan_are_kept_as_they_were_said():
     assert answer["plan"] == ["One rack up, please, it'll burn on the bottom down there."]
 
 
+def test_that_is_what_was_named_before_it():
+    answer = noted("The wrapper's still on it! That has to come off before it goes in.", "PLACE(food, oven)")
+    assert "That has to come off before it goes in." in answer["plan"]
+    assert noted("That belongs in the drawer.", "PLACE(red cube, table)")["plan"] == [
+        "The red cube belongs in the drawer."
+    ]
+
+
 def test_amounts_are_the_persons_own():
     gist = gist_of("Oh, a good bit too high, come down by about three centimetres, love.", ["can"], "pick", VOCABULARY)
     assert gist is not None and "3 cm" in gist.text

@@ -384,9 +384,10 @@ def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
     said = [one for one in heard.sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
     notes = [sentence_plainly(sentence) for sentence in said]
     named = f"The {objects[0].lower()}" if objects else "It"
-    goes = r"^(?:It|That|This)(?= (?:goes|belongs|should|has to|needs|must|lives)\b)"
-    # "You forgot the lid! That goes on the jar", said of the jar, is not about the jar.
-    return [note if named[4:] in note.lower() else re.sub(goes, named, note) for note in notes]
+    goes = r" (?=(?:goes|belongs|should|has to|needs|must|lives)\b)"
+    # "You forgot the lid! That goes on the jar" is about the lid.
+    notes = [re.sub(rf"^(?:It|That|This){goes}", f"{named} ", notes[0]), *notes[1:]] if notes else []
+    return [note if named[4:] in note.lower() else re.sub(f"^It{goes}", f"{named} ", note) for note in notes]
 
 
 _ASKED = re.compile(r"\n\(asked back: (?P<question>.*?)\)\n(?P<answer>[^\n]*(?:\n(?!\(asked back).*)*)\Z", re.S)
