@@ -287,7 +287,10 @@ _CHECKS: dict[str, Callable[[str, float | None, Motion, Motion], bool]] = {
     "close fingers first": lambda n, v, b, a: a.closed_first,
     "gentler": lambda n, v, b, a: a.force is not None and a.force < 30,
     "firmer": lambda n, v, b, a: a.force is not None and a.force > 40,
-    "harder": lambda n, v, b, a: (a.force or 0.0) > 40 or a.extent > b.extent + 0.003,
+    "harder": lambda n, v, b, a: (
+        ((a.force or 0.0) > 40 or (b.force is not None and a.force is not None and a.force > b.force))
+        or a.extent > b.extent + 0.003
+    ),
     # What opens is let slip by a soft grip: there a gentle pull is a slow one.
     "softer": lambda n, v, b, a: (
         (a.force is not None and a.force < 30) or a.extent < b.extent - 0.003 or a.speed < b.speed

@@ -123,7 +123,7 @@ def motion_of(acts: list[Command]) -> Motion | None:
         legs=tuple(legs),
         turned=_turned_about_approach(held),
         tipped=max((angle(rotation[:, 2], pose.rotation[:, 2]) for pose in held), default=0.0),
-        force=forces[0] if forces else None,
+        force=max(forces, default=None),
         opening=opened[-1] if opened else None,
         closed_first=closed_before,
         speed=min((act.speed for act in contacts), default=0.5),

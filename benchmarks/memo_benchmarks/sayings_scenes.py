@@ -83,6 +83,7 @@ _SIZES = {
 }
 _HOLLOW = {"bin", "tub", "bowl", "toaster"}
 _FIXED = {"faucet", "stove", "heater", "toaster", "rice cooker", "bin"}
+_TOOLS = {"SEASON": "shaker", "SPRINKLE": "shaker", "WIPE": "sponge", "STIR": "spoon"}  # what is held, by the step
 _PLACES = ((0.48, 0.12), (0.45, -0.22), (0.52, -0.05), (0.4, 0.3))
 
 
@@ -99,9 +100,8 @@ def scene_for(subtask: str) -> SceneGraph:
         if name != "table" and name not in nodes:
             _add(name, nodes, relations, opened, _PLACES[len(nodes) % len(_PLACES)])
     hand, width, holding = Pose((0.4, 0.0, 0.5), _LEVEL), 0.08, False
-    if action in ("PLACE", "PUT", "POUR", "SEASON", "SPRINKLE", "SHAKE", "WIPE") and names[0] in nodes:
-        held = "shaker" if action in ("SEASON", "SPRINKLE") else "sponge" if action == "WIPE" else names[0]
-        held = held if held in nodes else names[0]
+    held = _TOOLS.get(action) or (names[0] if action in ("PLACE", "PUT", "POUR", "SHAKE") else "")
+    if held in nodes:
         relations.append(Relation(held, "held"))
         hand, width, holding = Pose(nodes[held].pose.position, _LEVEL), 0.05, True
     return SceneGraph(tuple(nodes.values()), tuple(relations), Observation(hand, width, holding), 0.0, "kitchen")
@@ -118,7 +118,7 @@ def _companions(action: str, names: list[str]) -> list[str]:
         and names[0] in ("fork", "knife", "spoon", "napkin", "glass")
     ):
         found.append("plate")  # cutlery is put down beside one
-    return found + {"SEASON": ["shaker"], "SPRINKLE": ["shaker"], "WIPE": ["sponge"]}.get(action, [])
+    return found + ([_TOOLS[action]] if action in _TOOLS else [])
 
 
 def _add(

@@ -75,8 +75,8 @@ def test_words_that_are_not_understood_are_kept_beside_those_that_are_and_report
 
 
 def test_an_order_that_is_not_understood_is_asked_about_whatever_stands_beside_it():
-    said, _ = notes("Go 3 cm higher. You should perambulate the crate widdershins.")
-    assert said.corrections == () and "perambulate the crate widdershins" in said.unclear
+    said, _ = notes("Go 3 cm higher. You should perambulate the crate vermiculously.")
+    assert said.corrections == () and "perambulate the crate vermiculously" in said.unclear
 
 
 @pytest.mark.parametrize("words", ["no, that's not right", "that was wrong, try again", "perambulate it widdershins"])

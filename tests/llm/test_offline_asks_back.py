@@ -94,7 +94,7 @@ def test_the_tasks_it_was_measured_at_are_declared_and_what_is_beyond_it_is_said
         ("Up, then in.", "OPEN(crate)"),
         ("pull it out towards you first and lift afterwards", "PICK_UP(pen)"),
         ("Oh how lovely, not even a crack. Exactly like that, please.", "PICK_UP(pen)"),
-        ("Come lower and mind the gap on the thingummy", "PICK_UP(pen)"),
+        ("Come lower and mind the whatnot on the thingummy", "PICK_UP(pen)"),
     ],
 )
 def test_what_is_not_accounted_for_is_asked_and_not_guessed(words, subtask):
@@ -162,7 +162,10 @@ def test_a_yes_with_a_reservation_that_is_not_understood_is_asked_about():
 @pytest.mark.parametrize(
     ("answer", "noted"),
     [
-        ("No. Mind the whatsit while you take it.", ["Mind the whatsit while you take it."]),
+        (
+            "No. Mind the whatsit on the doodah while you take it.",
+            ["Mind the whatsit on the doodah while you take it."],
+        ),
         ("I mean put the doohickey beside the whatsit.", ["Put the doohickey beside the whatsit."]),
         ("I don't know, never mind.", []),
         ("What do you mean by that?", []),
@@ -193,14 +196,25 @@ SUBTASKS = {
     "push": "PUSH(pen)",
     "turn": "TURN(pen)",
     "pour": "POUR(pen, mug)",
-    "": "STIR(pen)",
+    "wipe": "WIPE(mug)",
+    "stir": "STIR(mug)",
+    "": "KNEAD(pen)",
 }
 
 
 @pytest.mark.parametrize(("kind", "offer"), [(kind, one) for kind, some in OFFERS.items() for one in some.split("; ")])
 def test_what_a_question_offers_to_say_is_understood(kind, offer):
     held = scene(thing("pen"), thing("mug", (0.5, 0.2, 0.05), (0.1, 0.1, 0.1)), relations=[("pen", "held")])
-    graph = {"pour": held, "pick": PEN, "turn": PEN, "push": PEN, "place": PEN, "": PEN}.get(kind, CRATE)
+    graph = {
+        "pour": held,
+        "wipe": held,
+        "stir": held,
+        "pick": PEN,
+        "turn": PEN,
+        "push": PEN,
+        "place": PEN,
+        "": PEN,
+    }.get(kind, CRATE)
     question = said("do the thingummy with the whatsit", graph, SUBTASKS[kind])["unclear"]
     assert offer in question
     answer = said(offer, graph, SUBTASKS[kind])

@@ -57,7 +57,7 @@ def test_what_stands_in_place_of_something_is_set_off_from_it():
 @pytest.mark.parametrize(
     ("words", "noted"),
     [
-        ("Stop as soon as you feel it touch.", "Lower it until it touches before you let go."),
+        ("Stop as soon as you feel it touch.", "Stop as soon as it touches."),
         ("Come down really slowly for the last bit.", "Go slowly on the last stretch."),
         ("Slower once you're close.", "Go slowly on the last stretch."),
         ("Raise it another hand's width before you go forward.", "On the way there, keep 8 cm above everything."),
@@ -84,7 +84,6 @@ def test_how_something_is_put_down(words, noted):
         ("Back, and pull it 10 cm more.", "PLACE(jug, tray)"),  # something else is to be opened
         ("Ninety degrees, then down.", "PLACE(jug, tray)"),  # about which axis
         ("On the left.", "PLACE(jug, tray)"),  # where it belongs, and not which way from where it was
-        ("Only a little bit, it splashes.", "TURN(jug)"),
         ("Tilt it left 3 cm.", "TURN(jug)"),
         ("It may be behind the tray, open that first.", "PICK_UP(jug)"),  # not the fingers
     ],

@@ -90,7 +90,6 @@ OPENED, *_ = box_with_door(opened=True)
         ("Shake one off.", JARS, "PICK_UP(red jar)"),
         ("Push it down until it clicks into the slot.", JARS, "PLACE(red jar, green jar)"),
         ("You're off by about half a jar to the right.", JARS, "PLACE(red jar, green jar)"),
-        ("Further in, please.", JARS, "PLACE(red jar, table)"),  # which way is in?
         ("Not so far down next time, I'd say an inch less.", JARS, "PLACE(red jar, table)"),
         ("Don't touch the rim on the way in.", JARS, "PLACE(red jar, green jar)"),
         ("It's standing already, so just let go.", JARS, "PLACE(red jar, table)"),
@@ -108,8 +107,6 @@ OPENED, *_ = box_with_door(opened=True)
         ("Slightly less far to the left this time.", JARS, "PLACE(red jar, green jar)"),
         ("Hold the bottom with something while you lift the lid.", CRATE, "OPEN(crate)"),
         ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so
-        ("Down, not out.", CRATE, "OPEN(crate)"),
-        ("Hold the stand, not the shade, and lift slowly.", JARS, "PICK_UP(red jar)"),
         ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),
     ],
 )
@@ -142,13 +139,13 @@ def test_what_somebody_else_is_going_to_do_is_no_step_of_the_plan():
     assert answer.get("plan", []) == []
 
 
-def test_stopping_at_the_touch_is_asked_about_where_it_went_no_lower_than_it_should():
+def test_what_is_to_stop_at_the_touch_is_lowered_until_it_is_felt():
     held = scene(*JARS.nodes, relations=[("red jar", "held")])
-    habit, _ = write(held, "PLACE(red jar, green jar)")
-    words = "Stop as soon as it touches."
-    context = {"task": "t", "subtask": "PLACE(red jar, green jar)", "ended": "done", "words": words}
-    asked = json.loads(MODEL.answer(request("feedback", held, code=habit, **context)).text)
-    assert asked["corrections"] == [] and "how low" in asked["unclear"]
+    context = {"task": "t", "subtask": "PLACE(red jar, green jar)", "ended": "done", "code": "open_gripper()"}
+    answer = json.loads(MODEL.answer(request("feedback", held, words="Stop as soon as it touches.", **context)).text)
+    assert answer["corrections"] == ["Stop as soon as it touches."]
+    code, _ = write(held, "PLACE(red jar, green jar)", answer["corrections"])
+    assert code.index("move_until_contact(") < code.index("open_gripper(")
 
 
 @pytest.mark.parametrize(
@@ -168,5 +165,5 @@ def test_times_and_particles_that_say_nothing_new_hinder_no_reading(words, noted
 
 
 def test_off_to_a_side_is_where_it_was():
-    noted = said("You set it down hard and off to the left.", subtask="PLACE(red jar, table)")["corrections"]
+    noted = said("It was off to the left.", subtask="PLACE(red jar, table)")["corrections"]
     assert "Go further to the right than in that attempt." in noted

@@ -29,7 +29,9 @@ SUBTASKS = {
     "pull": "PULL(drawer)",
     "turn": "TURN(bottle cap)",
     "pour": "POUR(can, bowl)",
-    "": "WIPE(plate)",
+    "wipe": "WIPE(plate)",
+    "stir": "STIR(bowl)",
+    "": "KNEAD(dough)",
     "screw on": "CLOSE(bottle)",
     "screw off": "OPEN(bottle)",
 }
@@ -38,7 +40,9 @@ NAMED |= {"gap": "3 cm", "place": "blue cube", "turn": "by 45 degrees", "pull": 
 PLAIN = [
     (kind, said.format(**NAMED))
     for sentence in SENTENCES.values()
-    for kind, said in (sentence.items() if isinstance(sentence, dict) else [("pick", sentence), ("place", sentence)])
+    for kinds, said in (sentence.items() if isinstance(sentence, dict) else [("any", sentence)])
+    for kind in (("pick", "place") if kinds == "any" else (kinds,))
+    if said
 ]
 # It asks whether the attempt went too low at all, which the empty one of this test did not.
 PLAIN.remove(("place", "Stop as soon as it touches."))

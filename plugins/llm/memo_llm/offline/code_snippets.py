@@ -102,6 +102,12 @@ def nearest_axis(name, direction):
                 best, nearest = abs(share), [a if share > 0 else -a for a in level(axis)]
     return nearest
 ''',
+    "yaw_of_sides": '''
+def yaw_of_sides(name):
+    """How far the sides of a box are turned about the vertical (rad)."""
+    flat = [axis for axis in get_axes(name) if abs(axis[2]) < 0.7][0]
+    return math.atan2(flat[1], flat[0])
+''',
     "yaw_for": '''
 def yaw_for(closing):
     """The yaw of a hand from the top whose fingers close along a horizontal direction."""

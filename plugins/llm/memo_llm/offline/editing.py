@@ -13,6 +13,7 @@ from memo_llm.offline.edits import GENTLE, Edit
 from memo_llm.offline.recipe import Recipe
 
 Rough = dict[str, float]
+_MOST_TURNED = 180.0  # degrees that a hand turns in one go
 _BASE = {
     "up": (0.0, 0.0, 1.0),
     "down": (0.0, 0.0, -1.0),
@@ -98,7 +99,8 @@ def _turned_on(recipe: Recipe, edit: Edit, degrees: float, rough: Rough) -> Reci
         turn = (
             recipe.turn or 90.0 if edit.base_degrees is None else math.copysign(edit.base_degrees, recipe.turn or 1.0)
         )
-        return attrs.evolve(recipe, turn=turn + math.copysign(degrees, turn))
+        far = min(abs(turn) + degrees, _MOST_TURNED)
+        return attrs.evolve(recipe, turn=math.copysign(max(far, 0.0), turn))
     angle = recipe.angle if edit.base_degrees is None else edit.base_degrees
     return attrs.evolve(recipe, angle=min(angle + degrees, 180.0))
 
@@ -226,9 +228,9 @@ def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         steps = (*steps[:at], "turn", *steps[at:])
     # Clockwise is as one sees it who looks along the hand, which is right-handed about the way it points.
     turn = 0.0 if edit.negated else -degrees if counter else degrees
-    if recipe.press and not edit.value:
+    if recipe.press and edit.value in ("", "round"):
         turn = math.copysign(turn, recipe.turn)  # how far, not which way
-    return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value != "")
+    return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value not in ("", "round"))
 
 
 def _fingers(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
@@ -307,6 +309,8 @@ def _back_off_before(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
 
 def _force(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     gentle = edit.value in GENTLE
+    if recipe.kind == "wipe":
+        return attrs.evolve(recipe, force=rough["wipe_gently" if gentle != edit.negated else "wipe_firmly"])
     if recipe.kind == "place":
         return recipe  # what is held already is not gripped anew
     if "close-hand" not in recipe.steps[_after_approach(recipe.steps) :] and "path" in recipe.steps:
@@ -454,6 +458,38 @@ def _follow(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
     return attrs.evolve(recipe, hand_follows=not edit.negated)
 
 
+def _strokes(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return recipe if edit.negated else attrs.evolve(recipe, strokes=edit.value)
+
+
+def _edges(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, edges=not edit.negated)
+
+
+def _spread(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, spread=not edit.negated)
+
+
+def _line_up(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, lined_up=not edit.negated)
+
+
+def _stop_at_touch(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    return attrs.evolve(recipe, felt=not edit.negated) if recipe.kind == "place" else recipe
+
+
+def _from_edge(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    metres = edit.amount.metres if edit.amount and edit.amount.exact else rough["from_edge"]
+    return recipe if edit.negated else attrs.evolve(recipe, from_edge=metres)
+
+
+def _over_place(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
+    """Over the place first, and down on it from there."""
+    if edit.negated:
+        return recipe
+    return attrs.evolve(_travel(_centre(recipe, edit, rough), attrs.evolve(edit, amount=None), rough), approach="top")
+
+
 _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "arc": _arc,
     "straight": _straight,
@@ -501,6 +537,13 @@ _EDITS: dict[str, Callable[[Recipe, Edit, Rough], Recipe]] = {
     "clear-first": _clear_first,
     "settle-grip": _settle_grip,
     "beside": _beside,
+    "strokes": _strokes,
+    "edges": _edges,
+    "spread": _spread,
+    "line-up": _line_up,
+    "from-edge": _from_edge,
+    "stop-at-touch": _stop_at_touch,
+    "over-place": _over_place,
     "stiff-hand": _stiff,
     "follow-hand": _follow,
 }

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import attrs
 
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.scene.graph import SceneGraph
-from memo_llm.offline.about_plans import is_about_plans
-from memo_llm.offline.agreement import opposed, unlikely, wanted
+from memo_llm.offline.agreement import opposed, wanted
 from memo_llm.offline.clauses import is_request
 from memo_llm.offline.editing import apply
 from memo_llm.offline.edits import GENTLE, Edit, Reading
-from memo_llm.offline.gist import gist_of, is_no_plan
+from memo_llm.offline.gist import asks_for_nothing, gist_of
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Prompt, read_subtask
 from memo_llm.offline.questions import OF_DOORS, what_is_missing, which_is_meant
@@ -23,7 +22,7 @@ from memo_llm.offline.reading import clauses, read_sentence
 from memo_llm.offline.recipe import Habits, Recipe
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart
 from memo_llm.offline.rendering import render
-from memo_llm.offline.surroundings import Surroundings
+from memo_llm.offline.surroundings import Surroundings, find, space_of
 from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.wording import ONLY_WAY, said_plainly, sentence_plainly
 
@@ -48,6 +47,10 @@ _STATES = frozenset(
         "back-off",
         "finger-width",
         "turn-thing",
+        "way",
+        "line-up",
+        "over-place",
+        "strokes",
     ]
 )
 _AMOUNT_ALONE = re.compile(
@@ -56,12 +59,27 @@ _AMOUNT_ALONE = re.compile(
     r"(?:cm|mm|(?:centi|milli)met(?:er|re)s?|inch(?:es)?)(?: or so)?)(?=[.!]|$)",
     re.I,
 )
-# How sure of a gist one must be to follow it: where the rules read nothing, something with doubts, and something surely
-# (there one asks from 0.75 on); and of one about the plan, which is only kept, where they read nothing.
-_SURE, _DESPITE_DOUBTS, _CERTAIN, _WORTH_ASKING, _SURE_OF_PLANS = 0.5, 0.6, 0.9, 0.75, 0.4
-_SHORT = 9  # words of a remark that the rules read better than a classifier
+# How sure of a gist one must be to follow it: where the rules read the same with doubts, something else with doubts,
+# and nothing; to keep words for the plan that the rules read as motion, and to ask whether they are for it.
+_AGREED, _DESPITE_DOUBTS, _SURE, _CERTAIN, _WORTH_ASKING = 0.4, 0.6, 0.5, 0.85, 0.5
+_SURE_OF_PARTS = 0.7
+_OF_PLANS = "corrections: stays empty here"  # of a prompt about a remark on a plan
+_FLAT = 0.03  # m: what is no higher is something to put things on
+_FEW = 5  # words of which a gist says little
+_SHORT = 9  # words of a remark that the rules may read alone
 _UNNAMED = frozenset(  # edits that no gist is about
-    ["between", "clear-first", "close-first", "open-first", "back-off-before", "settle-grip", "beside", "ease", "look"]
+    [
+        "between",
+        "pivot",
+        "clear-first",
+        "close-first",
+        "open-first",
+        "back-off-before",
+        "settle-grip",
+        "beside",
+        "ease",
+        "look",
+    ]
 )
 _PLACED = frozenset(["hold-at", "centre", "offset", "approach", "beside"])
 _WAS_THERE = re.compile(
@@ -96,8 +114,8 @@ class Heard:
     readings: tuple[Reading, ...]
     edits: tuple[Edit, ...]
     question: str
-    ambiguous: bool = False  # whether it is asked because what was read can be meant in more than one way
-    about_plans: bool = False  # whether it surely is no word about the motion
+    about_plans: bool = False  # whether it surely is about what is to be done, and not only how
+    also_moves: bool = False  # whether it is about the motion as well
 
     @property
     def kind(self) -> str:
@@ -109,43 +127,67 @@ class Heard:
 
 
 def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
-    """What a person means who said ``words`` of the prompt's subtask: as the rules read it, or, where they would have
-    to ask, what it surely comes down to. Where the two contradict each other it is asked."""
+    """What a person means who said ``words`` of the prompt's subtask: what the rules read where the gist says the same
+    or cannot be told of few words, the gist where that is sure, and else a question."""
     heard = _read(words, prompt, scene, habits, vocabulary)
+    special = any(edit.kind in _UNNAMED for edit in heard.edits)
+    if special and not heard.question:
+        return heard
     objects, kind = prompt.subtask[1], heard.kind
-    quoted = " ".join(words.split())[:200]
-    if not heard.question and len(words.split()) <= _SHORT:
-        return heard  # the rules read that better
-    if not heard.question and unlikely(heard.edits, words, objects, kind, vocabulary):
-        return attrs.evolve(heard, question=_suggestion(heard.edits, quoted))
-    gist = gist_of(words, objects, kind, vocabulary, screwed=not _swings(scene, heard.recipe))
-    if gist is None or any(edit.kind in _UNNAMED for edit in heard.edits):
-        return heard
-    sure = gist.probability >= (_DESPITE_DOUBTS if heard.edits else _SURE)
-    certain = gist.probability >= _CERTAIN
-    if gist.about_plans and (heard.question or certain):
-        return attrs.evolve(heard, about_plans=sure or (not heard.edits and gist.probability >= _SURE_OF_PLANS))
-    if gist.about_plans:
-        asked = f"is something else to be done, or {_suggestion(heard.edits, quoted)}"
-        return attrs.evolve(heard, question=asked if sure else "")
-    meant = _read(gist.text, prompt, scene, habits, vocabulary)
-    if meant.question:
-        return heard
-    asked = _suggestion(meant.edits, quoted)
-    against = opposed(heard.edits, meant.edits, vocabulary)
+    quoted, short = " ".join(words.split())[:200], len(words.split()) <= _SHORT
+    screwed, slides = not _swings(scene, heard.recipe), _slides_out(scene, heard.recipe)
+    gist = gist_of(words, objects, kind, vocabulary, screwed, slides, beside=_goes_beside(scene, objects))
+    if gist is not None and gist.about_plans and not gist.text:
+        return _about_plans(heard, gist.probability, quoted)
+    if gist is not None and _beside_another(words, _others(scene, objects)):
+        gist = None
+    meant = _read(gist.text, prompt, scene, habits, vocabulary) if gist is not None else None
+    if gist is None or meant is None or meant.question:
+        return heard if heard.question or short or _measured(heard) else _asked(heard, heard.edits, quoted)
+    meant = attrs.evolve(meant, about_plans=gist.about_plans, also_moves=gist.about_plans)
     read, told = wanted(heard.edits), wanted(meant.edits)
-    if not heard.question:
-        # "It folds down": the arc that was read says more than the way down.
-        swung = any(edit.kind in OF_DOORS for edit in heard.edits) and all(edit.kind == "way" for edit in meant.edits)
-        apart = gist.probability >= _WORTH_ASKING and not (swung or read & told)
-        if apart and certain and not against:
-            return meant
-        return attrs.evolve(heard, question=asked if apart or (against and sure) else "")
-    if not sure and not heard.edits:
-        return attrs.evolve(heard, question=asked)
-    # A gist that is the doubtful reading once more does not tell which of its meanings is meant.
-    unresolved = heard.ambiguous and read <= told
-    return heard if against or unresolved or not sure else meant
+    if heard.question:
+        unclear = len(words.split()) < _FEW or opposed(heard.edits, heard.edits, vocabulary)
+        least = _AGREED if read == told else _CERTAIN if unclear else _DESPITE_DOUBTS if read else _SURE
+        if special:
+            return meant if gist.probability >= _CERTAIN else heard
+        return meant if gist.probability >= least else _asked(heard, meant.edits, quoted)
+    if read & told or _swung(heard, meant):
+        return heard if short or read == told or gist.probability < _SURE_OF_PARTS else meant
+    if gist.probability >= (_CERTAIN if short else _SURE) and not opposed(heard.edits, meant.edits, vocabulary):
+        return meant
+    return heard if short else _asked(heard, meant.edits if gist.probability >= _SURE else heard.edits, quoted)
+
+
+def _about_plans(heard: Heard, probability: float, quoted: str) -> Heard:
+    """Of words whose gist is that the plan is to be another one."""
+    if heard.question:
+        return attrs.evolve(heard, about_plans=probability >= (_CERTAIN if heard.edits else _SURE))
+    if probability >= _CERTAIN:
+        return attrs.evolve(heard, about_plans=True)
+    asked = f"is something else to be done, or {_suggestion(heard.edits, quoted)}"
+    return attrs.evolve(heard, question=asked if probability >= _WORTH_ASKING else "")
+
+
+def _beside_another(words: str, others: Iterable[str]) -> bool:
+    """Whether a distance to another thing is spoken of, which no direction of the hand is."""
+    named = "|".join(map(re.escape, others)) or "(?!)"
+    near = r"\b(?:away|apart|clear|further|farther|closer|nearer) (?:from|of|to) (?:the |that |my )?"
+    return re.search(rf"{near}(?:{named})\b", words.lower()) is not None
+
+
+def _measured(heard: Heard) -> bool:
+    """Whether how far is said in figures."""
+    return any(edit.amount is not None and edit.amount.exact for edit in heard.edits)
+
+
+def _swung(heard: Heard, meant: Heard) -> bool:
+    """Whether the arc that was read says more than the way of the gist: "it folds down"."""
+    return any(edit.kind in OF_DOORS for edit in heard.edits) and all(edit.kind == "way" for edit in meant.edits)
+
+
+def _asked(heard: Heard, edits: Iterable[Edit], quoted: str) -> Heard:
+    return attrs.evolve(heard, question=_suggestion(edits, quoted))
 
 
 def _suggestion(edits: Iterable[Edit], quoted: str) -> str:
@@ -158,7 +200,7 @@ def _read(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabul
     action, objects = prompt.subtask
     known = [*(node.label for node in scene.nodes), *objects, action]
     recipe = habits.recipe(action, objects)
-    kind = recipe.kind if recipe is not None else ""
+    kind = recipe.read_as if recipe is not None else ""
     joined = _AMOUNT_ALONE.sub(r", \g<amount>", words.strip())  # "to the left. Like a centimetre."
     sentences = tuple(one for one in re.split(r"(?<=[.!?])\s+|\n+", joined) if one.strip())
     others = _others(scene, objects)
@@ -168,7 +210,7 @@ def _read(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabul
         readings += (read_sentence(sentence, vocabulary, known, kind, others, asked),)
     readings = tuple(_without_repeats(one, [other for other in readings if other is not one]) for one in readings)
     edits = _settled([edit for reading in readings for edit in reading.edits], kind)
-    if recipe is None or kind == "push":  # nothing is gripped: what is to be firm or gentle is the pressing
+    if kind in ("", "push"):  # nothing is gripped: what is to be firm or gentle is the pressing
         edits = [_pressing(edit) for edit in edits]
         readings = tuple(attrs.evolve(one, edits=tuple(_pressing(edit) for edit in one.edits)) for one in readings)
     if kind in ("open", "close") and recipe is not None:
@@ -185,7 +227,7 @@ def _read(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabul
         else which_is_meant(words, edits, recipe, vocabulary, _swings(scene, recipe))
     )
     question = ambiguous or what_is_missing(words, readings, edits, recipe, effective, vocabulary)
-    return Heard(recipe, sentences, readings, tuple(edits), question, ambiguous=bool(ambiguous))
+    return Heard(recipe, sentences, readings, tuple(edits), question)
 
 
 def _without_repeats(reading: Reading, others: Iterable[Reading]) -> Reading:
@@ -220,6 +262,27 @@ def _screwed(edits: list[Edit], scene: SceneGraph, recipe: Recipe, vocabulary: V
     ]
 
 
+def _slides_out(scene: SceneGraph, recipe: Recipe | None) -> bool:
+    """Whether a thing has its handle in the middle, as what slides out has."""
+    around = None if recipe is None else Surroundings.of(scene, recipe.thing, None)
+    return around is not None and around.handle is not None and not _handle_near_an_edge(around)
+
+
+def _goes_beside(scene: SceneGraph, objects: Sequence[str]) -> bool:
+    """Whether the place of a subtask is a thing that one puts something beside: loose, upright and not hollow."""
+    place = find(scene, objects[1]) if len(objects) > 1 else None
+    loose = place is not None and place.kind == "object" and space_of(scene, place) is None
+    return loose and place is not None and place.size[2] > _FLAT
+
+
+def _handle_near_an_edge(around: Surroundings) -> bool:
+    panel = around.door or around.thing
+    if panel is None or around.handle is None or around.handle is panel:
+        return False
+    off = [abs(a - b) for a, b in zip(around.handle.pose.position, panel.pose.position, strict=True)]
+    return any(distance > 0.3 * size for distance, size in zip(off[1:], panel.size[1:], strict=True))
+
+
 def _slides_aside(words: str, edits: list[Edit], scene: SceneGraph, thing: str) -> bool:
     """Whether "it slides" was said, and no more, of what has its handle near an edge, as doors have: those slide to a
     side, what has it in the middle comes out."""
@@ -227,12 +290,7 @@ def _slides_aside(words: str, edits: list[Edit], scene: SceneGraph, thing: str) 
         return False
     if re.search(r"\b(?:out|straight|towards?|line|in and|pull\w*)\b", words.lower()):
         return False
-    around = Surroundings.of(scene, thing, None)
-    panel = around.door or around.thing
-    if panel is None or around.handle is None or around.handle is panel:
-        return False
-    off = [abs(a - b) for a, b in zip(around.handle.pose.position, panel.pose.position, strict=True)]
-    return any(distance > 0.3 * size for distance, size in zip(off[1:], panel.size[1:], strict=True))
+    return _handle_near_an_edge(Surroundings.of(scene, thing, None))
 
 
 def _pressing(edit: Edit) -> Edit:
@@ -270,8 +328,10 @@ def _note(
     if elsewhere is not None:
         return elsewhere
     heard = hear(words, prompt, scene, habits, vocabulary)
+    if _OF_PLANS in prompt.section("answer") and not asks_for_nothing(words, prompt.subtask[1], heard.kind):
+        heard = attrs.evolve(heard, about_plans=True, also_moves=False)
     plans = _plans(words, heard, prompt)
-    if plans:
+    if plans and not heard.also_moves:
         return _answer(heard, plan=plans)
     if heard.question and answered and (wished := _wished(heard, vocabulary)):
         return _answer(heard, wished)
@@ -298,16 +358,13 @@ def _note(
         general += [edit.phrase.general for edit in reading.edits if edit.phrase is not None and edit.phrase.general]
     if general and not corrections and not _EVERYWHERE.search(words.lower()):
         corrections = list(general)
-    return _answer(heard, corrections, general)
+    return _answer(heard, corrections, general, plans)
 
 
 def _contradicted(heard: Heard, attempt: Attempted) -> str:
     """What to ask where words do not go with what the attempt did: further, to an angle that is no further than it
-    went; to stop at the first touch, where it went no lower than usual. "" else."""
+    went. "" else."""
     said = [edit for reading in heard.readings for edit in reading.edits]
-    stops = any(edit.kind == "set-down" and re.search(r"\bstop", edit.said) for edit in said)
-    if stops and attempt.shift is not None and attempt.shift[2] > -0.002:
-        return "how low is it to go: it went no lower than where it should just stand."
     if heard.recipe is None or not any(edit.kind == "farther" and edit.degrees is None for edit in said):
         return ""
     went = attempt.degrees if attempt.degrees is not None else heard.recipe.turn or heard.recipe.angle
@@ -323,7 +380,8 @@ def _lost(heard: Heard, attempt: Attempted, scene: SceneGraph, rough: dict[str, 
         return ""
     for edit in heard.edits:
         text = said_plainly(edit, heard.recipe, attempt)
-        again = read_sentence(taken_apart(text)[0], vocabulary, [node.label for node in scene.nodes], heard.recipe.kind)
+        seen = [node.label for node in scene.nodes]
+        again = read_sentence(taken_apart(text)[0], vocabulary, seen, heard.recipe.read_as)
         followed = heard.recipe
         for one in again.edits:
             followed = apply(followed, one, rough)
@@ -371,18 +429,13 @@ def _elsewhere(
 
 
 def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
-    """Notes about the plan, where the prompt asks for them and the words say what is to be done before."""
-    asked_for = '"plan"' in prompt.section("answer")
-    objects = prompt.subtask[1]
-    about = is_about_plans(words, not all(map(_idle, heard.edits))) and not is_no_plan(words, objects, heard.kind)
-    if not (asked_for and (heard.about_plans or about)):
+    """Notes for whoever plans, in the person's words, where the prompt asks for such notes."""
+    if not (heard.about_plans and '"plan"' in prompt.section("answer")):
         return []
-    place = re.escape(objects[1].lower().split()[-1]) if len(objects) > 1 else "(?!)"
-    there = re.search(rf"\b(?:in|into|on|onto) (?:the |my |your )?{place}\b", words.lower())
-    if there and not re.search(r"\b(?:first|before|out|off|not|never|\w+n't|forgot)\b", words.lower()):
-        return []  # where it goes anyway
-    said = [one for one in heard.sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
+    sentences = [one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip()]
+    said = [one for one in sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
     notes = [sentence_plainly(sentence) for sentence in said]
+    objects = prompt.subtask[1]
     named = f"The {objects[0].lower()}" if objects else "It"
     goes = r" (?=(?:goes|belongs|should|has to|needs|must|lives)\b)"
     # "You forgot the lid! That goes on the jar" is about the lid.

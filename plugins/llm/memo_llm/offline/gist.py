@@ -8,7 +8,7 @@ the person named.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import attrs
@@ -17,20 +17,47 @@ from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.vocabulary import Vocabulary, read_yaml
 
+SEVERAL = 0.8  # what is left of a probability where more than one thing is asked for
+DOUBT = 0.6  # what is left of a probability where two names exclude each other
+FEWEST = 3  # words of which a gist can be told
 LIKELY = 0.3  # probability from which on it is worth asking whether that is meant
-_PLAN = "plan"
+_PLAN, _OTHER, _NOTHING = "plan", "other", "nothing"
 # What was said to be too much of, which nobody asks for more of.
 _FAULTS = {
     "left": r"\b(?:off|too far|drift\w*|veer\w*)\b[^.!?]*\bleft\b",
     "right": r"\b(?:off|too far|drift\w*|veer\w*)\b[^.!?]*\bright\b",
     "higher": r"\btoo high\b",
-    "lower": r"\btoo low\b",
-    "faster": r"\btoo (?:fast|quick)\w*",
+    "lower": r"\btoo (?:low|deep|far down)\b|\b(?:went|gone|go|came|come) down (?:\w+ )?too (?:far|much)\b",
+    "faster": r"\btoo (?:fast|quick)\w*|\bquiet\w*",
     "slower": r"\btoo slow\w*",
+    "nearer": r"\b(?:to|towards?|for) (?:me|us|my)\b",  # where the person is, is not known
+    "away": r"\b(?:from|of) (?:me|us|my)\b",
+    "circles": r"\b(?:not|no|never|n't|stop)(?: \w+){0,2} circl\w+",
     "firmer": r"\btoo (?:hard|tight|firm)\w*",
-    "gentler": r"\btoo (?:loose|gent|soft)\w*",
+    "gentler": r"\btoo (?:loose|gent|soft)\w*|(?:n't|not|no need to)(?: \w+){0,3} (?:so|that|too) (?:gentle|careful)",
 }
+_TO_ANGLE, _HOW_FAR = "to-angle", frozenset(["further", "less-far", "all-the-way"])
+_COUNTED, _BESIDE = frozenset(["shake", "repeat"]), frozenset(["gap", "close-to"])
+_SHARES = {r"\b(?:past|beyond|more than|over) half": 60.0, r"\bhalf\b|\bhalf-?way\b": 45.0, r"\ba third\b": 30.0}
+_TURNS = {r"\bcorners?\b": 45, r"\b(?:a bit|a little|slightly|a touch|a tad|somewhat)\b": 30, "": 90}  # of the hand
+_LAST_BIT = re.compile(r"\blast (?:few|couple of|\w+) (?:cm|mm|centimet\w+|inch\w*)\b")  # which is no amount to go
+_RIVALS = (  # of which one remark means only one, and names the other for contrast
+    ["left", "right"],
+    ["higher", "lower"],
+    ["nearer", "away"],
+    ["slower", "faster"],
+    ["gentler", "firmer"],
+    ["further", "less-far"],
+    ["clockwise", "counterclockwise"],
+    ["hold-on", "release-now"],
+    ["open-wider", "open-less"],
+    ["upright", "lay-flat", "upside-down"],
+    ["circles", "gather", "straight"],
+    ["shake", "repeat"],
+    ["at-middle", "at-top", "at-bottom", "at-rim", "at-neck", "at-handle"],
+)
 _EXCEPTION = re.compile(r"\b(?:unless|except)\b|^(?:what|why|who|how)\b[^.!]*\?\s*$")  # or nothing but a question
+_SOMEBODY_ELSE = re.compile(r"\b(?:i'll|i will|let me|i'm going to)\b")
 _PART = re.compile(r"\b(?:button|switch|pedal|key)\b")
 _LENGTH = "(?:cm|mm|inch|m)"
 _UNITS = {"{amount} {gap}": _LENGTH, "{angle}": "degrees", "{seconds}": "seconds"}
@@ -38,7 +65,7 @@ _UNITS = {"{amount} {gap}": _LENGTH, "{angle}": "degrees", "{seconds}": "seconds
 
 @attrs.frozen
 class Gist:
-    """``text`` says all that is asked for; "" where that is about the plan."""
+    """``text`` says what is asked for of the motion; "" where nothing is."""
 
     text: str
     probability: float
@@ -46,37 +73,69 @@ class Gist:
 
 
 def gist_of(
-    words: str, objects: Sequence[str], kind: str, vocabulary: Vocabulary, screwed: bool = False
+    words: str,
+    objects: Sequence[str],
+    kind: str,
+    vocabulary: Vocabulary,
+    screwed: bool = False,
+    slides: bool = False,
+    beside: bool = False,
 ) -> Gist | None:
     """What a remark about a subtask of this kind, with these objects, is likely to come down to; None where that cannot
-    be told, or cannot be said of such a subtask. ``screwed``: whether what is opened or closed has no door."""
+    be told, or cannot be said of such a subtask. ``screwed``: whether what is opened or closed has no door; ``slides``:
+    whether it comes straight out of something; ``beside``: whether what is put down goes beside the second object."""
     names, probability = Learnt.load().asked_for(words, objects, kind)
-    if not names or probability < LIKELY or _EXCEPTION.search(words.lower()):
+    if len(words.split()) < FEWEST or probability < LIKELY or _EXCEPTION.search(words.lower()):
         return None
     if any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
-    if names == {_PLAN}:
-        return Gist("", probability, about_plans=True)
+    if names & _COUNTED:
+        names -= _HOW_FAR  # how often says how much
+    meant = _without_rivals(names, words, objects, kind)
+    names, probability = meant, probability * (1.0 if meant == names else DOUBT)
+    about_plans, names = _PLAN in names, names - {_PLAN}
+    if about_plans and not names:
+        if _SOMEBODY_ELSE.search(words.lower().replace("’", "'")):
+            return None
+        return Gist("", probability, about_plans)
+    if len(names) > 1:
+        probability *= SEVERAL
+    if names & _BESIDE and (about_plans or not beside):
+        return None  # beside what, is not said
+    if _OTHER in names:  # a part of what is asked for can only be offered in a question
+        names, probability = names - {_OTHER}, min(probability, LIKELY)
+    plain = in_figures(_LAST_BIT.sub("last bit", " ".join(words.lower().replace("’", "'").split())))
+    slots = _slots(plain, "pull" if slides else kind, vocabulary) | {"place": objects[1] if len(objects) > 1 else ""}
+    if _TO_ANGLE in names:  # it says better how far
+        names -= _HOW_FAR if slots["angle"] else {_TO_ANGLE}
+    if not names:
+        return None
     kinds = ({"close": "screw on", "open": "screw off"}.get(kind, kind) if screwed else kind, kind)
-    said = [next(filter(None, (_said(name, one) for one in kinds)), "") for name in sorted(names)]
+    said = list(dict.fromkeys(_said(name, *kinds) for name in sorted(names)))
     if not all(said):
         return None
-    plain = in_figures(" ".join(words.lower().replace("’", "'").split()))
     if not _each_number_has_its_place(plain, said):
         return None
-    slots = _slots(plain, vocabulary) | {"place": objects[1] if len(objects) > 1 else ""}
-    if not all(slots[name] for name in ("turn", "part") if any(f"{{{name}}}" in text for text in said)):
+    if not slots["part"] and any("{part}" in text for text in said):
         return None
     if sum("{amount}" in text for text in said) > 1:
         slots["amount"] = ""
     text = " ".join(re.sub(r" +", " ", text.format(**slots)).replace(" .", ".") for text in said)
-    return Gist(text, probability)
+    return Gist(text, probability, about_plans)
 
 
-def is_no_plan(words: str, objects: Iterable[str], kind: str) -> bool:
-    """Whether a remark more likely asks for something that no plan could change."""
+def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
+    """Whether a remark only approves, or complains without saying of what."""
     names, probability = Learnt.load().asked_for(words, objects, kind)
-    return bool(names) and _PLAN not in names and probability >= 0.5
+    return names == {_NOTHING} and probability >= 0.5
+
+
+def _without_rivals(names: frozenset[str], words: str, objects: Sequence[str], kind: str) -> frozenset[str]:
+    likely = Learnt.load().likelihoods(words, objects, kind)
+    for rivals in _RIVALS:
+        there = sorted(names & set(rivals), key=likely.__getitem__)
+        names -= set(there[:-1])
+    return names
 
 
 def _each_number_has_its_place(plain: str, said: list[str]) -> bool:
@@ -89,14 +148,16 @@ def _each_number_has_its_place(plain: str, said: list[str]) -> bool:
     return re.search(r"\d", re.sub(rf"[\d.]+ (?:{units}|(?:more )?times)\b", "", plain)) is None
 
 
-def _slots(plain: str, vocabulary: Vocabulary) -> dict[str, str]:
+def _slots(plain: str, kind: str, vocabulary: Vocabulary) -> dict[str, str]:
     amount, angle, seconds = vocabulary.amount(plain), vocabulary.angle(plain), vocabulary.seconds(plain)
+    if angle is None and kind in ("open", "turn"):  # by a right angle, if fully
+        angle = next((degrees for share, degrees in _SHARES.items() if re.search(share, plain)), None)
     part, turned = _PART.search(plain), f"by {angle:g} degrees" if angle is not None else ""
     return {
         "amount": amount.words if amount else "",
         "gap": amount.words if amount and amount.exact else "3 cm",
         "angle": turned,
-        "turn": turned or ("by 45 degrees" if re.search(r"\bcorners?\b", plain) else ""),
+        "turn": turned or f"by {next(angle for said, angle in _TURNS.items() if re.search(said, plain))} degrees",
         "seconds": f"{seconds:g} seconds" if seconds is not None else "a moment",
         "count": str(vocabulary.count(plain)),
         "part": part.group() if part else "",
@@ -104,9 +165,12 @@ def _slots(plain: str, vocabulary: Vocabulary) -> dict[str, str]:
     }
 
 
-def _said(name: str, kind: str) -> str:
+def _said(name: str, *kinds: str) -> str:
+    """How a request is said of a subtask of the first of these kinds that it can be said of."""
     said = _sentences().get(name, "")
-    return said if isinstance(said, str) else str(said.get(kind, ""))
+    if isinstance(said, str):
+        return said
+    return next((str(said[kind]) for kind in (*kinds, "any") if kind in said), "")
 
 
 def plain_requests(kind: str) -> dict[str, str]:

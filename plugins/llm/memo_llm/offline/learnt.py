@@ -18,7 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TOKENS = re.compile(r"[a-z']+|#|[.,!?;:-]")
-UNKNOWN = 0.6  # what is left of a probability for each word that stood in no sentence learnt from, or in one only
+UNKNOWN = (
+    0.6  # what is left of a probability for each word that stood in no sentence learnt from, where there are several
+)
+ALIKE = (  # names that come to much the same: to take one for the other does no harm
+    frozenset(["further", "all-the-way"]),
+    frozenset(["gentler", "slower"]),
+    frozenset(["higher", "at-top"]),
+    frozenset(["lower", "at-bottom"]),
+    frozenset(["line-up", "turn-hand"]),
+    frozenset(["centred", "over-place"]),
+    frozenset(["hold-on", "hold-for"]),
+)
 THING = "<thing>"  # in place of any word that names what the subtask is about
 
 
@@ -62,8 +73,18 @@ class Learnt:
         return dict(zip(self.names, shares.tolist(), strict=True))
 
     def asked_for(self, words: str, objects: Iterable[str], kind: str) -> tuple[frozenset[str], float]:
-        """The names of what is asked for, and the probability that it is just these; less for each unknown word."""
+        """The names of what is asked for, at least one, since each remark has a name ("nothing" is one, too), and the
+        probability that it is just these; less where several words are unknown."""
         likely = self.likelihoods(words, objects, kind)
         unknown = sum(one not in self.rows and one.isalpha() for one in features(words, objects, kind))
         names = frozenset(name for name, share in likely.items() if share > 0.5)
-        return names, math.prod(max(share, 1 - share) for share in likely.values()) * UNKNOWN**unknown
+        names = names or frozenset([max(likely, key=likely.__getitem__)])
+        loosely = {one for alike in ALIKE if alike & names for one in alike}
+        just_these = math.prod(
+            share if name in names else 1 - share for name, share in likely.items() if name not in loosely
+        )
+        for alike in ALIKE:
+            if alike & names:
+                just_these *= 1 - math.prod(1 - likely.get(name, 0.0) for name in alike)
+        none_of_all = math.prod(1 - share for share in likely.values())
+        return names, just_these / (1 - none_of_all) * (UNKNOWN**unknown if unknown > 1 else 1)

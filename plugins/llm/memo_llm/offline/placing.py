@@ -131,6 +131,24 @@ def _posed(recipe: Recipe, sheet: Sheet, sideways: bool) -> None:
 
 def _as_asked(recipe: Recipe, sheet: Sheet, sideways: bool) -> None:
     """Offsets and turns that people asked for."""
+    if recipe.lined_up and "PLACE" in sheet.constants:
+        sheet.add(
+            "# Turned about the vertical until its sides are parallel to those of what it goes on.",
+            "askew = yaw_of_sides(PLACE) - yaw_of_sides(THING)",
+            "askew -= math.pi / 2 * round(askew / (math.pi / 2))",
+            "hold = turn_orientation(hold, [0.0, 0.0, 1.0], askew)",
+        )
+    if recipe.from_edge:
+        inwards = sheet.constant("INWARDS", recipe.from_edge, "metres from the edge, towards the middle")
+        sheet.add(
+            "others = [get_position(name) for name in get_objects() if name != THING]",
+            "others = others or [[0.45, 0.0, 0.0]]",
+            "middle = [sum(point[i] for point in others) / len(others) for i in range(3)]",
+            "aside = between(target, middle)",
+            f"inwards = {inwards} / max({inwards}, math.sqrt(aside[0] ** 2 + aside[1] ** 2))",
+            "target = [target[0] + aside[0] * inwards, target[1] + aside[1] * inwards, target[2]]",
+            "start = [start[0] + aside[0] * inwards, start[1] + aside[1] * inwards, start[2]]",
+        )
     if any(recipe.offset):
         shift = ", ".join(f"{v:g}" for v in recipe.offset)
         sheet.add(f"target = [t + shift for t, shift in zip(target, ({shift}))]  # as asked for")
@@ -178,7 +196,18 @@ def _steps(recipe: Recipe, sheet: Sheet, sideways: bool, clearance: str) -> None
             final = speed if recipe.last_speed is None else f", speed={recipe.last_speed:g}"
             if recipe.travel:
                 sheet.add(f"go_high(start, hold, {sheet.constant('TRAVEL', recipe.travel, 'metres')})")
-            sheet.add(f"move_to(start, hold, then={last}{speed})", f"follow_path({last}{final})")
+            sheet.add(f"move_to(start, hold, then={last}{speed})")
+            if recipe.felt:
+                sheet.add(
+                    "nearly = along(target, [0.0, 0.0, 1.0], 0.02)",
+                    f"follow_path({last.replace('[target, hold]', '[nearly, hold]')}{final})",
+                    "try:  # down until it is felt to touch",
+                    "    move_until_contact([0.0, 0.0, -1.0], 0.06, 2.0, 0.03)",
+                    "except MotionError as error:",
+                    '    print("it touched nothing:", error)',
+                )
+            else:
+                sheet.add(f"follow_path({last}{final})")
         elif step == "path" and recipe.shape == "arc":
             angle = sheet.constant("ANGLE", recipe.sense * recipe.angle, "degrees")
             sheet.add(

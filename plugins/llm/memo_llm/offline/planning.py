@@ -21,6 +21,11 @@ _INTO = r"in|into|inside|inside of|on|onto|on top of|to|at"
 _PARTICLES = "on|off|up|down|out|in|away|over|back|open|shut"
 _WITH = "with|into|onto|in|on|to|over|from|at|against"
 _ALWAYS_THERE = ("table", "floor", "robot", "arm", "hand", "gripper")
+# Verbs of which something must be in the hand, and what.
+_TOOLS = {
+    r"wipe|scrub|rub|polish|sweep|mop": "sponge|cloth|rag|towel|brush|mop",
+    r"stir|mix|whisk": "spoon|spatula|ladle|whisk",
+}
 _UPWARD = 0.7  # z of the direction of an opening, from which on it faces up
 MOST_LOOKS = 6  # closed things opened in search of something
 
@@ -175,7 +180,9 @@ def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]
         return _stack_step(wish, scene, done)
     named = [node.label for name in (wish.what, wish.where) if name and (node := find(scene, name)) is not None]
     step = _call(wish.spoken, *(named or [wish.what]))
-    return "" if read_subtask(step) in done else step
+    if read_subtask(step) in done:
+        return ""
+    return _tool_step(wish.spoken, scene) or step
 
 
 # -- one wish at a time -----------------------------------------------------------------------------------------------
@@ -288,6 +295,13 @@ def _tower(blocks: list[Node], on: dict[str, str | None]) -> list[str]:
 
 
 # -- pieces -----------------------------------------------------------------------------------------------------------
+
+
+def _tool_step(verb: str, scene: SceneGraph) -> str:
+    """Take what one does it with, where the hand is empty and such a thing is to be seen."""
+    tools = next((tools for verbs, tools in _TOOLS.items() if re.match(verbs, verb)), "(?!)")
+    tool = next((node for node in scene.nodes if re.fullmatch(tools, last_word(node.label))), None)
+    return _fetch(tool, scene) if tool is not None and _held(scene) is None else ""
 
 
 def _fetch(thing: Node, scene: SceneGraph) -> str:

@@ -44,11 +44,27 @@ def write_pouring(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     )
     if recipe.hold:
         sheet.add(f"wait({sheet.constant('HOLD', recipe.hold, 'seconds that it stays tipped')})")
-    if recipe.shakes:
-        shakes = sheet.constant("SHAKES", recipe.shakes, "times up and down")
-        sheet.add(
-            "tipped = get_gripper_orientation()",
-            f"for shake in range({shakes}):",
-            "    follow_path([[along(target, [0.0, 0.0, 1.0], 0.05), tipped], [target, tipped]], speed=1.0)",
-        )
+    if recipe.shakes or recipe.spread:
+        _over_it(recipe, sheet)
     sheet.add(f"turn_about(target, [0.0, 1.0, 0.0], math.radians(-{angle}))", "follow_path([start])", "look()")
+
+
+def _over_it(recipe: Recipe, sheet: Sheet) -> None:
+    """Shake it, or lead it round over the place, or both, while it is tipped."""
+    sheet.add("tipped = get_gripper_orientation()")
+    if recipe.shakes:
+        sheet.constant("SHAKES", recipe.shakes, "times up and down")
+    shake = "follow_path([[along({at}, [0.0, 0.0, 1.0], 0.05), tipped], [{at}, tipped]], speed=1.0)"
+    if not recipe.spread:
+        sheet.add("for shake in range(SHAKES):", "    " + shake.format(at="target"))
+        return
+    sheet.add(
+        "wide = min(get_size(PLACE)[:2]) / 4",
+        "for piece in range(13):  # once round over the place",
+        "    turned = 2 * math.pi * piece / 12",
+        "    spot = [target[0] + wide * math.cos(turned), target[1] + wide * math.sin(turned), target[2]]",
+        "    follow_path([[spot, tipped]])",
+    )
+    if recipe.shakes:
+        sheet.add("    if piece % max(1, 12 // SHAKES) == 0:", "        " + shake.format(at="spot"))
+    sheet.add("follow_path([[target, tipped]])")

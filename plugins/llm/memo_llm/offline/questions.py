@@ -46,6 +46,9 @@ OFFERS = {
     "pull": "pull it in an arc; pull it straight; further; push it in first; grip harder",
     "turn": "further; half a turn; clockwise; press it down while you turn; grip harder",
     "pour": "tip it further; tip it less far; tip it slowly; 5 cm higher; 2 cm to the left; shake it twice",
+    "wipe": "press harder; press less hard; go round in circles; go round the edge as well; "
+    "wipe from the edge to the middle",
+    "stir": "go round the edge as well; go lower; more slowly; 2 cm to the left",
     "": "more slowly; 2 cm lower; 3 cm to the left; do it again",
 }
 OF_DOORS = frozenset({"arc", "pivot", "follow-hand"})

@@ -19,7 +19,7 @@ class Recipe:
     """How one subtask is done. Lengths in metres, angles in degrees. Directions are words whose meaning the code works
     out when it runs: ``out`` and ``in`` belong to the thing; ``up``, ``left``, ``towards`` (the robot) to the base."""
 
-    kind: str  # open, close, pick, place, push, pull, turn, pour; press: a part of it, whatever the subtask
+    kind: str  # open, close, pick, place, push, pull, turn, pour, wipe, stir; press: a part of it, whatever the subtask
     thing: str
     place: str | None = None
     steps: tuple[str, ...] = ()
@@ -62,6 +62,17 @@ class Recipe:
     retreat: str = ""  # after letting go: up, slowly; "": the way it came
     pose: str = ""  # of what is put down: upright, flat, upside down; "": as it was taken
     over: float = 0.04  # above its place on the way into something that opens to the side
+    strokes: str = "rows"  # rows, circles, inwards: how it is wiped
+    edges: bool = False  # whether it is wiped once round its edge as well
+    spread: bool = False  # whether the hand goes round over the place while it tips or shakes
+    lined_up: bool = False  # whether its sides are turned to be parallel to those of what it is put on
+    felt: bool = False  # whether the last stretch down ends where it is felt to touch
+    from_edge: float = 0.0  # metres towards the middle of the things on the table
+
+    @property
+    def read_as(self) -> str:
+        """The kind of subtask as which sentences about it are read: none where a tool is led over something."""
+        return "" if self.kind in ("wipe", "stir") else self.kind
 
     @property
     def changes_nothing_held(self) -> bool:
@@ -109,4 +120,6 @@ class Habits:
         if failed and others:
             habit |= others[(failed - 1) % len(others)]
         habit["steps"] = tuple(habit.get("steps", ()))
+        if action.startswith("unscrew"):
+            habit["turn"] = -habit["turn"]
         return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)

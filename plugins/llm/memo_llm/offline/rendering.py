@@ -13,7 +13,8 @@ from memo_llm.offline.directions import BASE_WAYS, REVERSED, heading_of
 from memo_llm.offline.placing import write_placing
 from memo_llm.offline.pouring import write_pouring
 from memo_llm.offline.recipe import Recipe
-from memo_llm.offline.surroundings import Surroundings
+from memo_llm.offline.surroundings import EVERYWHERE, Surroundings
+from memo_llm.offline.wiping import write_wiping
 
 BESIDE = " if abs(heading[2]) < 0.7 else top_orientation()"  # a lid without a handle may face upwards
 
@@ -24,6 +25,9 @@ def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: 
     sheet = Sheet()
     sheet.header.append(f"# {subtask}: {_in_words(recipe)}")
     sheet.header += [f"# {line}" for remark in remarks for line in _wrapped(remark)]
+    if recipe.kind in ("wipe", "stir") and (around.thing is not None or recipe.thing.lower() in EVERYWHERE):
+        write_wiping(recipe, around, sheet)
+        return sheet.code(recipe.repeat)
     if around.thing is None:
         return _looking_for(recipe, sheet)
     if recipe.kind == "place":
@@ -435,6 +439,8 @@ def _shaking(recipe: Recipe, sheet: Sheet) -> list[str]:
 
 
 def _in_words(recipe: Recipe) -> str:
+    if recipe.kind in ("wipe", "stir"):
+        return f"{recipe.kind} it in {recipe.strokes}."
     if recipe.kind == "place":
         return "go there, " + ("let go and leave." if "open-hand" in recipe.steps else "and stay.")
     steps = []

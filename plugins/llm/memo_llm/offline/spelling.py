@@ -37,9 +37,9 @@ _TENS = {
 }
 _SHARES = {"half": 0.5, "quarter": 0.25, "third": 1 / 3}
 _BODY = {  # m: what people measure with at hand
-    r"(?:a |your |one |the )?finger'?s?[- ](?:width|breadth)": 0.015,
-    r"(?:a |your |one |the )?thumb'?s?[- ](?:width|breadth)": 0.02,
-    r"(?:a |your |one |the )?hand'?s?[- ](?:width|breadth)": 0.08,
+    "finger": 0.015,
+    "thumb": 0.02,
+    "hand": 0.08,
 }
 _UNITS = {
     r"centimet(?:er|re)s?|centis?|cms?": "cm",
@@ -65,6 +65,18 @@ _AMOUNT = re.compile(
 )
 
 
+_BODY_WIDTHS = re.compile(
+    rf"\b(?:(?P<few>{'|'.join(_FEW)}) |(?P<whole>{_NUMBER}) |(?:a |your |the )?)"
+    rf"(?P<part>{'|'.join(_BODY)})(?:'?s|s')?[- ](?:widths?|breadths?|wide)\b"
+)
+
+
+def _in_centimetres(match: re.Match[str]) -> str:
+    """Widths of fingers and hands: "two fingers' width" is 3 cm."""
+    count = _FEW.get(match.group("few") or "") or number(match.group("whole") or "one") or 1.0
+    return f"{100 * _BODY[match.group('part')] * count:g} cm"
+
+
 _TURNS = re.compile(
     rf"\b(?:(?P<share>half|quarter) |(?P<whole>{_NUMBER}) (?P<more>more )?"
     r"(?:full |whole |complete )?(?P<half>half |quarter )?)"
@@ -83,8 +95,7 @@ def _in_degrees(match: re.Match[str]) -> str:
 
 def in_figures(text: str) -> str:
     """Lower-case text with lengths, angles and times in figures and short units ("3 cm", "90 degrees", "2 seconds")."""
-    for pattern, metres in _BODY.items():
-        text = re.sub(rf"\b{pattern}\b", f"{100 * metres:g} cm", text)
+    text = _BODY_WIDTHS.sub(_in_centimetres, text)
     text = re.sub(r"(\d) ?½", r"\1.5", text).replace("½", "half")
     text = re.sub(r"\b(?:a |one )?(half|quarter|third|eighth) (?:of )?a turn\b", r"a \1 turn", text)
     text = _TURNS.sub(_in_degrees, text)

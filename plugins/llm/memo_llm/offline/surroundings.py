@@ -11,7 +11,7 @@ from memo_core.scene.graph import Node, SceneGraph
 
 GRIPS = ("handle", "knob", "bar", "grip", "lever", "pull")  # what people call the part that one takes hold of
 DOORS = ("door", "lid", "flap", "cover", "panel")
-_EVERYWHERE = {"here", "table", "there"}
+EVERYWHERE = frozenset(["here", "table", "there"])
 
 
 def last_word(label: str) -> str:
@@ -123,7 +123,7 @@ class Surroundings:
             container = next((r.object for r in scene.relations if r.subject == node.id and r.predicate == "in"), None)
             holder = find(scene, container) if container else None
             inside = space_of(scene, holder) if holder is not None else None
-        goal = find(scene, place) if place and place.lower() not in _EVERYWHERE else None
+        goal = find(scene, place) if place and place.lower() not in EVERYWHERE else None
         space = space_of(scene, goal) if goal else None
         holder = next((n for n in scene.nodes if space is not None and n.id == space.part_of), None)
         goal_owner = next((n for n in scene.nodes if holder is not None and n.id == holder.part_of), None)

@@ -102,7 +102,7 @@ def _told(
     if not _concerns(entry.text, recipe, scene, vocabulary):
         return []
     said, relative_to = taken_apart(entry.text)
-    reading = read_sentence(said, vocabulary, known, recipe.kind)
+    reading = read_sentence(said, vocabulary, known, recipe.read_as)
     missed += reading.not_understood
     edits = based(reading.edits, relative_to)
     if not _of_this(entry, recipe, scene):
