@@ -1,8 +1,8 @@
 """What a remark comes down to, said in words that are surely read.
 
-The rules read a sentence word by word and ask where a word is left over. Where they do, what was learnt from many
-sentences (``learnt.py``) may still tell what is asked for; ``gist.yaml`` says it in plain words, with the amounts that
-the person named.
+The rules read a sentence word by word and ask where a word is left over. Beside them, what was learnt from many
+sentences (``learnt.py``) tells what a remark as a whole asks for; ``gist.yaml`` says it in plain words, with the
+amounts that the person named. ``feedback.hear`` decides which of the two is followed.
 """
 
 from __future__ import annotations
