@@ -11,7 +11,7 @@ import memo_llm.offline
 import pytest
 import yaml
 from memo_benchmarks.sayings_scenes import scene_for
-from memo_llm.offline.gist import gist_of
+from memo_llm.offline.gist import gist_of, plain_requests
 from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.vocabulary import Vocabulary
 from offline_prompts import MODEL, request
@@ -110,3 +110,19 @@ def test_amounts_are_the_persons_own():
 )
 def test_what_is_not_surely_the_gist_is_none(words):
     assert gist_of(words, ["can"], "pick", VOCABULARY) is None
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        ("Don't swing it around, it has no hinge.", "arc"),
+        ("Not in circles please, go to and fro.", "circles"),
+        ("Stop making arcs, it moves in and out only.", "less-far"),
+        ("You don't have to be so gentle with it, just drop it in.", "gentler"),
+    ],
+)
+def test_what_somebody_does_not_want_is_not_taken_for_the_gist(words, name):
+    said = {text for kind in SUBTASKS for text in [plain_requests(kind).get(name)] if text}
+    for kind in ("open", "wipe", "place"):
+        gist = gist_of(words, ["drawer"], kind, VOCABULARY)
+        assert gist is None or not any(text in gist.text for text in said)

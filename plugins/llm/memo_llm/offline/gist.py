@@ -22,6 +22,7 @@ DOUBT = 0.6  # what is left of a probability where two names exclude each other
 FEWEST = 3  # words of which a gist can be told
 LIKELY = 0.3  # probability from which on it is worth asking whether that is meant
 _PLAN, _OTHER, _NOTHING = "plan", "other", "nothing"
+_NOT = r"(?:\b(?:not|no|never|stop|without|instead of)\b|n't\b)"
 # What was said to be too much of, which nobody asks for more of.
 _FAULTS = {
     "left": r"\b(?:off|too far|drift\w*|veer\w*)\b[^.!?]*\bleft\b",
@@ -32,7 +33,10 @@ _FAULTS = {
     "slower": r"\btoo slow\w*",
     "nearer": r"\b(?:to|towards?|for) (?:me|us|my)\b",  # where the person is, is not known
     "away": r"\b(?:from|of) (?:me|us|my)\b",
-    "circles": r"\b(?:not|no|never|n't|stop)(?: \w+){0,2} circl\w+",
+    "circles": rf"{_NOT}(?: \w+){{0,2}} circl\w+",
+    "arc": rf"{_NOT}(?: \w+){{0,3}} (?:swing\w*|arcs?|curv\w+|circl\w+|hinges?)\b",
+    "straight": rf"{_NOT}(?: \w+){{0,3}} straight\b",
+    "less-far": r"^stop \w+ing\b(?!.*\b(?:far|much|earlier|sooner|wide)\b)",  # in that way
     "firmer": r"\btoo (?:hard|tight|firm)\w*",
     "gentler": r"\btoo (?:loose|gent|soft)\w*|(?:n't|not|no need to)(?: \w+){0,3} (?:so|that|too) (?:gentle|careful)",
 }
