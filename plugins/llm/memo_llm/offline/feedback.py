@@ -59,10 +59,10 @@ _AMOUNT_ALONE = re.compile(
     r"(?:cm|mm|(?:centi|milli)met(?:er|re)s?|inch(?:es)?)(?: or so)?)(?=[.!]|$)",
     re.I,
 )
-# How sure of a gist one must be to follow it: where the rules read the same with doubts, something else with doubts,
-# and nothing; to keep words for the plan that the rules read as motion, and to ask whether they are for it.
-_AGREED, _DESPITE_DOUBTS, _SURE, _CERTAIN, _WORTH_ASKING = 0.4, 0.6, 0.5, 0.85, 0.5
-_SURE_OF_PARTS = 0.7
+# How sure of a gist one must be to follow it: where the rules read the same with doubts; something else with doubts;
+# nothing, or surely something else. Then: where a remark is short or unclear, or is kept for the plan though rules read
+# a motion; to ask whether words are for the plan; where the rules read surely a part of it, or more than it.
+_AGREED, _DESPITE_DOUBTS, _SURE, _CERTAIN, _WORTH_ASKING, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.85, 0.5, 0.7
 _OF_PLANS = "corrections: stays empty here"  # of a prompt about a remark on a plan
 _FLAT = 0.03  # m: what is no higher is something to put things on
 _FEW = 5  # words of which a gist says little
