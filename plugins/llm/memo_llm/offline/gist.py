@@ -2,7 +2,7 @@
 
 The rules read a sentence word by word and ask where a word is left over. Beside them, what was learnt from many
 sentences (``learnt.py``) tells what a remark as a whole asks for; ``gist.yaml`` says it in plain words, with the
-amounts that the person named. ``feedback.hear`` decides which of the two is followed.
+amounts that the person named. ``hearing.hear`` decides which of the two is followed.
 """
 
 from __future__ import annotations

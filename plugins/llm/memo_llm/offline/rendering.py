@@ -13,7 +13,7 @@ from memo_llm.offline.directions import BASE_WAYS, REVERSED, heading_of
 from memo_llm.offline.placing import write_placing
 from memo_llm.offline.pouring import write_pouring
 from memo_llm.offline.recipe import Recipe
-from memo_llm.offline.surroundings import EVERYWHERE, Surroundings
+from memo_llm.offline.surroundings import TABLE, Surroundings
 from memo_llm.offline.wiping import write_wiping
 
 BESIDE = " if abs(heading[2]) < 0.7 else top_orientation()"  # a lid without a handle may face upwards
@@ -25,7 +25,7 @@ def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: 
     sheet = Sheet()
     sheet.header.append(f"# {subtask}: {_in_words(recipe)}")
     sheet.header += [f"# {line}" for remark in remarks for line in _wrapped(remark)]
-    if recipe.kind in ("wipe", "stir") and (around.thing is not None or recipe.thing.lower() in EVERYWHERE):
+    if recipe.kind in ("wipe", "stir") and (around.thing is not None or recipe.thing.lower() in TABLE):
         write_wiping(recipe, around, sheet)
         return sheet.code(recipe.repeat)
     if around.thing is None:

@@ -11,7 +11,8 @@ from memo_core.scene.graph import Node, SceneGraph
 
 GRIPS = ("handle", "knob", "bar", "grip", "lever", "pull")  # what people call the part that one takes hold of
 DOORS = ("door", "lid", "flap", "cover", "panel")
-EVERYWHERE = frozenset(["here", "table", "there"])
+TABLE = frozenset(["here", "table", "there"])  # names of the table, which is no node of the scene
+_FLAT = 0.03  # m: what is no higher is something to put things on
 
 
 def last_word(label: str) -> str:
@@ -123,7 +124,7 @@ class Surroundings:
             container = next((r.object for r in scene.relations if r.subject == node.id and r.predicate == "in"), None)
             holder = find(scene, container) if container else None
             inside = space_of(scene, holder) if holder is not None else None
-        goal = find(scene, place) if place and place.lower() not in EVERYWHERE else None
+        goal = find(scene, place) if place and place.lower() not in TABLE else None
         space = space_of(scene, goal) if goal else None
         holder = next((n for n in scene.nodes if space is not None and n.id == space.part_of), None)
         goal_owner = next((n for n in scene.nodes if holder is not None and n.id == holder.part_of), None)
@@ -137,6 +138,33 @@ class Surroundings:
             return self.handle
         parts = [n for n in descendants(self.scene, self.thing) if n.kind == "part" and n is not self.door]
         return next((n for n in parts if last_word(n.label) == word.split()[-1]), None)
+
+    @property
+    def may_swing(self) -> bool:
+        """Whether the thing may have a door: it has one or a handle, stands fixed, or is not to be seen."""
+        if self.thing is None:
+            return True
+        return self.door is not None or self.handle is not None or self.thing.kind != "object"
+
+    @property
+    def handle_near_an_edge(self) -> bool:
+        """Whether the handle sits near an edge of what it is on, as those of doors do."""
+        panel = self.door or self.thing
+        if panel is None or self.handle is None or self.handle is panel:
+            return False
+        off = [abs(a - b) for a, b in zip(self.handle.pose.position, panel.pose.position, strict=True)]
+        return any(distance > 0.3 * size for distance, size in zip(off[1:], panel.size[1:], strict=True))
+
+    @property
+    def slides_out(self) -> bool:
+        """Whether the thing has its handle in the middle, as what slides out has."""
+        return self.handle is not None and not self.handle_near_an_edge
+
+    @property
+    def goal_stands(self) -> bool:
+        """Whether the goal is a thing that one puts something beside: loose, upright and not hollow."""
+        loose = self.goal is not None and self.goal.kind == "object" and self.goal_space is None
+        return loose and self.goal is not None and self.goal.size[2] > _FLAT
 
     def sideways_space(self, task: str) -> Node | None:
         """The space that the thing is in, or that the task's words send it to, where that opens to the side."""

@@ -14,7 +14,7 @@ from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.shared_terms import Terms
 from memo_llm.offline.editing import apply
 from memo_llm.offline.edits import Edit
-from memo_llm.offline.feedback import hear
+from memo_llm.offline.hearing import hear
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.prompt import Corrected, Entry, Prompt, read_subtask, unreadable
 from memo_llm.offline.reading import read_sentence

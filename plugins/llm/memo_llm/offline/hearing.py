@@ -1,0 +1,128 @@
+"""What a person means: the rules' reading of a remark and its gist, weighed against each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import attrs
+
+from memo_core.scene.graph import SceneGraph
+from memo_llm.offline.agreement import opposed, wanted
+from memo_llm.offline.edits import Edit
+from memo_llm.offline.gist import gist_of
+from memo_llm.offline.prompt import Prompt
+from memo_llm.offline.questions import OF_DOORS
+from memo_llm.offline.recipe import Habits
+from memo_llm.offline.remark import Heard, others_in, read_remark
+from memo_llm.offline.surroundings import Surroundings
+from memo_llm.offline.vocabulary import Vocabulary
+from memo_llm.offline.wording import said_plainly
+
+# How sure of a gist one must be to follow it: where the rules read the same with doubts; something else with doubts;
+# nothing, or surely something else. Then: where a remark is short or unclear, or is kept for the plan though rules read
+# a motion; to ask whether words are for the plan; where the rules read surely a part of it, or more than it.
+_AGREED, _DESPITE_DOUBTS, _SURE, _CERTAIN, _WORTH_ASKING, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.85, 0.5, 0.7
+_FEW = 5  # words of which a gist says little
+_SHORT = 9  # words of a remark that the rules may read alone
+_UNNAMED = frozenset(  # edits that no gist is about
+    [
+        "between",
+        "pivot",
+        "clear-first",
+        "close-first",
+        "open-first",
+        "back-off-before",
+        "settle-grip",
+        "beside",
+        "ease",
+        "look",
+    ]
+)
+
+
+def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
+    """What a person means who said ``words`` of the prompt's subtask: what the rules read where the gist says the same
+    or cannot be told of few words, the gist where that is sure, and else a question."""
+    heard = read_remark(words, prompt, scene, habits, vocabulary)
+    special = any(edit.kind in _UNNAMED for edit in heard.edits)
+    if special and not heard.question:
+        return heard
+    objects, kind = prompt.subtask[1], heard.kind
+    quoted, short = " ".join(words.split())[:200], len(words.split()) <= _SHORT
+    around = Surroundings.of(scene, objects[0] if objects else "", objects[1] if len(objects) > 1 else None)
+    gist = gist_of(
+        words,
+        objects,
+        kind,
+        vocabulary,
+        screwed=not around.may_swing,
+        slides=around.slides_out,
+        beside=around.goal_stands,
+    )
+    if gist is not None and gist.about_plans and not gist.text:
+        return _about_plans(heard, gist.probability, quoted)
+    if gist is not None and _beside_another(words, others_in(scene, objects)):
+        gist = None
+    meant = read_remark(gist.text, prompt, scene, habits, vocabulary) if gist is not None else None
+    if gist is None or meant is None or meant.question:
+        return heard if heard.question or short or _measured(heard) else _asked(heard, heard.edits, quoted)
+    meant = attrs.evolve(meant, about_plans=gist.about_plans, also_moves=gist.about_plans)
+    read, told = wanted(heard.edits), wanted(meant.edits)
+    if heard.question:
+        if gist.probability >= _least(words, heard, meant, special, vocabulary):
+            return meant
+        return heard if special else _asked(heard, meant.edits, quoted)
+    if read & told or _swung(heard, meant):
+        return heard if short or read == told or gist.probability < _SURE_OF_PARTS else meant
+    if gist.probability >= (_CERTAIN if short else _SURE) and not opposed(heard.edits, meant.edits, vocabulary):
+        return meant
+    return heard if short else _asked(heard, meant.edits if gist.probability >= _SURE else heard.edits, quoted)
+
+
+def _least(words: str, heard: Heard, meant: Heard, special: bool, vocabulary: Vocabulary) -> float:
+    """The probability from which on a gist is followed instead of what the rules read with doubts. ``special``: whether
+    that is about something that no gist is about."""
+    if special:
+        return _CERTAIN
+    if wanted(heard.edits) == wanted(meant.edits):
+        return _AGREED
+    if len(words.split()) < _FEW or opposed(heard.edits, heard.edits, vocabulary):
+        return _CERTAIN
+    return _DESPITE_DOUBTS if heard.edits else _SURE
+
+
+def _about_plans(heard: Heard, probability: float, quoted: str) -> Heard:
+    """Of words whose gist is that the plan is to be another one."""
+    if heard.question:
+        return attrs.evolve(heard, about_plans=probability >= (_CERTAIN if heard.edits else _SURE))
+    if probability >= _CERTAIN:
+        return attrs.evolve(heard, about_plans=True)
+    asked = f"is something else to be done, or {_suggestion(heard.edits, quoted)}"
+    return attrs.evolve(heard, question=asked if probability >= _WORTH_ASKING else "")
+
+
+def _beside_another(words: str, others: Iterable[str]) -> bool:
+    """Whether a distance to another thing is spoken of, which no direction of the hand is."""
+    named = "|".join(map(re.escape, others)) or "(?!)"
+    near = r"\b(?:away|apart|clear|further|farther|closer|nearer) (?:from|of|to) (?:the |that |my )?"
+    return re.search(rf"{near}(?:{named})\b", words.lower()) is not None
+
+
+def _measured(heard: Heard) -> bool:
+    """Whether how far is said in figures."""
+    return any(edit.amount is not None and edit.amount.exact for edit in heard.edits)
+
+
+def _swung(heard: Heard, meant: Heard) -> bool:
+    """Whether the arc that was read says more than the way of the gist: "it folds down"."""
+    return any(edit.kind in OF_DOORS for edit in heard.edits) and all(edit.kind == "way" for edit in meant.edits)
+
+
+def _asked(heard: Heard, edits: Iterable[Edit], quoted: str) -> Heard:
+    return attrs.evolve(heard, question=_suggestion(edits, quoted))
+
+
+def _suggestion(edits: Iterable[Edit], quoted: str) -> str:
+    said = " ".join(dict.fromkeys(said for edit in edits if (said := said_plainly(edit, None, None))))
+    return f"is this what you mean: {said} You said: {quoted}"
