@@ -105,10 +105,10 @@ def check(rows: Sequence[Sentence]) -> str:
     for one in range(FOLDS):
         learnt = train([row for row, other in zip(rows, fold, strict=True) if other != one])
         for row in (row for row, other in zip(rows, fold, strict=True) if other == one):
-            names, probability = learnt.asked_for(row.says, row.objects, row.kind)
-            if names and not names & {"other", "nothing"}:
-                sure.append(probability)
-                right.append(names == row.asks)
+            asked = learnt.asked_for(row.says, row.objects, row.kind)
+            if not asked.names & {"other", "nothing"}:
+                sure.append(asked.probability)
+                right.append(asked.names == row.asks)
     told = [f"{len(rows)} sentences"]
     for least in (0.0, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9):
         acted = np.array(right)[np.array(sure) >= least]

@@ -13,6 +13,7 @@ from memo_llm.offline.edits import GENTLE, Edit
 from memo_llm.offline.recipe import Recipe
 
 Rough = dict[str, float]
+_NO_WAY = ("", "round")  # values of a turn that do not say which way round
 _MOST_TURNED = 180.0  # degrees that a hand turns in one go
 _BASE = {
     "up": (0.0, 0.0, 1.0),
@@ -228,9 +229,9 @@ def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         steps = (*steps[:at], "turn", *steps[at:])
     # Clockwise is as one sees it who looks along the hand, which is right-handed about the way it points.
     turn = 0.0 if edit.negated else -degrees if counter else degrees
-    if recipe.press and edit.value in ("", "round"):
+    if recipe.press and edit.value in _NO_WAY:
         turn = math.copysign(turn, recipe.turn)  # how far, not which way
-    return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value not in ("", "round"))
+    return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value not in _NO_WAY)
 
 
 def _fingers(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:

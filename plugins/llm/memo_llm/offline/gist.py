@@ -88,15 +88,16 @@ def gist_of(
     """What a remark about a subtask of this kind, with these objects, is likely to come down to; None where that cannot
     be told, or cannot be said of such a subtask. ``screwed``: whether what is opened or closed has no door; ``slides``:
     whether it comes straight out of something; ``beside``: whether what is put down goes beside the second object."""
-    names, probability = Learnt.load().asked_for(words, objects, kind)
+    asked = Learnt.load().asked_for(words, objects, kind)
+    names, probability = asked.names, asked.probability
     if len(words.split()) < FEWEST or probability < LIKELY or _EXCEPTION.search(words.lower()):
         return None
     if any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
     if names & _COUNTED:
         names -= _HOW_FAR  # how often says how much
-    meant = _without_rivals(names, words, objects, kind)
-    names, probability = meant, probability * (1.0 if meant == names else DOUBT)
+    likeliest = _without_rivals(names, asked.likely)
+    names, probability = likeliest, probability * (1.0 if likeliest == names else DOUBT)
     about_plans, names = _PLAN in names, names - {_PLAN}
     if about_plans and not names:
         if _SOMEBODY_ELSE.search(words.lower().replace("’", "'")):
@@ -109,7 +110,8 @@ def gist_of(
     if _OTHER in names:  # a part of what is asked for can only be offered in a question
         names, probability = names - {_OTHER}, min(probability, LIKELY)
     plain = in_figures(_LAST_BIT.sub("last bit", " ".join(words.lower().replace("’", "'").split())))
-    slots = _slots(plain, "pull" if slides else kind, vocabulary) | {"place": objects[1] if len(objects) > 1 else ""}
+    shared = kind == "turn" or (kind == "open" and not slides)  # how far may be said as a share of a right angle
+    slots = _slots(plain, shared, vocabulary) | {"place": objects[1] if len(objects) > 1 else ""}
     if _TO_ANGLE in names:  # it says better how far
         names -= _HOW_FAR if slots["angle"] else {_TO_ANGLE}
     if not names:
@@ -130,12 +132,12 @@ def gist_of(
 
 def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
     """Whether a remark only approves, or complains without saying of what."""
-    names, probability = Learnt.load().asked_for(words, objects, kind)
-    return names == {_NOTHING} and probability >= 0.5
+    asked = Learnt.load().asked_for(words, objects, kind)
+    return asked.names == {_NOTHING} and asked.probability >= 0.5
 
 
-def _without_rivals(names: frozenset[str], words: str, objects: Sequence[str], kind: str) -> frozenset[str]:
-    likely = Learnt.load().likelihoods(words, objects, kind)
+def _without_rivals(names: frozenset[str], likely: Mapping[str, float]) -> frozenset[str]:
+    """Of names that exclude each other the likeliest only."""
     for rivals in _RIVALS:
         there = sorted(names & set(rivals), key=likely.__getitem__)
         names -= set(there[:-1])
@@ -152,9 +154,9 @@ def _each_number_has_its_place(plain: str, said: list[str]) -> bool:
     return re.search(r"\d", re.sub(rf"[\d.]+ (?:{units}|(?:more )?times)\b", "", plain)) is None
 
 
-def _slots(plain: str, kind: str, vocabulary: Vocabulary) -> dict[str, str]:
+def _slots(plain: str, shared: bool, vocabulary: Vocabulary) -> dict[str, str]:
     amount, angle, seconds = vocabulary.amount(plain), vocabulary.angle(plain), vocabulary.seconds(plain)
-    if angle is None and kind in ("open", "turn"):  # by a right angle, if fully
+    if angle is None and shared:
         angle = next((degrees for share, degrees in _SHARES.items() if re.search(share, plain)), None)
     part, turned = _PART.search(plain), f"by {angle:g} degrees" if angle is not None else ""
     return {

@@ -42,6 +42,16 @@ def features(words: str, objects: Iterable[str], kind: str) -> set[str]:
     return {f"kind {kind}", *tokens, *(" ".join(pair) for pair in pairs), *(f"{kind}~{token}" for token in tokens)}
 
 
+@attrs.frozen
+class Asked:
+    """The likeliest names of what a remark asks for, and the probability that it is just these, names that come to much
+    the same counted as one, given that there are any; less where several words are unknown."""
+
+    names: frozenset[str]
+    probability: float
+    likely: dict[str, float]  # the probability of each name by itself
+
+
 @attrs.frozen(eq=False)
 class Learnt:
     """The classifier. ``weights`` are (features, names), in units of ``scale`` (names,)."""
@@ -65,18 +75,13 @@ class Learnt:
             names = tuple(data["names"].tobytes().decode().split("\n"))
             return cls(names, rows, data["weights"], data["scale"], data["bias"], str(data["learnt_from"]))
 
-    def likelihoods(self, words: str, objects: Iterable[str], kind: str) -> dict[str, float]:
-        """The probability of each name."""
-        seen = [self.rows[one] for one in features(words, objects, kind) if one in self.rows]
-        sums = self.weights[seen].sum(axis=0, dtype=np.float64) / np.sqrt(max(1, len(seen)))
+    def asked_for(self, words: str, objects: Iterable[str], kind: str) -> Asked:
+        """What a remark asks for. It has at least one name, since each remark has ("nothing" is one, too)."""
+        seen = features(words, objects, kind)
+        rows = [self.rows[one] for one in seen if one in self.rows]
+        sums = self.weights[rows].sum(axis=0, dtype=np.float64) / np.sqrt(max(1, len(rows)))
         shares = 1 / (1 + np.exp(-(sums * self.scale + self.bias)))
-        return dict(zip(self.names, shares.tolist(), strict=True))
-
-    def asked_for(self, words: str, objects: Iterable[str], kind: str) -> tuple[frozenset[str], float]:
-        """The names of what is asked for, at least one, since each remark has a name ("nothing" is one, too), and the
-        probability that it is just these; less where several words are unknown."""
-        likely = self.likelihoods(words, objects, kind)
-        unknown = sum(one not in self.rows and one.isalpha() for one in features(words, objects, kind))
+        likely: dict[str, float] = dict(zip(self.names, shares.tolist(), strict=True))
         names = frozenset(name for name, share in likely.items() if share > 0.5)
         names = names or frozenset([max(likely, key=likely.__getitem__)])
         loosely = {one for alike in ALIKE if alike & names for one in alike}
@@ -87,4 +92,6 @@ class Learnt:
             if alike & names:
                 just_these *= 1 - math.prod(1 - likely.get(name, 0.0) for name in alike)
         none_of_all = math.prod(1 - share for share in likely.values())
-        return names, just_these / (1 - none_of_all) * (UNKNOWN**unknown if unknown > 1 else 1)
+        unknown = sum(one not in self.rows and one.isalpha() for one in seen)
+        doubt = UNKNOWN**unknown if unknown > 1 else 1.0
+        return Asked(names, just_these / (1 - none_of_all) * doubt, likely)

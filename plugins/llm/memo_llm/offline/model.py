@@ -71,7 +71,7 @@ class OfflineModel(LanguageModel):
             raise unreadable("it has not been opened")
         phase = prompt.phase
         if phase == "plan":
-            planned = plan(prompt)
+            planned = plan(prompt, self._habits)
             return planned.answer, planned.not_understood
         if phase == "code":
             code = write_code(prompt, self._habits, self._vocabulary, self._imagination)

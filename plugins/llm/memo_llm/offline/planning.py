@@ -10,6 +10,7 @@ import attrs
 from memo_core.scene.graph import Node, SceneGraph
 from memo_llm.offline.planning_remarks import Remark, concerns, remarks
 from memo_llm.offline.prompt import Prompt, read_subtask, unreadable
+from memo_llm.offline.recipe import Habits
 from memo_llm.offline.surroundings import descendants, doors, find, last_word, space_of, states
 
 _OPEN = r"open(?: up)?|pull open|swing open|slide open"
@@ -21,11 +22,6 @@ _INTO = r"in|into|inside|inside of|on|onto|on top of|to|at"
 _PARTICLES = "on|off|up|down|out|in|away|over|back|open|shut"
 _WITH = "with|into|onto|in|on|to|over|from|at|against"
 _ALWAYS_THERE = ("table", "floor", "robot", "arm", "hand", "gripper")
-# Verbs of which something must be in the hand, and what.
-_TOOLS = {
-    r"wipe|scrub|rub|polish|sweep|mop": "sponge|cloth|rag|towel|brush|mop",
-    r"stir|mix|whisk": "spoon|spatula|ladle|whisk",
-}
 _UPWARD = 0.7  # z of the direction of an opening, from which on it faces up
 MOST_LOOKS = 6  # closed things opened in search of something
 
@@ -47,7 +43,7 @@ class Plan:
     not_understood: tuple[str, ...] = ()
 
 
-def plan(prompt: Prompt) -> Plan:
+def plan(prompt: Prompt, habits: Habits) -> Plan:
     """The next subtask or DONE. Raises ``LanguageModelError`` for a prompt that lacks a section, and for a task whose
     words name nothing that is to be seen."""
     scene = prompt.scene()
@@ -58,9 +54,9 @@ def plan(prompt: Prompt) -> Plan:
     wishes += [wish for one in asked_for if not one.before and (wish := _added(one, wishes, scene))]
     # A door opened on the way is not one to open again: what is wished for is met one after the other.
     for wish in wishes:
-        step = _next(wish, scene, done, prompt.task)
+        step = _next(wish, scene, done, prompt.task, habits)
         if step:
-            first = _before(step, asked_for, scene, done, prompt.task)
+            first = _before(step, asked_for, scene, done, prompt.task, habits)
             return Plan(_usable(first or step, scene, prompt.task), unread)
     if unread and not wishes:
         raise unreadable(f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing")
@@ -68,7 +64,12 @@ def plan(prompt: Prompt) -> Plan:
 
 
 def _before(
-    step: str, asked_for: list[Remark], scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], task: str
+    step: str,
+    asked_for: list[Remark],
+    scene: SceneGraph,
+    done: list[tuple[str, tuple[str, ...]]],
+    task: str,
+    habits: Habits,
 ) -> str:
     """The step that somebody wants done before ``step``; "" where there is none, or it is done."""
     _, objects = read_subtask(step)
@@ -78,7 +79,7 @@ def _before(
             continue
         if not one.trusted and not concerns(wish.what, objects, scene):
             continue
-        first = _next(wish, scene, done, task)
+        first = _next(wish, scene, done, task, habits)
         if first and first != step and read_subtask(first) not in done:
             return first
     return ""
@@ -165,7 +166,7 @@ def _wish(clause: str, before: list[Wish]) -> Wish | None:
     return None
 
 
-def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], task: str) -> str:
+def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]], task: str, habits: Habits) -> str:
     if wish.verb == "open":
         return _open_step(wish.what, scene, "closed")
     if wish.verb == "close":
@@ -182,7 +183,7 @@ def _next(wish: Wish, scene: SceneGraph, done: list[tuple[str, tuple[str, ...]]]
     step = _call(wish.spoken, *(named or [wish.what]))
     if read_subtask(step) in done:
         return ""
-    return _tool_step(wish.spoken, scene) or step
+    return _tool_step(wish.spoken, scene, habits) or step
 
 
 # -- one wish at a time -----------------------------------------------------------------------------------------------
@@ -297,10 +298,10 @@ def _tower(blocks: list[Node], on: dict[str, str | None]) -> list[str]:
 # -- pieces -----------------------------------------------------------------------------------------------------------
 
 
-def _tool_step(verb: str, scene: SceneGraph) -> str:
+def _tool_step(verb: str, scene: SceneGraph, habits: Habits) -> str:
     """Take what one does it with, where the hand is empty and such a thing is to be seen."""
-    tools = next((tools for verbs, tools in _TOOLS.items() if re.match(verbs, verb)), "(?!)")
-    tool = next((node for node in scene.nodes if re.fullmatch(tools, last_word(node.label))), None)
+    tools = habits.tools.get(habits.kind(verb), ())
+    tool = next((node for node in scene.nodes if last_word(node.label) in tools), None)
     return _fetch(tool, scene) if tool is not None and _held(scene) is None else ""
 
 

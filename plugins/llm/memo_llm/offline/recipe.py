@@ -70,9 +70,14 @@ class Recipe:
     from_edge: float = 0.0  # metres towards the middle of the things on the table
 
     @property
+    def leads_tool(self) -> bool:
+        """Whether something that is held is led over, or in, the thing."""
+        return self.kind in ("wipe", "stir")
+
+    @property
     def read_as(self) -> str:
         """The kind of subtask as which sentences about it are read: none where a tool is led over something."""
-        return "" if self.kind in ("wipe", "stir") else self.kind
+        return "" if self.leads_tool else self.kind
 
     @property
     def changes_nothing_held(self) -> bool:
@@ -86,6 +91,8 @@ class Habits:
     verbs: dict[str, str]  # verb -> kind
     kinds: dict[str, dict[str, Any]]
     rough: dict[str, float]
+    tools: dict[str, list[str]]  # kind -> what one does it with
+    backwards: frozenset[str]  # verbs
 
     @classmethod
     def load(cls, path: str = "") -> Habits:
@@ -95,7 +102,7 @@ class Habits:
             if not isinstance(data.get(key), dict):
                 raise InvalidArgument("llm.habits", f"no mapping {key!r}", "the keys of habits.yaml")
         fields = {field.name for field in attrs.fields(Recipe)}
-        kinds = {key: value for key, value in data.items() if key not in ("verbs", "rough")}
+        kinds = {key: value for key, value in data.items() if key not in ("verbs", "rough", "tools", "backwards")}
         for kind, habit in kinds.items():
             for key in [*habit, *(key for other in habit.get("instead", ()) for key in other)]:
                 if key not in fields | {"instead"}:
@@ -107,19 +114,28 @@ class Habits:
         for verb, kind in verbs.items():
             if kind not in kinds:
                 raise InvalidArgument(f"llm.habits: verbs.{kind}", f"no habit for {verb!r}", ", ".join(kinds))
-        return cls(verbs, kinds, {key: float(value) for key, value in data["rough"].items()})
+        tools = dict(data.get("tools") or {})
+        for kind in tools:
+            if kind not in kinds:
+                raise InvalidArgument(f"llm.habits: tools.{kind}", "no habit of this kind", ", ".join(kinds))
+        rough = {key: float(value) for key, value in data["rough"].items()}
+        return cls(verbs, kinds, rough, tools, frozenset(data.get("backwards") or ()))
+
+    def kind(self, action: str) -> str:
+        """The kind of subtask that a verb names; "" for a verb that is not known."""
+        return self.verbs.get(action) or self.verbs.get(action.split(" ")[0], "")
 
     def recipe(self, action: str, objects: tuple[str, ...], failed: int = 0) -> Recipe | None:
         """The naive way to do ACTION(objects), or None for a verb that is not known. ``failed``: how many attempts did
         not end well; the habit's ``instead`` says what is then tried, one after the other."""
-        kind = self.verbs.get(action) or self.verbs.get(action.split(" ")[0])
-        if kind is None:
+        kind = self.kind(action)
+        if not kind:
             return None
         habit = dict(self.kinds[kind])
         others = habit.pop("instead", ())
         if failed and others:
             habit |= others[(failed - 1) % len(others)]
         habit["steps"] = tuple(habit.get("steps", ()))
-        if action.startswith("unscrew"):
-            habit["turn"] = -habit["turn"]
+        if action.split(" ")[0] in self.backwards:
+            habit["turn"] = -habit.get("turn", 0.0)
         return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)

@@ -25,7 +25,7 @@ def render(recipe: Recipe, subtask: str, scene: SceneGraph, task: str, remarks: 
     sheet = Sheet()
     sheet.header.append(f"# {subtask}: {_in_words(recipe)}")
     sheet.header += [f"# {line}" for remark in remarks for line in _wrapped(remark)]
-    if recipe.kind in ("wipe", "stir") and (around.thing is not None or recipe.thing.lower() in TABLE):
+    if recipe.leads_tool and (around.thing is not None or recipe.thing.lower() in TABLE):
         write_wiping(recipe, around, sheet)
         return sheet.code(recipe.repeat)
     if around.thing is None:
@@ -439,7 +439,7 @@ def _shaking(recipe: Recipe, sheet: Sheet) -> list[str]:
 
 
 def _in_words(recipe: Recipe) -> str:
-    if recipe.kind in ("wipe", "stir"):
+    if recipe.leads_tool:
         return f"{recipe.kind} it in {recipe.strokes}."
     if recipe.kind == "place":
         return "go there, " + ("let go and leave." if "open-hand" in recipe.steps else "and stay.")

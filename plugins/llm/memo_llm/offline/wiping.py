@@ -7,7 +7,8 @@ from memo_llm.offline.pouring import held_in
 from memo_llm.offline.recipe import Recipe
 from memo_llm.offline.surroundings import Surroundings, space_of
 
-_PRESSING, _SPEED = 6.0, 0.08  # N, m/s: what reaches all of a plate and leaves it where it is
+_PRESSING, _PACE = 6.0, 0.08  # N, m/s: what reaches all of a plate and leaves it where it is
+_USUAL_SPEED = 0.5  # of the robot's fastest, where nothing is said
 
 
 def write_wiping(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
@@ -35,20 +36,17 @@ def write_wiping(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
     if any(recipe.offset):
         shift = ", ".join(f"{v:g}" for v in recipe.offset)
         sheet.add(f"middle = [m + shift for m, shift in zip(middle, ({shift}))]  # as asked for")
-        sheet.add(f"height += {recipe.offset[2]:g}") if recipe.offset[2] else None
+        if recipe.offset[2]:
+            sheet.add(f"height += {recipe.offset[2]:g}")
     _strokes(recipe, sheet)
     clearance = sheet.constant("CLEARANCE", recipe.clearance, "metres above it, before and after")
-    speed = _SPEED * recipe.speed / 0.5 if recipe.speed is not None else _SPEED
-    pace = sheet.constant("PACE", speed, "metres a second")
-    sheet.add(
-        "",
-        f"move_to([strokes[0][0], strokes[0][1], height + {clearance}], hold)",
-    )
+    sheet.add("", f"move_to([strokes[0][0], strokes[0][1], height + {clearance}], hold)")
     if stirs:
-        quick = "" if recipe.speed is None else f", speed={recipe.speed:g}"
-        del sheet.constants["PACE"]
-        sheet.add(f"follow_path([[x, y, height] for x, y in strokes]{quick})")
+        speed = "" if recipe.speed is None else f", speed={recipe.speed:g}"
+        sheet.add(f"follow_path([[x, y, height] for x, y in strokes]{speed})")
     else:
+        share = 1.0 if recipe.speed is None else recipe.speed / _USUAL_SPEED
+        pace = sheet.constant("PACE", share * _PACE, "metres a second")
         pressing = sheet.constant("PRESSING", recipe.force if recipe.force is not None else _PRESSING, "newtons")
         sheet.add(
             "follow_path([[strokes[0][0], strokes[0][1], height + 0.03]])",
