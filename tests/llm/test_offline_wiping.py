@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from importlib import resources
 
+import memo_llm.offline
 import pytest
 from memo_benchmarks.recorded_hand import RecordedHand
 from memo_benchmarks.sayings_scenes import scene_for
+from memo_llm.offline.recipe import Habits
 from offline_prompts import MODEL, Entry, request, scene, thing, write
 
+from memo_core.errors import InvalidArgument
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
@@ -96,3 +100,34 @@ def test_what_is_put_down_in_line_is_turned_like_what_it_stands_on(sandbox):
         let_go = next(act for act in hand.commands if act.kind == "open")
         turned.append(let_go.pose.rotation)
     assert math.degrees(math.acos(turned[0][:, 0] @ turned[1][:, 0])) == pytest.approx(20)
+
+
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_what_is_shaken_while_it_is_led_about_is_shaken_as_often_as_was_said(sandbox, count):
+    notes = [f"Shake it up and down {count} times.", "Move about over it while you tip it."]
+    acts = commands(sandbox, "SHAKE(salt, bowl)", *notes)
+    shakes = [act for act in acts if act.kind == "go" and act.speed == 1.0 and not act.free]
+    assert len(shakes) == 2 * count  # up, and down again
+
+
+def test_what_is_said_of_a_plan_is_kept_for_it_and_praise_is_not():
+    def of_plan(words):
+        told = {"task": "set the table", "subtask": "PLAN(set the table)", "words": words, "code": ""}
+        answer = MODEL.answer(request("feedback", scene_for("PLACE(fork, table)"), plans=True, planning=True, **told))
+        return json.loads(answer.text)
+
+    assert of_plan("The fork is not on the left of the plate.")["plan"] == ["The fork is not on the left of the plate."]
+    assert not of_plan("Great job, thank you!").get("plan")
+
+
+def test_a_cap_is_unscrewed_the_other_way_round_than_it_is_screwed_on():
+    habits = Habits.load()
+    on, off = habits.recipe("screw", ("cap",)), habits.recipe("unscrew", ("cap",))
+    assert on.kind == off.kind == "turn" and off.turn == -on.turn
+
+
+def test_tools_of_a_kind_that_there_is_no_habit_of_are_named(tmp_path):
+    text = resources.files(memo_llm.offline).joinpath("habits.yaml").read_text("utf-8")
+    (tmp_path / "own.yaml").write_text(text.replace("  stir: [spoon", "  knead: [spoon"))
+    with pytest.raises(InvalidArgument, match=r"tools\.knead"):
+        Habits.load(str(tmp_path / "own.yaml"))

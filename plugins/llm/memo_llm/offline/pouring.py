@@ -52,19 +52,18 @@ def write_pouring(recipe: Recipe, around: Surroundings, sheet: Sheet) -> None:
 def _over_it(recipe: Recipe, sheet: Sheet) -> None:
     """Shake it, or lead it round over the place, or both, while it is tipped."""
     sheet.add("tipped = get_gripper_orientation()")
-    if recipe.shakes:
-        sheet.constant("SHAKES", recipe.shakes, "times up and down")
-    shake = "follow_path([[along({at}, [0.0, 0.0, 1.0], 0.05), tipped], [{at}, tipped]], speed=1.0)"
+    shake = "    follow_path([[along({at}, [0.0, 0.0, 1.0], 0.05), tipped], [{at}, tipped]], speed=1.0)"
     if not recipe.spread:
-        sheet.add("for shake in range(SHAKES):", "    " + shake.format(at="target"))
+        shakes = sheet.constant("SHAKES", recipe.shakes, "times up and down")
+        sheet.add(f"for shake in range({shakes}):", shake.format(at="target"))
         return
+    spots = sheet.constant("SPOTS", recipe.shakes or 12, "places over the thing, once round")
     sheet.add(
         "wide = min(get_size(PLACE)[:2]) / 4",
-        "for piece in range(13):  # once round over the place",
-        "    turned = 2 * math.pi * piece / 12",
+        f"for piece in range({spots}):",
+        f"    turned = 2 * math.pi * piece / {spots}",
         "    spot = [target[0] + wide * math.cos(turned), target[1] + wide * math.sin(turned), target[2]]",
         "    follow_path([[spot, tipped]])",
+        *([shake.format(at="spot")] if recipe.shakes else []),
+        "follow_path([[target, tipped]])",
     )
-    if recipe.shakes:
-        sheet.add("    if piece % max(1, 12 // SHAKES) == 0:", "        " + shake.format(at="spot"))
-    sheet.add("follow_path([[target, tipped]])")
