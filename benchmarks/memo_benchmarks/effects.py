@@ -26,7 +26,10 @@ CHANGES: dict[str, set[str]] = {
         name: {"place", "extent", "path", "legs", "travel"}
         for name in ("lower", "higher", "left", "right", "nearer", "farther")
     },
-    **{n: _PLACE for n in ("middle", "end", "from", "part", "object", "not", "over", "beside", "away", "place")},
+    **{
+        n: _PLACE
+        for n in ("middle", "square", "end", "from", "part", "object", "not", "over", "beside", "away", "place")
+    },
     "nearer to others": _PLACE,
     "other object": _PLACE,
     "part button": _PLACE | _WAY | {"opening", "closed first", "released"},  # is pressed, not pulled
@@ -131,6 +134,8 @@ def met(effect: str, before: Motion, after: Motion, subtask: str, scene: SceneGr
     if name in _WAYS:
         return _moved(name, value, before, after)
     head = name.split(" ")[0]
+    if name == "square":
+        return _square(after, scene)
     if name in ("part", "middle", "end") or head in ("part", "object"):
         return _at(effect, after, scene, before)
     if head == "place":
@@ -166,6 +171,13 @@ def _at(effect: str, after: Motion, scene: SceneGraph, before: Motion) -> bool:
         if (after.contact > low - 0.025).all() and (after.contact < high + 0.025).all():
             return True
     return False
+
+
+def _square(after: Motion, scene: SceneGraph) -> bool:
+    """Whether the fingers close along an axis of each thing that is near enough to be lined up with."""
+    near = [n for n in scene.nodes if float(np.linalg.norm(np.asarray(n.pose.position) - after.contact)) < 0.15]
+    turns = [angle(after.closing, axis) % 90 for n in near for axis in n.pose.rotation.T]
+    return all(min(turn, 90 - turn) < 3 for turn in turns)
 
 
 def _beside(effect: str, after: Motion, scene: SceneGraph) -> bool:
@@ -298,6 +310,7 @@ _CHECKS: dict[str, Callable[[str, float | None, Motion, Motion], bool]] = {
     "slower": lambda n, v, b, a: a.speed < b.speed,
     "faster": lambda n, v, b, a: a.fastest > b.fastest,
     "release": lambda n, v, b, a: a.released,
+    "retreat up": lambda n, v, b, a: a.leaving is not None and angle(a.leaving, np.array([0.0, 0.0, 1.0])) < 20,
     "keep hold": lambda n, v, b, a: not a.released or not b.released,
     "hold": lambda n, v, b, a: a.waits > b.waits and (v is None or abs(a.waits - v) < 0.6),
     "wait": lambda n, v, b, a: a.waits > b.waits,

@@ -83,6 +83,7 @@ _SIZES = {
 }
 _HOLLOW = {"bin", "tub", "bowl", "toaster"}
 _FIXED = {"faucet", "stove", "heater", "toaster", "rice cooker", "bin"}
+_OWNERS = {"button": "microwave", "lever": "toaster", "knob": "stove", "burner": "stove"}  # where nothing else is named
 _TOOLS = {"SEASON": "shaker", "SPRINKLE": "shaker", "WIPE": "sponge", "STIR": "spoon"}  # what is held, by the step
 _PLACES = ((0.48, 0.12), (0.45, -0.22), (0.52, -0.05), (0.4, 0.3))
 
@@ -98,7 +99,7 @@ def scene_for(subtask: str) -> SceneGraph:
     for name in [*names, *(_companions(action, names))]:
         name = re.sub(r"^(?:left|right) of |^next to ", "", name)
         if name != "table" and name not in nodes:
-            _add(name, nodes, relations, opened, _PLACES[len(nodes) % len(_PLACES)])
+            _add(name, nodes, relations, opened, _PLACES[len(nodes) % len(_PLACES)], names)
     hand, width, holding = Pose((0.4, 0.0, 0.5), _LEVEL), 0.08, False
     held = _TOOLS.get(action) or (names[0] if action in ("PLACE", "PUT", "POUR", "SHAKE") else "")
     if held in nodes:
@@ -109,9 +110,9 @@ def scene_for(subtask: str) -> SceneGraph:
 
 def _companions(action: str, names: list[str]) -> list[str]:
     """What stands there besides: the other can, the appliance a lever belongs to."""
-    more = {"button": "microwave", "lever": "toaster", "can": "left can", "left can": "right can"}
-    more |= {"right can": "left can", "cup": "can", "red cube": "blue cube", "blue cube": "red cube", "burner": "stove"}
-    found = [more[name] for name in names if name in more]
+    more = {"can": "left can", "left can": "right can", "right can": "left can", "cup": "can"}
+    more |= {"red cube": "blue cube", "blue cube": "red cube"}
+    found = [owner for name in names if (owner := _owner(name) or more.get(name))]
     if (
         action in ("PLACE", "PUT")
         and names[1:] == ["table"]
@@ -121,10 +122,25 @@ def _companions(action: str, names: list[str]) -> list[str]:
     return found + ([_TOOLS[action]] if action in _TOOLS else [])
 
 
+def _owner(name: str) -> str | None:
+    """What a button, a lever, a knob is a part of: "faucet lever" of the faucet, "start button" of the microwave."""
+    *of, part = name.split()
+    if part not in _OWNERS:
+        return None
+    named = " ".join(of)
+    return named if any(part in label.split() for label, *_ in _PARTS.get(named, ())) else _OWNERS[part]
+
+
 def _add(
-    name: str, nodes: dict[str, Node], relations: list[Relation], opened: bool, place: tuple[float, float]
+    name: str,
+    nodes: dict[str, Node],
+    relations: list[Relation],
+    opened: bool,
+    place: tuple[float, float],
+    called: list[str],
 ) -> None:
-    if name in ("button", "lever", "burner"):
+    """``called``: what the subtask calls things, and parts of things."""
+    if _owner(name):
         return  # comes with what it belongs to
     if name in _DOORS:
         _door(name, _DOORS[name], nodes, relations, opened)
@@ -145,6 +161,7 @@ def _add(
     at = nodes[name].pose.position
     for part, offset, box in _PARTS.get(name, ()):
         label = part if part not in ("toaster lever", "button") else part.split()[-1]
+        label = next((one for one in called if _owner(one) == name and one.split()[-1] == part.split()[-1]), label)
         centre = (at[0] + offset[0], at[1] + offset[1], at[2] + offset[2])
         nodes[label] = Node(label, label, Pose(centre), box, name, "part")
 

@@ -12,7 +12,8 @@ as ``effects``:
 
 A sentence that is meant for the plan (another step ``first``, another ``object`` or ``place``) is understood where a
 note about plans is made of it, as in a run.
-Without ``effects`` a sentence that was noted is *to be judged*: by people, who see what the hand did differently.
+Without ``effects`` a sentence that was noted is *to be judged*: by people, who see what the hand did differently, or
+did already as it was noted.
 """
 
 from __future__ import annotations
@@ -52,9 +53,20 @@ ALREADY = {  # effects that the untaught motion may have already, and how a note
     "open wider": r"open .*(?:wide|fully)",
     "close fingers first": r"close .* first",
 }
+_TOLD_ALREADY = {  # of these, what judges are told, as an effect and how a note says it
+    "straight": r"\bstraight out\b|\bone line\b|\bstraight rows\b",
+    "middle": r"\bmiddle\b",
+    "level": r"\blevel\b",
+    "from above": r"\bfrom (?:the )?(?:top|above)\b",
+    "from front": r"\bfrom (?:the )?front\b",
+    "open wider": r"\bopen .*\b(?:wider|fully)\b",
+    "retreat up": r"\baway up\b|\bstraight up\b",
+    "square": r"\bsides line up\b",
+    "part handle": r"\bby the handle\b|\bhold of the handle\b",
+}
 
 _PLANNED = frozenset(["first", "object", "other object", "not", "place", "beside"])  # effects that the plan decides
-_OF_JUDGES = {"noted", "asked", "changed", "judges", "verdict", "notes"}
+_OF_JUDGES = {"noted", "asked", "changed", "already", "judges", "verdict", "notes"}
 Verdict = Literal["understood", "asked back", "without effect", "misread", "to be judged"]
 PRAISE = re.compile(r"right|fine|good|well|approv|praise|worked|as it (?:is|was)", re.I)
 
@@ -89,6 +101,7 @@ class Heard:
     notes: tuple[str, ...]
     asked: str
     changed: tuple[str, ...]  # what the hand did differently, in words
+    already: tuple[str, ...] = ()  # what of the notes it did untaught; told only where nothing changed
 
     @property
     def told(self) -> dict[str, Any]:
@@ -97,6 +110,7 @@ class Heard:
             "notes": list(self.notes),
             "asked": self.asked,
             "changed": list(self.changed),
+            "already": list(self.already),
         }
 
 
@@ -203,9 +217,10 @@ class _Listener:
         if said:
             after = self._motion(self._code(saying, scene, said), scene)
         told = changed(before, after) if before is not None and after is not None else {}
+        already = _already(said, before, after, saying.subtask, scene) if said and not told else ()
         verdict = judged(saying, notes, before, after, scene)
         for_plans = tuple(f"for plans: {note}" for note in notes.plan)
-        return Heard(saying, verdict, (*said, *for_plans), notes.unclear, tuple(told.values()))
+        return Heard(saying, verdict, (*said, *for_plans), notes.unclear, tuple(told.values()), already)
 
     def _code(self, saying: Saying, scene: SceneGraph, notes: list[str] | tuple[str, ...]) -> str:
         corrections = [_Note(text, saying.subtask) for text in notes]
@@ -268,6 +283,17 @@ def judged(saying: Saying, notes: Notes, before: Motion | None, after: Motion | 
     text = " ".join(said).lower()
     said_so = any(re.search(ALREADY.get(_name(effect), "(?!)"), text) for effect in fulfilled)
     return "understood" if said_so else "without effect"
+
+
+def _already(
+    said: tuple[str, ...], before: Motion | None, after: Motion | None, subtask: str, scene: SceneGraph
+) -> tuple[str, ...]:
+    """What of the notes the hand did before they were made."""
+    if before is None or after is None:
+        return ()
+    text = " ".join(said).lower()
+    noted = [effect for effect, words in _TOLD_ALREADY.items() if re.search(words, text)]
+    return tuple(effect for effect in noted if met(effect, before, after, subtask, scene))
 
 
 def _name(effect: str) -> str:

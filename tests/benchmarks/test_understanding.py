@@ -8,6 +8,7 @@ import attrs
 import pytest
 from memo_benchmarks.sayings_scenes import scene_for
 from memo_benchmarks.understanding import Saying, agreement, bench_understanding, judged, sayings_in
+from memo_llm.offline.model import OfflineModel
 
 from memo_core.errors import InvalidArgument
 from memo_core.llm.prompt_files import Prompts
@@ -73,3 +74,28 @@ def test_what_was_said_of_a_program_is_noted_with_that_program_in_view():
     assert code in first and "## Printed by the code" in first
     assert code not in second and "look()" in second, "the model's own"
     assert [request.phase for request in model.asked] == ["feedback", "code", "code", "feedback", "code"]
+
+
+def test_what_the_hand_did_already_as_it_was_noted_is_told_to_judges():
+    model = OfflineModel()
+    model.open()
+    from_above = Saying("pick-left-can", "PICK(left can)", "it bumped the other", "Can you come down from above?")
+    level = attrs.evolve(from_above, says="Take it higher up, by two centimetres.")
+    already, differently = bench_understanding(model, [from_above, level], skill_library(BUILTIN_SKILLS), Prompts())
+    assert already.changed == () and already.already == ("from above",) and already.verdict == "to be judged"
+    assert differently.changed and differently.already == ()
+
+
+@pytest.mark.parametrize(
+    ("subtask", "owner", "part"),
+    [
+        ("PRESS(toaster lever)", "toaster", "toaster lever"),
+        ("PRESS(start button)", "microwave", "start button"),
+        ("TURN(faucet lever)", "faucet", "faucet lever"),
+        ("TURN_ON(oven knob)", "stove", "oven knob"),
+        ("PRESS(button)", "microwave", "button"),
+    ],
+)
+def test_buttons_levers_and_knobs_are_parts_of_something(subtask, owner, part):
+    (node,) = [node for node in scene_for(subtask).nodes if node.label == part]
+    assert node.part_of == owner and node.kind == "part"
