@@ -62,6 +62,7 @@ _TOLD_ALREADY = {  # of these, what judges are told, as an effect and how a note
     "open wider": r"\bopen .*\b(?:wider|fully)\b",
     "retreat up": r"\baway up\b|\bstraight up\b",
     "square": r"\bsides line up\b",
+    "release": r"^let go of it\b",
     "part handle": r"\bby the handle\b|\bhold of the handle\b",
 }
 

@@ -92,7 +92,6 @@ OPENED, *_ = box_with_door(opened=True)
         ("You're off by about half a jar to the right.", JARS, "PLACE(red jar, green jar)"),
         ("Not so far down next time, I'd say an inch less.", JARS, "PLACE(red jar, table)"),
         ("Don't touch the rim on the way in.", JARS, "PLACE(red jar, green jar)"),
-        ("It's standing already, so just let go.", JARS, "PLACE(red jar, table)"),
         ("You turned it off, I wanted it lower, not off.", JARS, "TURN(red jar)"),
         ("He is stronger than my grandpa!", CRATE, "OPEN(crate)"),
         ("Grip, wait a second, then lift.", JARS, "PICK_UP(red jar)"),  # not before it is let go
@@ -104,7 +103,6 @@ OPENED, *_ = box_with_door(opened=True)
         ("Not too tight.", JARS, "SCREW(red jar)"),  # the grip, or the turn
         ("You missed it completely.", JARS, "POUR(red jar, green jar)"),
         ("A jar's not going to bite you, get closer.", JARS, "PICK_UP(red jar)"),  # closer to what
-        ("Slightly less far to the left this time.", JARS, "PLACE(red jar, green jar)"),
         ("Hold the bottom with something while you lift the lid.", CRATE, "OPEN(crate)"),
         ("Start gently, then faster.", JARS, "PUSH(red jar)"),  # first so, then so
         ("Harder! I can't taste a thing.", JARS, "SHAKE(red jar, green jar)"),

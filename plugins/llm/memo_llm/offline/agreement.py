@@ -17,9 +17,8 @@ _ALIKE: dict[str, Wanted] = {
     "pivot": ("arc", ""),
     "follow-hand": ("arc", ""),
     "set-down": ("release", ""),
-    "stop-at-touch": ("release", ""),
-    "over-place": ("centre", ""),
     "hold-for": ("release", ""),
+    "over-place": ("centre", ""),
 }
 
 

@@ -72,7 +72,11 @@ def _note(
         # The words themselves are kept by whoever asked.
         return _answer(heard, unclear=heard.question)
     attempt = _attempt(heard, prompt, scene, imagination)
-    if lost := _lost(heard, attempt, scene, habits.rough, vocabulary):
+    lost = _lost(heard, attempt, scene, habits.rough, vocabulary)
+    if lost and heard.likewise is not None:
+        heard = heard.likewise
+        lost = _lost(heard, attempt, scene, habits.rough, vocabulary)
+    if lost:
         return _answer(heard, unclear=f"how would one do that here: {lost} You said: {' '.join(words.split())[:200]}")
     if unlike := _contradicted(heard, attempt):
         return _answer(heard, unclear=f"{unlike} You said: {' '.join(words.split())[:200]}")

@@ -17,9 +17,10 @@ from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.vocabulary import Vocabulary, read_yaml
 
-SEVERAL = 0.8  # what is left of a probability where more than one thing is asked for
+SEVERAL = 0.65  # what is left of a probability where more than one thing is asked for
 DOUBT = 0.6  # what is left of a probability where two names exclude each other
 FEWEST = 3  # words of which a gist can be told
+EVIDENT = 0.15  # probability of its likeliest name by itself, below which nothing speaks for a gist
 LIKELY = 0.3  # probability from which on it is worth asking whether that is meant
 _PLAN, _OTHER, _NOTHING = "plan", "other", "nothing"
 _NOT = r"(?:\b(?:not|no|never|stop|without|instead of)\b|n't\b)"
@@ -37,14 +38,19 @@ _FAULTS = {
     "arc": rf"{_NOT}(?: \w+){{0,3}} (?:swing\w*|arcs?|curv\w+|circl\w+|hinges?)\b",
     "straight": rf"{_NOT}(?: \w+){{0,3}} straight\b",
     "less-far": r"^stop \w+ing\b(?!.*\b(?:far|much|earlier|sooner|wide)\b)",  # in that way
+    "to-angle": r"\byou(?:'ve| have)?(?: only| just)? (?:\w+ed|did|got|went|left)\b[^.!?]*\bhalf",  # so far it went
     "firmer": r"\btoo (?:hard|tight|firm)\w*",
     "gentler": r"\btoo (?:loose|gent|soft)\w*|(?:n't|not|no need to)(?: \w+){0,3} (?:so|that|too) (?:gentle|careful)",
 }
-_TO_ANGLE, _HOW_FAR = "to-angle", frozenset(["further", "less-far", "all-the-way"])
-_COUNTED, _BESIDE = frozenset(["shake", "repeat"]), frozenset(["gap", "close-to"])
+_TO_ANGLE, _ALL_THE_WAY = "to-angle", "all-the-way"
+_HOW_FAR = frozenset(["further", "less-far", _ALL_THE_WAY])
+_COUNTED = frozenset(["shake", "repeat"])
 _SHARES = {r"\b(?:past|beyond|more than|over) half": 60.0, r"\bhalf\b|\bhalf-?way\b": 45.0, r"\ba third\b": 30.0}
 _TURNS = {r"\bcorners?\b": 45, r"\b(?:a bit|a little|slightly|a touch|a tad|somewhat)\b": 30, "": 90}  # of the hand
-_LAST_BIT = re.compile(r"\blast (?:few|couple of|\w+) (?:cm|mm|centimet\w+|inch\w*)\b")  # which is no amount to go
+_LAST_BIT = re.compile(  # which is no amount to go
+    r"\blast (?:few|couple of|\w+) (?:cm|mm|centimet\w+|inch\w*)\b|"
+    r"\b(?<=still open) (?:by |about |around |maybe )*(?:an?|one|two|three|four|[\d.]+) (?:cm|mm|centimet\w+|inch\w*)\b"
+)
 _RIVALS = (  # of which one remark means only one, and names the other for contrast
     ["left", "right"],
     ["higher", "lower"],
@@ -57,6 +63,8 @@ _RIVALS = (  # of which one remark means only one, and names the other for contr
     ["open-wider", "open-less"],
     ["upright", "lay-flat", "upside-down"],
     ["circles", "gather", "straight"],
+    ["arc", "straight"],
+    ["way-push", "way-pull", "way-lift", "way-down", "way-left", "way-right", "way-turn"],
     ["shake", "repeat"],
     ["at-middle", "at-top", "at-bottom", "at-rim", "at-neck", "at-handle"],
 )
@@ -74,6 +82,7 @@ class Gist:
     text: str
     probability: float
     about_plans: bool = False
+    evidence: float = 1.0  # the probability of its likeliest name by itself
 
 
 def gist_of(
@@ -83,14 +92,15 @@ def gist_of(
     vocabulary: Vocabulary,
     screwed: bool = False,
     slides: bool = False,
-    beside: bool = False,
+    beside: str = "",
 ) -> Gist | None:
     """What a remark about a subtask of this kind, with these objects, is likely to come down to; None where that cannot
     be told, or cannot be said of such a subtask. ``screwed``: whether what is opened or closed has no door; ``slides``:
-    whether it comes straight out of something; ``beside``: whether what is put down goes beside the second object."""
+    whether it comes straight out of something; ``beside``: the thing, if any, that what is put down goes beside."""
     asked = Learnt.load().asked_for(words, objects, kind)
     names, probability = asked.names, asked.probability
-    if len(words.split()) < FEWEST or probability < LIKELY or _EXCEPTION.search(words.lower()):
+    evidence = max(asked.likely[name] for name in names)
+    if len(words.split()) < FEWEST or probability < LIKELY or evidence < EVIDENT or _EXCEPTION.search(words.lower()):
         return None
     if any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
@@ -105,19 +115,28 @@ def gist_of(
         return Gist("", probability, about_plans)
     if len(names) > 1:
         probability *= SEVERAL
-    if names & _BESIDE and (about_plans or not beside):
+    if any("{place}" in _said(name, kind) for name in names) and (about_plans or not beside):
         return None  # beside what, is not said
     if _OTHER in names:  # a part of what is asked for can only be offered in a question
         names, probability = names - {_OTHER}, min(probability, LIKELY)
-    plain = in_figures(_LAST_BIT.sub("last bit", " ".join(words.lower().replace("’", "'").split())))
+    plain = in_figures(_LAST_BIT.sub(" last bit", " ".join(words.lower().replace("’", "'").split())))
     shared = kind == "turn" or (kind == "open" and not slides)  # how far may be said as a share of a right angle
-    slots = _slots(plain, shared, vocabulary) | {"place": objects[1] if len(objects) > 1 else ""}
-    if _TO_ANGLE in names:  # it says better how far
+    slots = _slots(plain, shared, vocabulary) | {"place": beside}
+    if "further" in names and re.search(r"\bto (?:about |around )?[\d.]+ degrees\b", plain):
+        names |= {_TO_ANGLE}
+    half = _TO_ANGLE in names and kind == "open" and slides and re.search(r"\bhalf\b|\bhalf-?way\b", plain) is not None
+    if half:  # of its way
+        names = names - _HOW_FAR - {_TO_ANGLE}
+    elif _TO_ANGLE in names:  # it says better how far
         names -= _HOW_FAR if slots["angle"] else {_TO_ANGLE}
-    if not names:
+    if not (names or half):
         return None
+    if kind == "place" and len(names) > 1:
+        names -= {_ALL_THE_WAY}  # "right to the back": what is put down goes to its place anyway
     kinds = ({"close": "screw on", "open": "screw off"}.get(kind, kind) if screwed else kind, kind)
-    said = list(dict.fromkeys(_said(name, *kinds) for name in sorted(names)))
+    said = list(
+        dict.fromkeys([*(["Go half as far."] if half else []), *(_said(name, *kinds) for name in sorted(names))])
+    )
     if not all(said):
         return None
     if not _each_number_has_its_place(plain, said):
@@ -127,7 +146,7 @@ def gist_of(
     if sum("{amount}" in text for text in said) > 1:
         slots["amount"] = ""
     text = " ".join(re.sub(r" +", " ", text.format(**slots)).replace(" .", ".") for text in said)
-    return Gist(text, probability, about_plans)
+    return Gist(text, probability, about_plans, evidence)
 
 
 def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
@@ -158,6 +177,7 @@ def _slots(plain: str, shared: bool, vocabulary: Vocabulary) -> dict[str, str]:
     amount, angle, seconds = vocabulary.amount(plain), vocabulary.angle(plain), vocabulary.seconds(plain)
     if angle is None and shared:
         angle = next((degrees for share, degrees in _SHARES.items() if re.search(share, plain)), None)
+    more = re.search(r"\bmore times\b|\banother \w+ times\b", plain) is not None  # than the once that it was done
     part, turned = _PART.search(plain), f"by {angle:g} degrees" if angle is not None else ""
     return {
         "amount": amount.words if amount else "",
@@ -165,7 +185,7 @@ def _slots(plain: str, shared: bool, vocabulary: Vocabulary) -> dict[str, str]:
         "angle": turned,
         "turn": turned or f"by {next(angle for said, angle in _TURNS.items() if re.search(said, plain))} degrees",
         "seconds": f"{seconds:g} seconds" if seconds is not None else "a moment",
-        "count": str(vocabulary.count(plain)),
+        "count": str(vocabulary.count(plain) + more),
         "part": part.group() if part else "",
         "pull": "Grip" if re.search(r"\b(?:grip|grab|hold|squeez|slip|slid)", plain) else "Pull",
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 
@@ -10,7 +11,7 @@ import attrs
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.agreement import opposed, wanted
 from memo_llm.offline.edits import Edit
-from memo_llm.offline.gist import gist_of
+from memo_llm.offline.gist import asks_for_nothing, gist_of
 from memo_llm.offline.prompt import Prompt
 from memo_llm.offline.questions import OF_DOORS
 from memo_llm.offline.recipe import Habits
@@ -20,9 +21,13 @@ from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.wording import said_plainly
 
 # How sure of a gist one must be to follow it: where the rules read the same with doubts; something else with doubts;
-# nothing, or surely something else. Then: where a remark is short or unclear, or is kept for the plan though rules read
-# a motion; to ask whether words are for the plan; where the rules read surely a part of it, or more than it.
-_AGREED, _DESPITE_DOUBTS, _SURE, _CERTAIN, _WORTH_ASKING, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.85, 0.5, 0.7
+# nothing, or surely something else; a part of it, or more than it. Then: where a remark is short and the rules surely
+# read something else, or it has few words; where it contradicts itself; where nothing was read and it is about the
+# plan; where a motion was read with doubts and it is about the plan. Last, to ask whether it is meant.
+_AGREED, _DESPITE_DOUBTS, _SURE, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.6
+_SURE_OF_FEW, _CERTAIN, _OF_PLANS, _OF_PLANS_INSTEAD, _WORTH_ASKING = 0.7, 0.85, 0.7, 0.8, 0.5
+_OTHERS = re.compile(r"\b(?:others?|rest|next one|neighbou?rs?|each other|the two|them)\b")
+_EVIDENT = 0.6  # how likely it and its likeliest name must be to question what the rules surely read in a short remark
 _FEW = 5  # words of which a gist says little
 _SHORT = 9  # words of a remark that the rules may read alone
 _UNNAMED = frozenset(  # edits that no gist is about
@@ -58,48 +63,69 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
         vocabulary,
         screwed=not around.may_swing,
         slides=around.slides_out,
-        beside=around.goal_stands,
+        beside=(beside := _beside(words, around)),
     )
     if gist is not None and gist.about_plans and not gist.text:
         return _about_plans(heard, gist.probability, quoted)
-    if gist is not None and _beside_another(words, others_in(scene, objects)):
-        gist = None
+    if gist is not None and not (beside and beside in gist.text):
+        gist = None if _beside_another(words, others_in(scene, objects)) else gist
+    if gist is None and not heard.question and len(words.split()) >= _FEW and asks_for_nothing(words, objects, kind):
+        return _asked(heard, heard.edits, quoted)
     meant = read_remark(gist.text, prompt, scene, habits, vocabulary) if gist is not None else None
     if gist is None or meant is None or meant.question:
         return heard if heard.question or short or _measured(heard) else _asked(heard, heard.edits, quoted)
     meant = attrs.evolve(meant, about_plans=gist.about_plans, also_moves=gist.about_plans)
-    read, told = wanted(heard.edits), wanted(meant.edits)
+    read, told = wanted(edit for edit in heard.edits if not edit.negated), wanted(meant.edits)
     if heard.question:
         if gist.probability >= _least(words, heard, meant, special, vocabulary):
             return meant
         return heard if special else _asked(heard, meant.edits, quoted)
     if read & told or _swung(heard, meant):
-        return heard if short or read == told or gist.probability < _SURE_OF_PARTS else meant
-    if gist.probability >= (_CERTAIN if short else _SURE) and not opposed(heard.edits, meant.edits, vocabulary):
+        heard = attrs.evolve(heard, likewise=meant if read == told else None)
+        follows = gist.probability >= _SURE_OF_PARTS and not (read == told or _swung(heard, meant))
+        return meant if follows else heard
+    if short and read and (min(gist.probability, gist.evidence) < _EVIDENT or _measured(heard)):
+        return heard
+    against = opposed(heard.edits, meant.edits, vocabulary)
+    if gist.probability >= (_SURE_OF_FEW if short and read else _SURE) and not against:
         return meant
-    return heard if short else _asked(heard, meant.edits if gist.probability >= _SURE else heard.edits, quoted)
+    return _asked(heard, meant.edits if gist.probability >= _SURE else heard.edits, quoted)
 
 
 def _least(words: str, heard: Heard, meant: Heard, special: bool, vocabulary: Vocabulary) -> float:
     """The probability from which on a gist is followed instead of what the rules read with doubts. ``special``: whether
     that is about something that no gist is about."""
-    if special:
+    same = wanted(heard.edits) == wanted(meant.edits)
+    if special or (not same and opposed(heard.edits, heard.edits, vocabulary)):
         return _CERTAIN
-    if wanted(heard.edits) == wanted(meant.edits):
-        return _AGREED
-    if len(words.split()) < _FEW or opposed(heard.edits, heard.edits, vocabulary):
-        return _CERTAIN
-    return _DESPITE_DOUBTS if heard.edits else _SURE
+    if len(words.split()) < _FEW or re.search(r"\bthen\b", words.lower()):
+        return _SURE_OF_FEW
+    return _AGREED if same else _DESPITE_DOUBTS if heard.edits else _SURE
 
 
 def _about_plans(heard: Heard, probability: float, quoted: str) -> Heard:
     """Of words whose gist is that the plan is to be another one."""
     if heard.question:
-        return attrs.evolve(heard, about_plans=probability >= (_CERTAIN if heard.edits else _SURE))
+        return attrs.evolve(heard, about_plans=probability >= (_OF_PLANS_INSTEAD if heard.edits else _OF_PLANS))
     if probability >= _CERTAIN:
         return attrs.evolve(heard, about_plans=True)
     asked = f"is something else to be done, or {_suggestion(heard.edits, quoted)}"
     return attrs.evolve(heard, question=asked if probability >= _WORTH_ASKING else "")
+
+
+def _beside(words: str, around: Surroundings) -> str:
+    """What something is put down beside: what the subtask names, or the person, or the nearest of "the others".
+    "" where there is no such thing."""
+    if around.goal is not None and around.goal_stands:
+        return around.goal.label
+    own = {node.label for node in (around.thing, around.goal) if node is not None}
+    seen = [node for node in around.scene.nodes if node.kind == "object" and node.label not in own]
+    named = [node for node in seen if re.search(rf"\b{re.escape(node.label.lower())}\b", words.lower())]
+    middle = around.goal or around.thing
+    if named or middle is None or not _OTHERS.search(words.lower()):
+        return next((node.label for node in named), "")
+    nearest = sorted(seen, key=lambda node: math.dist(node.pose.position, middle.pose.position))
+    return next((node.label for node in nearest), "")
 
 
 def _beside_another(words: str, others: Iterable[str]) -> bool:
@@ -111,12 +137,13 @@ def _beside_another(words: str, others: Iterable[str]) -> bool:
 
 def _measured(heard: Heard) -> bool:
     """Whether how far is said in figures."""
-    return any(edit.amount is not None and edit.amount.exact for edit in heard.edits)
+    return any(edit.degrees or (edit.amount is not None and edit.amount.exact) for edit in heard.edits)
 
 
 def _swung(heard: Heard, meant: Heard) -> bool:
-    """Whether the arc that was read says more than the way of the gist: "it folds down"."""
-    return any(edit.kind in OF_DOORS for edit in heard.edits) and all(edit.kind == "way" for edit in meant.edits)
+    """Whether the arc that was read says more than the way of the gist: "it folds down", "swing it the other way"."""
+    ways = all(edit.kind in ("way", "reverse") for edit in meant.edits)
+    return ways and any(edit.kind in OF_DOORS for edit in heard.edits)
 
 
 def _asked(heard: Heard, edits: Iterable[Edit], quoted: str) -> Heard:

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TOKENS = re.compile(r"[a-z']+|#|[.,!?;:-]")
+BESIDE = 0.75  # probability from which on a name is believed beside a likelier one: most remarks ask for one thing
+ONE_OF_TWO = 0.6  # how often the likelier one is all that is asked for where another is likely, too
 UNKNOWN = (
     0.6  # what is left of a probability for each word that stood in no sentence learnt from, where there are several
 )
@@ -30,6 +32,25 @@ ALIKE = (  # names that come to much the same: to take one for the other does no
     frozenset(["centred", "over-place"]),
     frozenset(["hold-on", "hold-for"]),
 )
+_SIDEWAYS = frozenset(["left", "right", "nearer", "away"])
+IMPLIED = {  # names that add nothing beside this one, which says it better
+    "to-angle": frozenset(["further", "less-far"]),
+    "at-middle": frozenset(["higher", "lower"]),
+    "at-top": frozenset(["higher"]),
+    "at-neck": frozenset(["higher", "at-top"]),
+    "at-rim": frozenset(["higher", "at-top"]),
+    "at-bottom": frozenset(["lower"]),
+    "clockwise": frozenset(["other-way"]),
+    "counterclockwise": frozenset(["other-way"]),
+    "close-to": _SIDEWAYS,
+    "centred": _SIDEWAYS,
+    "from-edge": _SIDEWAYS,
+    "release-later": frozenset(["gentler", "lower"]),
+    "shake": frozenset(["repeat", "further", "less-far"]),
+    "lift-first": frozenset(["way-lift", "carry-higher"]),
+    "upside-down": frozenset(["further", "all-the-way"]),
+    "press-while-turning": frozenset(["firmer", "way-down"]),
+}
 THING = "<thing>"  # in place of any word that names what the subtask is about
 
 
@@ -82,11 +103,15 @@ class Learnt:
         sums = self.weights[rows].sum(axis=0, dtype=np.float64) / np.sqrt(max(1, len(rows)))
         shares = 1 / (1 + np.exp(-(sums * self.scale + self.bias)))
         likely: dict[str, float] = dict(zip(self.names, shares.tolist(), strict=True))
-        names = frozenset(name for name, share in likely.items() if share > 0.5)
-        names = names or frozenset([max(likely, key=likely.__getitem__)])
-        loosely = {one for alike in ALIKE if alike & names for one in alike}
+        likeliest = max(likely, key=likely.__getitem__)
+        names = frozenset([likeliest, *(name for name, share in likely.items() if share > BESIDE)])
+        implied = frozenset(one for name in names for one in IMPLIED.get(name, ()))
+        names = names - implied or frozenset([likeliest])
+        loosely = {one for alike in ALIKE if alike & names for one in alike} | (implied - names)
         just_these = math.prod(
-            share if name in names else 1 - share for name, share in likely.items() if name not in loosely
+            share if name in names else max(1 - share, ONE_OF_TWO)
+            for name, share in likely.items()
+            if name not in loosely
         )
         for alike in ALIKE:
             if alike & names:

@@ -57,6 +57,7 @@ _WAS_THERE = re.compile(
     r"(?:please )?don't (?:stick|put) your fingers?\b|"
     r"(?:you(?:'ve|'re| were| are)?|it(?:'s| was)|that(?:'s| was))(?: \w+){0,3} too (?:close|near|far|high|low)\b"
 )
+_JUST_PUSHED = re.compile(r"(?:push|press|shove) (?:it|that|this|them)")
 _ASIDE = "does it slide out towards the robot, or to which side? You said: {}"
 
 
@@ -71,6 +72,7 @@ class Heard:
     question: str
     about_plans: bool = False  # whether it surely is about what is to be done, and not only how
     also_moves: bool = False  # whether it is about the motion as well
+    likewise: Heard | None = None  # the same in the plain words of the gist
 
     @property
     def kind(self) -> str:
@@ -174,7 +176,7 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     kinds = {edit.kind for edit in edits}
     if "all-the-way" in kinds:
         edits = [edit for edit in edits if edit.kind != "farther" or edit.amount or edit.degrees]
-    if kind == "place" and kinds == {"release"}:
+    if kind == "place" and kinds == {"release"} and not any("afterwards" in edit.said for edit in edits):
         return []  # what it does anyway: where or when is not said
     if any(edit.kind == "extent" or (edit.kind == "angle" and edit.degrees is not None) for edit in edits):
         edits = [edit for edit in edits if edit.kind not in LENGTHS]
@@ -211,6 +213,8 @@ def _settled(edits: list[Edit], kind: str) -> list[Edit]:
     if kind == "pick" and any(edit.kind == "hold-at" and edit.value != "handle" for edit in edits):
         # "higher up, near the rim": the part says where
         edits = [edit for edit in edits if edit.kind != "offset" or edit.amount or edit.value not in ("up", "down")]
+    if kind == "push" and len(kinds) > 1:  # "press it four times": to press is what it does anyway
+        edits = [edit for edit in edits if edit.kind != "way" or not _JUST_PUSHED.fullmatch(edit.said.strip())]
     if "hold-for" in kinds and kind == "push":  # "hold it at the bottom for a second"
         edits = [edit for edit in edits if edit.kind != "hold-at"]
     if any(edit.kind == "hold-for" and edit.seconds is not None for edit in edits):
