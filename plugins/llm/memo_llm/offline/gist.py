@@ -17,7 +17,8 @@ from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.spelling import in_figures
 from memo_llm.offline.vocabulary import Vocabulary, read_yaml
 
-SEVERAL = 0.65  # what is left of a probability where more than one thing is asked for
+SEVERAL = 0.5  # what is left of a probability where more than one thing is asked for, and it is below the next
+SURE_OF_SEVERAL = 0.7
 DOUBT = 0.6  # what is left of a probability where two names exclude each other
 FEWEST = 3  # words of which a gist can be told
 EVIDENT = 0.15  # probability of its likeliest name by itself, below which nothing speaks for a gist
@@ -42,6 +43,11 @@ _FAULTS = {
     "firmer": r"\btoo (?:hard|tight|firm)\w*",
     "gentler": r"\btoo (?:loose|gent|soft)\w*|(?:n't|not|no need to)(?: \w+){0,3} (?:so|that|too) (?:gentle|careful)",
 }
+_IN_THINGS = re.compile(r"\bby (?:about |around |roughly )?half an? \w+")  # how far, measured in something
+_TO_SIDE = re.compile(  # a side that is asked for
+    r"\b(?:more|bit|little|further|farther|over|shift|move|go|come|nudge|slide)\b"
+    r"(?: (?:it|them|that|a bit|a little|over|more|further|farther))* (?:to|towards) (?:the|your) (left|right)\b"
+)
 _TO_ANGLE, _ALL_THE_WAY = "to-angle", "all-the-way"
 _HOW_FAR = frozenset(["further", "less-far", _ALL_THE_WAY])
 _COUNTED = frozenset(["shake", "repeat"])
@@ -102,6 +108,7 @@ def gist_of(
     evidence = max(asked.likely[name] for name in names)
     if len(words.split()) < FEWEST or probability < LIKELY or evidence < EVIDENT or _EXCEPTION.search(words.lower()):
         return None
+    names = _sides_as_said(names, words.lower())
     if any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
     if names & _COUNTED:
@@ -113,7 +120,7 @@ def gist_of(
         if _SOMEBODY_ELSE.search(words.lower().replace("’", "'")):
             return None
         return Gist("", probability, about_plans)
-    if len(names) > 1:
+    if len(names) > 1 and probability < SURE_OF_SEVERAL:
         probability *= SEVERAL
     if any("{place}" in _said(name, kind) for name in names) and (about_plans or not beside):
         return None  # beside what, is not said
@@ -127,8 +134,10 @@ def gist_of(
     half = _TO_ANGLE in names and kind == "open" and slides and re.search(r"\bhalf\b|\bhalf-?way\b", plain) is not None
     if half:  # of its way
         names = names - _HOW_FAR - {_TO_ANGLE}
-    elif _TO_ANGLE in names:  # it says better how far
-        names -= _HOW_FAR if slots["angle"] else {_TO_ANGLE}
+    elif _TO_ANGLE in names and slots["angle"]:  # it says better how far
+        names -= _HOW_FAR
+    elif _TO_ANGLE in names:
+        names = names - {_TO_ANGLE} | {name for name in _HOW_FAR if asked.likely.get(name, 0.0) > 0.5}
     if not (names or half):
         return None
     if kind == "place" and len(names) > 1:
@@ -139,7 +148,7 @@ def gist_of(
     )
     if not all(said):
         return None
-    if not _each_number_has_its_place(plain, said):
+    if _IN_THINGS.search(plain) or not _each_number_has_its_place(plain, said):
         return None
     if not slots["part"] and any("{part}" in text for text in said):
         return None
@@ -153,6 +162,18 @@ def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
     """Whether a remark only approves, or complains without saying of what."""
     asked = Learnt.load().asked_for(words, objects, kind)
     return asked.names == {_NOTHING} and asked.probability >= 0.5
+
+
+def _sides_as_said(names: frozenset[str], plain: str) -> frozenset[str]:
+    """With the side that is asked for in so many words for "left" and "right", or the one opposite to the fault."""
+    sides = frozenset(["left", "right"])
+    if not names & sides:
+        return names
+    faults = {side for side in sides if re.search(_FAULTS[side], plain)}
+    wished = {match.group(1) for match in _TO_SIDE.finditer(plain)} - faults
+    if len(wished) == 1:
+        return names - sides | wished
+    return names - sides | (sides - faults) if len(faults) == 1 else names
 
 
 def _without_rivals(names: frozenset[str], likely: Mapping[str, float]) -> frozenset[str]:

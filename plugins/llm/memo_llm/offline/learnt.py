@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 _TOKENS = re.compile(r"[a-z']+|#|[.,!?;:-]")
 BESIDE = 0.75  # probability from which on a name is believed beside a likelier one: most remarks ask for one thing
-ONE_OF_TWO = 0.6  # how often the likelier one is all that is asked for where another is likely, too
+ONE_OF_TWO = 0.75  # what is left of a probability where another name is likely, too: it is missing then, and not wrong
 UNKNOWN = (
     0.6  # what is left of a probability for each word that stood in no sentence learnt from, where there are several
 )
@@ -43,6 +43,7 @@ IMPLIED = {  # names that add nothing beside this one, which says it better
     "clockwise": frozenset(["other-way"]),
     "counterclockwise": frozenset(["other-way"]),
     "close-to": _SIDEWAYS,
+    "gap": _SIDEWAYS | {"less-far"},
     "centred": _SIDEWAYS,
     "from-edge": _SIDEWAYS,
     "release-later": frozenset(["gentler", "lower"]),
