@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from importlib import resources
 from pathlib import Path
 
 import memo_llm.offline
+import numpy as np
 import pytest
 import yaml
 from memo_benchmarks.sayings_scenes import scene_for
@@ -75,10 +77,60 @@ def test_names_sentences_and_the_classifier_go_together():
         ("Whoa, easy, you're crushing it. Just enough that it doesn't fall.", "PICK(left can)", "gently"),
         ("Those are eggs, for heaven's sake, hold them like eggs!", "PICK(eggs)", "gently"),
         ("Slower, you're getting it everywhere.", "STIR(food, pan)", "slower"),
+        ("You're pressing so hard the plate is moving.", "WIPE(plate)", "Press less hard."),
+        ("Almost. Do it two more times and I'd say it's clean.", "WIPE(plate)", "Do the motion 3 times."),
+        (
+            "Don't forget the edges, people eat those too.",
+            "SHAKE(pepper, food)",
+            "Move about over it while you tip it.",
+        ),
+        ("To about a right angle is fine.", "OPEN(fridge)", "Lead it through 90 degrees."),
+        ("Halfway's plenty, I'm sitting right here.", "OPEN(drawer)", "Go half as far."),
+        ("You can let go of it, it's in.", "PLACE(wrapper, bin)", "Let go of it afterwards."),
+        (
+            "It's too far left, that's going to topple. Shift it over to the right.",
+            "PLACE(red cube, blue cube)",
+            "to the right",
+        ),
+        ("It's too far to the right, it's touching the wall in there.", "PLACE(food, microwave)", "to the left"),
     ],
 )
 def test_what_the_rules_cannot_take_apart_is_understood_by_its_gist(words, subtask, expected):
     assert any(expected in note for note in noted(words, subtask)["corrections"])
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask", "beside"),
+    [
+        ("You can leave a little space, it's touching the plate.", "PLACE(knife, table)", "the plate, 3 cm away"),
+        ("Closer, it should stand right next to the other one.", "PLACE(cup, table)", "the can, 0.5 cm away"),
+    ],
+)
+def test_something_is_put_beside_what_was_named_or_is_nearest(words, subtask, beside):
+    assert noted(words, subtask)["corrections"] == [f"Put it next to {beside}."]
+
+
+def test_what_was_read_into_words_that_ask_for_nothing_is_asked_about():
+    answer = noted("Ah, now it's not lonely any more. That's sweet.", "PLACE(lonely object, others)")
+    assert answer["corrections"] == answer["general"] == [] and "Go further." in answer["unclear"]
+
+
+def test_to_press_is_what_a_press_does_anyway():
+    assert noted("Press it four times.", "PRESS(button)")["corrections"] == ["Do the motion four times."]
+
+
+def test_a_second_name_is_believed_only_where_it_is_likely_and_says_more():
+    def asked(**likely):
+        bias = np.array([math.log(share / (1 - share)) for share in likely.values()], np.float32)
+        names = tuple(name.replace("_", "-") for name in likely)
+        none = np.zeros((0, len(names)), np.int8)
+        return Learnt(names, {}, none, np.ones(len(names), np.float32), bias, "").asked_for("", (), "")
+
+    assert asked(slower=0.9, arc=0.7).names == {"slower"}
+    assert asked(slower=0.9, arc=0.8).names == {"slower", "arc"}
+    assert asked(to_angle=0.9, less_far=0.95).names == {"to-angle"}, "an angle says how far"
+    assert asked(slower=0.2, arc=0.1).names == {"slower"}, "each remark has a name"
+    assert asked(slower=0.9, arc=0.1).probability > asked(slower=0.9, arc=0.7).probability
 
 
 def test_words_about_the_plan_are_kept_as_they_were_said():

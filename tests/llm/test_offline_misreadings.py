@@ -96,15 +96,15 @@ def test_praise_in_other_words_is_asked_back_as_praise(words):
 
 @pytest.mark.parametrize(
     "words",
-    ["Open it only halfway, please.", "Whoa, only about halfway, please, it'll come right off.", "Just pull it half open."],
+    [
+        "Open it only halfway, please.",
+        "Only half way.",
+        "Whoa, only about halfway, please, it'll come right off.",
+        "Just pull it half open.",
+    ],
 )
 def test_halfway_that_is_wished_for_is_half_of_a_right_angle(words):
     assert said(words)["corrections"] == ["Lead it through 45 degrees."]
-
-
-def test_halfway_alone_is_asked_about():
-    answer = said("Only half way.")
-    assert answer["corrections"] == [] and "half" in answer["unclear"]
 
 
 @pytest.mark.parametrize("words", ["It's only half open.", "You opened it only halfway."])

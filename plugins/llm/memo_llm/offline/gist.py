@@ -21,7 +21,7 @@ SEVERAL = 0.5  # what is left of a probability where more than one thing is aske
 SURE_OF_SEVERAL = 0.7
 DOUBT = 0.6  # what is left of a probability where two names exclude each other
 FEWEST = 3  # words of which a gist can be told
-EVIDENT = 0.15  # probability of its likeliest name by itself, below which nothing speaks for a gist
+EVIDENT = 0.08  # probability of its likeliest name by itself, below which nothing speaks for a gist
 LIKELY = 0.3  # probability from which on it is worth asking whether that is meant
 _PLAN, _OTHER, _NOTHING = "plan", "other", "nothing"
 _NOT = r"(?:\b(?:not|no|never|stop|without|instead of)\b|n't\b)"
@@ -34,7 +34,7 @@ _FAULTS = {
     "faster": r"\btoo (?:fast|quick)\w*|\bquiet\w*",
     "slower": r"\btoo slow\w*",
     "nearer": r"\b(?:to|towards?|for) (?:me|us|my)\b",  # where the person is, is not known
-    "away": r"\b(?:from|of) (?:me|us|my)\b",
+    "away": r"^(?!.*\bforwards?\b).*\b(?:from|of) (?:me|us|my)\b",
     "circles": rf"{_NOT}(?: \w+){{0,2}} circl\w+",
     "arc": rf"{_NOT}(?: \w+){{0,3}} (?:swing\w*|arcs?|curv\w+|circl\w+|hinges?)\b",
     "straight": rf"{_NOT}(?: \w+){{0,3}} straight\b",

@@ -21,11 +21,12 @@ from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.wording import said_plainly
 
 # How sure of a gist one must be to follow it: where the rules read the same with doubts; something else with doubts;
-# nothing, or surely something else; a part of it, or more than it. Then: where a remark is short and the rules surely
-# read something else, or it has few words; where it contradicts itself; where nothing was read and it is about the
-# plan; where a motion was read with doubts and it is about the plan. Last, to ask whether it is meant.
-_AGREED, _DESPITE_DOUBTS, _SURE, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.6
-_SURE_OF_FEW, _CERTAIN, _OF_PLANS, _OF_PLANS_INSTEAD, _WORTH_ASKING = 0.7, 0.85, 0.6, 0.75, 0.5
+# nothing, or surely something else, and where a longer remark left them with nothing; a part of it, or more than it.
+# Then: where a remark is short and the rules surely read something else, or it has few words; where it contradicts
+# itself; where nothing was read and it is about the plan; where a motion was read with doubts and it is about the plan.
+# Last, to ask whether it is meant.
+_AGREED, _DESPITE_DOUBTS, _SURE, _SURE_OF_MORE, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.65, 0.6
+_SURE_OF_FEW, _CERTAIN, _OF_PLANS, _OF_PLANS_INSTEAD, _WORTH_ASKING = 0.7, 0.85, 0.65, 0.75, 0.5
 _OTHERS = re.compile(r"\b(?:others?|rest|next one|neighbou?rs?|each other|the two|them)\b")
 _EVIDENT = 0.6  # how likely it and its likeliest name must be to question what the rules surely read in a short remark
 _FEW = 5  # words of which a gist says little
@@ -100,7 +101,9 @@ def _least(words: str, heard: Heard, meant: Heard, special: bool, vocabulary: Vo
         return _CERTAIN
     if len(words.split()) < _FEW or re.search(r"\bthen\b", words.lower()):
         return _SURE_OF_FEW
-    return _AGREED if same else _DESPITE_DOUBTS if heard.edits else _SURE
+    if same or heard.edits:
+        return _AGREED if same else _DESPITE_DOUBTS
+    return _SURE if len(words.split()) <= _SHORT else _SURE_OF_MORE
 
 
 def _about_plans(heard: Heard, probability: float, quoted: str) -> Heard:
@@ -141,9 +144,9 @@ def _measured(heard: Heard) -> bool:
 
 
 def _swung(heard: Heard, meant: Heard) -> bool:
-    """Whether the arc that was read says more than the way of the gist: "it folds down", "swing it the other way"."""
+    """Whether what was read says more than the way of the gist: "it folds down", "push it in and it pops open"."""
     ways = all(edit.kind in ("way", "reverse") for edit in meant.edits)
-    return ways and any(edit.kind in OF_DOORS for edit in heard.edits)
+    return ways and any(edit.kind in (*OF_DOORS, "first-in", "first-up") for edit in heard.edits)
 
 
 def _asked(heard: Heard, edits: Iterable[Edit], quoted: str) -> Heard:

@@ -47,6 +47,7 @@ IMPLIED = {  # names that add nothing beside this one, which says it better
     "centred": _SIDEWAYS,
     "from-edge": _SIDEWAYS,
     "release-later": frozenset(["gentler", "lower"]),
+    "release-slowly": frozenset(["slower", "gentler"]),
     "shake": frozenset(["repeat", "further", "less-far"]),
     "lift-first": frozenset(["way-lift", "carry-higher"]),
     "upside-down": frozenset(["further", "all-the-way"]),

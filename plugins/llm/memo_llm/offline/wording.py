@@ -31,6 +31,8 @@ def said_plainly(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -
     """The edit in plain words, amounts as the person named them."""
     if edit.phrase is None or not edit.phrase.say:
         return ""
+    if edit.kind == "less-far" and not edit.amount and "half as far" in edit.said:
+        return "Go half as far."
     amount = edit.amount.words if edit.amount else ""
     angle = f"{edit.degrees:g} degrees" if edit.degrees is not None else ""
     seconds = f"{edit.seconds:g} seconds" if edit.seconds is not None else "a while"
