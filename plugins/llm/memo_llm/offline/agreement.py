@@ -35,6 +35,10 @@ def wanted(edits: Iterable[Edit]) -> set[Wanted]:
 def opposed(some: Iterable[Edit], others: Iterable[Edit], vocabulary: Vocabulary) -> bool:
     """Whether an edit of the one asks for the opposite of one of the other."""
     ends = {(kind, vocabulary.opposites[way]) for kind, way in wanted(some) if way in vocabulary.opposites}
-    pairs = [(("force", "gently"), ("force", "firmly")), (("farther", ""), ("less-far", ""))]
+    pairs = [
+        (("force", "gently"), ("force", "firmly")),
+        (("farther", ""), ("less-far", "")),
+        (("arc", ""), ("straight", "")),
+    ]
     ends |= {end for one in wanted(some) for a, b in pairs for here, end in ((a, b), (b, a)) if one == here}
     return any(one in ends for one in wanted(others))

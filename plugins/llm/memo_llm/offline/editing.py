@@ -229,8 +229,8 @@ def _turn_thing(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         steps = (*steps[:at], "turn", *steps[at:])
     # Clockwise is as one sees it who looks along the hand, which is right-handed about the way it points.
     turn = 0.0 if edit.negated else -degrees if counter else degrees
-    if recipe.press and edit.value in _NO_WAY:
-        turn = math.copysign(turn, recipe.turn)  # how far, not which way
+    if recipe.turn and edit.value in _NO_WAY and not edit.negated:  # how far, not which way
+        turn = math.copysign(degrees if edit.degrees is not None else recipe.turn, recipe.turn)
     return attrs.evolve(recipe, steps=steps, turn=turn, way_named=recipe.way_named or edit.value not in _NO_WAY)
 
 

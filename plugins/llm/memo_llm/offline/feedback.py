@@ -63,7 +63,7 @@ def _note(
     heard = hear(words, prompt, scene, habits, vocabulary)
     if prompt.subtask[0] == PLANNING and not asks_for_nothing(words, prompt.subtask[1], heard.kind):
         heard = attrs.evolve(heard, about_plans=True, also_moves=False)
-    plans = _plans(words, heard, prompt)
+    plans = _plans(words, heard, prompt, vocabulary)
     if plans and not heard.also_moves:
         return _answer(heard, plan=plans)
     if heard.question and answered and (kept := wished(heard, vocabulary)):
@@ -165,12 +165,20 @@ def _elsewhere(
     return None
 
 
-def _plans(words: str, heard: Heard, prompt: Prompt) -> list[str]:
+def _says_nothing(sentence: str, vocabulary: Vocabulary) -> bool:
+    """Whether it is one word of small talk: "Sorry!"."""
+    (word, *more) = re.findall(r"[a-z']+", sentence.lower()) or [""]
+    return not more and word in vocabulary.small_talk | {"no", "nope", "yes", "stop", ""}
+
+
+def _plans(words: str, heard: Heard, prompt: Prompt, vocabulary: Vocabulary) -> list[str]:
     """Notes for whoever plans, in the person's words, where the prompt asks for such notes."""
     if not (heard.about_plans and '"plan"' in prompt.section("answer")):
         return []
     sentences = [one for one in re.split(r"(?<=[.!?])\s+|\n+", words.strip()) if one.strip()]
-    said = [one for one in sentences if len(one.split()) > 3 or (len(one.split()) > 1 and not one.endswith("?"))]
+    said = [
+        one for one in sentences if len(one.split()) > 3 or not (one.endswith("?") or _says_nothing(one, vocabulary))
+    ]
     notes = [sentence_plainly(sentence) for sentence in said]
     objects = prompt.subtask[1]
     named = f"The {objects[0].lower()}" if objects else "It"

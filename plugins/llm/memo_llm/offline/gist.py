@@ -15,6 +15,7 @@ import attrs
 
 from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.spelling import in_figures
+from memo_llm.offline.surroundings import Surroundings
 from memo_llm.offline.vocabulary import Vocabulary, read_yaml
 
 SEVERAL = 0.5  # what is left of a probability where more than one thing is asked for, and it is below the next
@@ -35,6 +36,7 @@ _FAULTS = {
     "slower": r"\btoo slow\w*",
     "nearer": r"\b(?:to|towards?|for) (?:me|us|my)\b",  # where the person is, is not known
     "away": r"^(?!.*\bforwards?\b).*\b(?:from|of) (?:me|us|my)\b",
+    "from-side": r"\bother side\b",  # which one, is not known
     "circles": rf"{_NOT}(?: \w+){{0,2}} circl\w+",
     "arc": rf"{_NOT}(?: \w+){{0,3}} (?:swing\w*|arcs?|curv\w+|circl\w+|hinges?)\b",
     "straight": rf"{_NOT}(?: \w+){{0,3}} straight\b",
@@ -43,6 +45,11 @@ _FAULTS = {
     "firmer": r"\btoo (?:hard|tight|firm)\w*",
     "gentler": r"\btoo (?:loose|gent|soft)\w*|(?:n't|not|no need to)(?: \w+){0,3} (?:so|that|too) (?:gentle|careful)",
 }
+_PLACES = frozenset(["higher", "lower", "left", "right", "nearer", "away"])
+_BELONGS = re.compile(r"\b(?:go|goes|belongs?|lives?) on the (?:left|right)\b")
+_LIFTED = re.compile(r"\blift\w*|\brais(?:e|ed|ing)\b|\bpicked (?:it )?up\b|\boff the (?:table|counter|floor|shelf)\b")
+_TAKEN = re.compile(r"\b(?:take|took|taken|taking|get|got|getting) (?:a )?hold\b|\bgr(?:ab|ip|asp)\w*")
+_DEEPER = re.compile(r"\bdeep(?:er)?\b|\b(?:further|farther|right) (?:in|down)\b(?!.*\bback\b)")
 _IN_THINGS = re.compile(r"\bby (?:about |around |roughly )?half an? \w+")  # how far, measured in something
 _TO_SIDE = re.compile(  # a side that is asked for
     r"\b(?:more|bit|little|further|farther|over|shift|move|go|come|nudge|slide)\b"
@@ -52,7 +59,11 @@ _TO_ANGLE, _ALL_THE_WAY = "to-angle", "all-the-way"
 _HOW_FAR = frozenset(["further", "less-far", _ALL_THE_WAY])
 _COUNTED = frozenset(["shake", "repeat"])
 _SHARES = {r"\b(?:past|beyond|more than|over) half": 60.0, r"\bhalf\b|\bhalf-?way\b": 45.0, r"\ba third\b": 30.0}
-_TURNS = {r"\bcorners?\b": 45, r"\b(?:a bit|a little|slightly|a touch|a tad|somewhat)\b": 30, "": 90}  # of the hand
+_TURNS = {
+    r"\bcorners?\b|\bpoint(?:y|s)\b|\bdiagonal\w*": 45,
+    r"\b(?:a bit|a little|slightly|a touch|a tad|somewhat)\b": 30,
+    "": 90,
+}  # of the hand
 _LAST_BIT = re.compile(  # which is no amount to go
     r"\blast (?:few|couple of|\w+) (?:cm|mm|centimet\w+|inch\w*)\b|"
     r"\b(?<=still open) (?:by |about |around |maybe )*(?:an?|one|two|three|four|[\d.]+) (?:cm|mm|centimet\w+|inch\w*)\b"
@@ -96,20 +107,20 @@ def gist_of(
     objects: Sequence[str],
     kind: str,
     vocabulary: Vocabulary,
-    screwed: bool = False,
-    slides: bool = False,
+    around: Surroundings | None = None,
     beside: str = "",
 ) -> Gist | None:
     """What a remark about a subtask of this kind, with these objects, is likely to come down to; None where that cannot
-    be told, or cannot be said of such a subtask. ``screwed``: whether what is opened or closed has no door; ``slides``:
-    whether it comes straight out of something; ``beside``: the thing, if any, that what is put down goes beside."""
+    be told, or cannot be said of such a subtask. ``beside``: the thing, if any, that what is put down goes beside."""
     asked = Learnt.load().asked_for(words, objects, kind)
     names, probability = asked.names, asked.probability
     evidence = max(asked.likely[name] for name in names)
     if len(words.split()) < FEWEST or probability < LIKELY or evidence < EVIDENT or _EXCEPTION.search(words.lower()):
         return None
+    slides = around is not None and around.slides_out
+    names = _as_the_subtask_says(names, words.lower(), kind, around)
     names = _sides_as_said(names, words.lower())
-    if any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
+    if not names or any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
     if names & _COUNTED:
         names -= _HOW_FAR  # how often says how much
@@ -142,7 +153,8 @@ def gist_of(
         return None
     if kind == "place" and len(names) > 1:
         names -= {_ALL_THE_WAY}  # "right to the back": what is put down goes to its place anyway
-    kinds = ({"close": "screw on", "open": "screw off"}.get(kind, kind) if screwed else kind, kind)
+    screws = around is not None and not around.may_swing
+    kinds = ({"close": "screw on", "open": "screw off"}.get(kind, kind) if screws else kind, kind)
     said = list(
         dict.fromkeys([*(["Go half as far."] if half else []), *(_said(name, *kinds) for name in sorted(names))])
     )
@@ -162,6 +174,21 @@ def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
     """Whether a remark only approves, or complains without saying of what."""
     asked = Learnt.load().asked_for(words, objects, kind)
     return asked.names == {_NOTHING} and asked.probability >= 0.5
+
+
+def _as_the_subtask_says(names: frozenset[str], plain: str, kind: str, around: Surroundings | None) -> frozenset[str]:
+    """Places as they are meant at such a subtask; none where they are about an earlier one."""
+    if kind in ("place", "pour") and names & _PLACES and _TAKEN.search(plain):
+        return frozenset()  # how it was picked up
+    if kind == "stir" and "gentler" in names and re.search(r"\bpress|\bscra(?:tch|p)", plain):
+        return frozenset()  # how hard it presses is not in its hand
+    if kind == "place" and names <= {"left", "right"} and _BELONGS.search(plain):
+        return frozenset([_PLAN])  # "forks go on the left": of what, the planner sees
+    if kind == "pick" and "higher" in names and _LIFTED.search(plain):
+        return names - {"higher"} | {"carry-higher"}
+    if kind == "place" and "away" in names and around is not None and around.goal_is_deep and _DEEPER.search(plain):
+        return names - {"away"} | {"lower"}
+    return names
 
 
 def _sides_as_said(names: frozenset[str], plain: str) -> frozenset[str]:

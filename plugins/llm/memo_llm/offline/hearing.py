@@ -51,21 +51,17 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     """What a person means who said ``words`` of the prompt's subtask: what the rules read where the gist says the same
     or cannot be told of few words, the gist where that is sure, and else a question."""
     heard = read_remark(words, prompt, scene, habits, vocabulary)
+    said = [edit for edit in heard.edits if not edit.negated]
+    if not heard.question and opposed(said, said, vocabulary):
+        heard = _asked(heard, said, " ".join(words.split())[:200])
     special = any(edit.kind in _UNNAMED for edit in heard.edits)
     if special and not heard.question:
         return heard
     objects, kind = prompt.subtask[1], heard.kind
     quoted, short = " ".join(words.split())[:200], len(words.split()) <= _SHORT
     around = Surroundings.of(scene, objects[0] if objects else "", objects[1] if len(objects) > 1 else None)
-    gist = gist_of(
-        words,
-        objects,
-        kind,
-        vocabulary,
-        screwed=not around.may_swing,
-        slides=around.slides_out,
-        beside=(beside := _beside(words, around)),
-    )
+    beside = _beside(words, around)
+    gist = gist_of(words, objects, kind, vocabulary, around, beside)
     if gist is not None and gist.about_plans and not gist.text:
         return _about_plans(heard, gist.probability, quoted)
     if gist is not None and not (beside and beside in gist.text):

@@ -11,6 +11,7 @@ from memo_core.errors import InvalidArgument
 from memo_llm.offline.vocabulary import read_yaml
 
 STEPS = ("open-hand", "close-hand", "approach", "path", "turn", "back-off", "look")
+_NO_KINDS = frozenset(["verbs", "rough", "tools", "backwards", "onwards"])  # keys of habits.yaml beside the kinds
 Vector = tuple[float, float, float]
 
 
@@ -92,7 +93,8 @@ class Habits:
     kinds: dict[str, dict[str, Any]]
     rough: dict[str, float]
     tools: dict[str, list[str]]  # kind -> what one does it with
-    backwards: frozenset[str]  # verbs
+    backwards: frozenset[str]  # verbs of what is turned the other way round than the habit says
+    onwards: frozenset[str]  # verbs that say themselves that it is turned as the habit says
 
     @classmethod
     def load(cls, path: str = "") -> Habits:
@@ -102,7 +104,7 @@ class Habits:
             if not isinstance(data.get(key), dict):
                 raise InvalidArgument("llm.habits", f"no mapping {key!r}", "the keys of habits.yaml")
         fields = {field.name for field in attrs.fields(Recipe)}
-        kinds = {key: value for key, value in data.items() if key not in ("verbs", "rough", "tools", "backwards")}
+        kinds = {key: value for key, value in data.items() if key not in _NO_KINDS}
         for kind, habit in kinds.items():
             for key in [*habit, *(key for other in habit.get("instead", ()) for key in other)]:
                 if key not in fields | {"instead"}:
@@ -119,7 +121,9 @@ class Habits:
             if kind not in kinds:
                 raise InvalidArgument(f"llm.habits: tools.{kind}", "no habit of this kind", ", ".join(kinds))
         rough = {key: float(value) for key, value in data["rough"].items()}
-        return cls(verbs, kinds, rough, tools, frozenset(data.get("backwards") or ()))
+        return cls(
+            verbs, kinds, rough, tools, frozenset(data.get("backwards") or ()), frozenset(data.get("onwards") or ())
+        )
 
     def kind(self, action: str) -> str:
         """The kind of subtask that a verb names; "" for a verb that is not known."""
@@ -136,6 +140,9 @@ class Habits:
         if failed and others:
             habit |= others[(failed - 1) % len(others)]
         habit["steps"] = tuple(habit.get("steps", ()))
-        if action.split(" ")[0] in self.backwards:
+        verb = action.split(" ")[0]
+        if verb in self.backwards:
             habit["turn"] = -habit.get("turn", 0.0)
+        if verb in self.backwards | self.onwards:
+            habit["way_named"] = True
         return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)

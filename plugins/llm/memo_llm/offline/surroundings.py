@@ -166,6 +166,13 @@ class Surroundings:
         loose = self.goal is not None and self.goal.kind == "object" and self.goal_space is None
         return loose and self.goal is not None and self.goal.size[2] > _FLAT
 
+    @property
+    def goal_is_deep(self) -> bool:
+        """Whether the goal opens upwards and is deeper than it is wide, so that deeper into it is down."""
+        space = self.goal_space
+        opens_up = space is not None and space.opening is not None and abs(space.opening[2]) > 0.7
+        return opens_up and space is not None and space.size[2] > min(space.size[:2])
+
     def sideways_space(self, task: str) -> Node | None:
         """The space that the thing is in, or that the task's words send it to, where that opens to the side."""
         candidates = [self.inside] if self.inside is not None else []

@@ -40,6 +40,8 @@ def said_plainly(edit: Edit, recipe: Recipe | None, attempt: Attempted | None) -
     value = _LINK.get(edit.value, edit.value) if edit.kind == "offset" else edit.value
     if edit.kind == "way":
         value = {"towards": "towards yourself", "away": "away from yourself"}.get(value, value)
+    if value == "side approach":
+        value = "the side"
     if edit.kind == "pivot":
         value = {"up": "top", "down": "bottom"}.get(value, value)
     lifted = edit.kind == "offset" and edit.value in ("up", "down") and edit.said.startswith(("lift", "raise", "carry"))
