@@ -30,10 +30,10 @@ _NOT = r"(?:\b(?:not|no|never|stop|without|instead of)\b|n't\b)"
 _FAULTS = {
     "left": r"\b(?:off|too far|drift\w*|veer\w*)\b[^.!?]*\bleft\b",
     "right": r"\b(?:off|too far|drift\w*|veer\w*)\b[^.!?]*\bright\b",
-    "higher": r"\btoo high\b",
+    "higher": r"\b(?:too|so) high\b|\bmiles? (?:up|above)\b|\bfrom (?:so|that|way) (?:far |high )?up\b",
     "lower": r"\btoo (?:low|deep|far down)\b|\b(?:went|gone|go|came|come) down (?:\w+ )?too (?:far|much)\b",
     "faster": r"\btoo (?:fast|quick)\w*|\bquiet\w*",
-    "slower": r"\btoo slow\w*",
+    "slower": r"\b(?:too|so|that) slow\b|\btoo slowly\b|\ball the speed\b",
     "nearer": r"\b(?:to|towards?|for) (?:me|us|my)\b",  # where the person is, is not known
     "away": r"^(?!.*\bforwards?\b).*\b(?:from|of) (?:me|us|my)\b",
     "from-side": r"\bother side\b",  # which one, is not known
@@ -54,6 +54,11 @@ _IN_THINGS = re.compile(r"\bby (?:about |around |roughly )?half an? \w+")  # how
 _TO_SIDE = re.compile(  # a side that is asked for
     r"\b(?:more|bit|little|further|farther|over|shift|move|go|come|nudge|slide)\b"
     r"(?: (?:it|them|that|a bit|a little|over|more|further|farther))* (?:to|towards) (?:the|your) (left|right)\b"
+)
+_TOUCHED = re.compile(  # a side on which something touches what it should not, or sticks out
+    r"\b(?:stick\w* out|overhang\w*|hang\w*|past (?:it|them)|clipp\w*|bump\w*|brush\w*|hit|caught|catch\w*|scrap\w*|"
+    r"lean\w*)\b"
+    r"[^.!?,;]*\bon (?:the|your) (left|right)\b"
 )
 _TO_ANGLE, _ALL_THE_WAY = "to-angle", "all-the-way"
 _HOW_FAR = frozenset(["further", "less-far", _ALL_THE_WAY])
@@ -119,7 +124,7 @@ def gist_of(
         return None
     slides = around is not None and around.slides_out
     names = _as_the_subtask_says(names, words.lower(), kind, around)
-    names = _sides_as_said(names, words.lower())
+    names = _sides_as_said(names, words.lower(), kind)
     if not names or any(re.search(_FAULTS[name], words.lower()) for name in names & _FAULTS.keys()):
         return None
     if names & _COUNTED:
@@ -191,7 +196,7 @@ def _as_the_subtask_says(names: frozenset[str], plain: str, kind: str, around: S
     return names
 
 
-def _sides_as_said(names: frozenset[str], plain: str) -> frozenset[str]:
+def _sides_as_said(names: frozenset[str], plain: str, kind: str) -> frozenset[str]:
     """With the side that is asked for in so many words for "left" and "right", or the one opposite to the fault."""
     sides = frozenset(["left", "right"])
     if not names & sides:
@@ -200,6 +205,8 @@ def _sides_as_said(names: frozenset[str], plain: str) -> frozenset[str]:
     wished = {match.group(1) for match in _TO_SIDE.finditer(plain)} - faults
     if len(wished) == 1:
         return names - sides | wished
+    if not faults and kind in ("pick", "place"):
+        faults = {match.group(1) for match in _TOUCHED.finditer(plain)}
     return names - sides | (sides - faults) if len(faults) == 1 else names
 
 

@@ -25,8 +25,8 @@ from memo_llm.offline.wording import said_plainly
 # Then: where a remark is short and the rules surely read something else, or it has few words; where it contradicts
 # itself; where nothing was read and it is about the plan; where a motion was read with doubts and it is about the plan.
 # Last, to ask whether it is meant.
-_AGREED, _DESPITE_DOUBTS, _SURE, _SURE_OF_MORE, _SURE_OF_PARTS = 0.4, 0.6, 0.5, 0.65, 0.6
-_SURE_OF_FEW, _CERTAIN, _OF_PLANS, _OF_PLANS_INSTEAD, _WORTH_ASKING = 0.7, 0.85, 0.65, 0.75, 0.5
+_AGREED, _DESPITE_DOUBTS, _SURE, _SURE_OF_MORE, _SURE_OF_PARTS = 0.4, 0.6, 0.55, 0.65, 0.6
+_SURE_OF_FEW, _CERTAIN, _OF_PLANS, _OF_PLANS_INSTEAD, _WORTH_ASKING = 0.7, 0.85, 0.7, 0.75, 0.5
 _OTHERS = re.compile(r"\b(?:others?|rest|next one|neighbou?rs?|each other|the two|them)\b")
 _EVIDENT = 0.6  # how likely it and its likeliest name must be to question what the rules surely read in a short remark
 _FEW = 5  # words of which a gist says little
