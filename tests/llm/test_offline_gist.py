@@ -13,8 +13,12 @@ import numpy as np
 import pytest
 import yaml
 from memo_benchmarks.sayings_scenes import scene_for
+from memo_llm.offline.editing import apply
 from memo_llm.offline.gist import gist_of, plain_requests
 from memo_llm.offline.learnt import Learnt
+from memo_llm.offline.prompt import read_subtask
+from memo_llm.offline.reading import read_sentence
+from memo_llm.offline.recipe import Habits
 from memo_llm.offline.vocabulary import Vocabulary
 from offline_prompts import MODEL, request
 
@@ -113,6 +117,34 @@ def test_something_is_put_beside_what_was_named_or_is_nearest(words, subtask, be
 def test_what_was_read_into_words_that_ask_for_nothing_is_asked_about():
     answer = noted("Ah, now it's not lonely any more. That's sweet.", "PLACE(lonely object, others)")
     assert answer["corrections"] == answer["general"] == [] and "Go further." in answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("words", "subtask"),
+    [
+        ("It's tall, from above you'll only knock it over. Go at it from the side.", "PICK(lonely object)"),
+        ("Mind the bottle! Come at the cup from the other side.", "PICK(cup)"),
+        ("Eww, you don't need to stick your hand in there. Just let it fall in from the top.", "PLACE(trash, bin)"),
+        ("Could you take hold about ten centimetres further down next time?", "POUR(water, glass)"),
+        ("You're scratching the coating, don't press down so much.", "STIR(food, pan)"),
+    ],
+)
+def test_what_may_be_about_another_side_step_or_height_is_asked_about(words, subtask):
+    answer = noted(words, subtask)
+    assert answer["corrections"] == answer["general"] == [] and answer["unclear"]
+
+
+@pytest.mark.parametrize(
+    ("subtask", "way"),
+    [("UNSCREW(cap, bottle)", -1), ("SCREW(cap, bottle)", 1), ("CLOSE(bottle)", 1), ("OPEN(bottle)", -1)],
+)
+def test_pressing_or_gripping_while_it_turns_leaves_the_way_it_turns(subtask, way):
+    action, objects = read_subtask(subtask)
+    recipe = Habits.load().recipe(action, objects)
+    for words in ("Press it down while you turn it.", "Turn it."):
+        for edit in read_sentence(words, VOCABULARY, (), recipe.read_as).edits:
+            pressed = apply(recipe, edit, Habits.load().rough)
+            assert pressed.turn * way > 0 or (words == "Turn it." and not recipe.turn), words
 
 
 def test_to_press_is_what_a_press_does_anyway():

@@ -48,8 +48,11 @@ _FAULTS = {
 _PLACES = frozenset(["higher", "lower", "left", "right", "nearer", "away"])
 _BELONGS = re.compile(r"\b(?:go|goes|belongs?|lives?) on the (?:left|right)\b")
 _LIFTED = re.compile(r"\blift\w*|\brais(?:e|ed|ing)\b|\bpicked (?:it )?up\b|\boff the (?:table|counter|floor|shelf)\b")
-_TAKEN = re.compile(r"\b(?:take|took|taken|taking|get|got|getting) (?:a )?hold\b|\bgr(?:ab|ip|asp)\w*")
+_TAKEN = re.compile(
+    r"\b(?:take|took|taken|taking|get|got|getting) (?:a )?hold\b|\bpicked (?:it )?up\b|\bgr(?:ab|ip|asp)\w*"
+)
 _DEEPER = re.compile(r"\bdeep(?:er)?\b|\b(?:further|farther|right) (?:in|down)\b(?!.*\bback\b)")
+_DROPPED = re.compile(r"\bdrop (?:it|them|that)\b|\blet (?:it|them|that) (?:fall|drop)\b")
 _IN_THINGS = re.compile(r"\bby (?:about |around |roughly )?half an? \w+")  # how far, measured in something
 _TO_SIDE = re.compile(  # a side that is asked for
     r"\b(?:more|bit|little|further|farther|over|shift|move|go|come|nudge|slide)\b"
@@ -175,6 +178,11 @@ def gist_of(
     return Gist(text, probability, about_plans, evidence)
 
 
+def is_of_the_grip(words: str, kind: str) -> bool:
+    """Whether a remark made while something was put down or poured may be about how it was picked up."""
+    return kind in ("place", "pour") and _TAKEN.search(words.lower()) is not None
+
+
 def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
     """Whether a remark only approves, or complains without saying of what."""
     asked = Learnt.load().asked_for(words, objects, kind)
@@ -183,8 +191,12 @@ def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
 
 def _as_the_subtask_says(names: frozenset[str], plain: str, kind: str, around: Surroundings | None) -> frozenset[str]:
     """Places as they are meant at such a subtask; none where they are about an earlier one."""
-    if kind in ("place", "pour") and names & _PLACES and _TAKEN.search(plain):
-        return frozenset()  # how it was picked up
+    if names & _PLACES and is_of_the_grip(plain, kind):
+        return frozenset()
+    if kind == "pick" and "straight" in names and not re.search(r"\bup(?:wards?)?\b|\blift", plain):
+        return frozenset()  # straight out of something, which no edit says of what is picked up
+    if kind == "place" and "release-sooner" in names and _DROPPED.search(plain):
+        return frozenset()  # from where, is not known
     if kind == "stir" and "gentler" in names and re.search(r"\bpress|\bscra(?:tch|p)", plain):
         return frozenset()  # how hard it presses is not in its hand
     if kind == "place" and names <= {"left", "right"} and _BELONGS.search(plain):
@@ -199,7 +211,7 @@ def _as_the_subtask_says(names: frozenset[str], plain: str, kind: str, around: S
 def _sides_as_said(names: frozenset[str], plain: str, kind: str) -> frozenset[str]:
     """With the side that is asked for in so many words for "left" and "right", or the one opposite to the fault."""
     sides = frozenset(["left", "right"])
-    if not names & sides:
+    if not names & (sides | {"line-up"}):
         return names
     faults = {side for side in sides if re.search(_FAULTS[side], plain)}
     wished = {match.group(1) for match in _TO_SIDE.finditer(plain)} - faults

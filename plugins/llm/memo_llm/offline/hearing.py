@@ -11,7 +11,7 @@ import attrs
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.agreement import opposed, wanted
 from memo_llm.offline.edits import Edit
-from memo_llm.offline.gist import asks_for_nothing, gist_of
+from memo_llm.offline.gist import asks_for_nothing, gist_of, is_of_the_grip
 from memo_llm.offline.prompt import Prompt
 from memo_llm.offline.questions import OF_DOORS
 from memo_llm.offline.recipe import Habits
@@ -50,15 +50,12 @@ _UNNAMED = frozenset(  # edits that no gist is about
 def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabulary: Vocabulary) -> Heard:
     """What a person means who said ``words`` of the prompt's subtask: what the rules read where the gist says the same
     or cannot be told of few words, the gist where that is sure, and else a question."""
-    heard = read_remark(words, prompt, scene, habits, vocabulary)
-    said = [edit for edit in heard.edits if not edit.negated]
-    if not heard.question and opposed(said, said, vocabulary):
-        heard = _asked(heard, said, " ".join(words.split())[:200])
-    special = any(edit.kind in _UNNAMED for edit in heard.edits)
+    quoted, short = " ".join(words.split())[:200], len(words.split()) <= _SHORT
+    heard = _with_own_doubts(words, read_remark(words, prompt, scene, habits, vocabulary), quoted, vocabulary)
+    special = any(edit.kind in _UNNAMED for edit in heard.edits) or _from_several_sides(heard)
     if special and not heard.question:
         return heard
     objects, kind = prompt.subtask[1], heard.kind
-    quoted, short = " ".join(words.split())[:200], len(words.split()) <= _SHORT
     around = Surroundings.of(scene, objects[0] if objects else "", objects[1] if len(objects) > 1 else None)
     beside = _beside(words, around)
     gist = gist_of(words, objects, kind, vocabulary, around, beside)
@@ -87,6 +84,22 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     if gist.probability >= (_SURE_OF_FEW if short and read else _SURE) and not against:
         return meant
     return _asked(heard, meant.edits if gist.probability >= _SURE else heard.edits, quoted)
+
+
+def _with_own_doubts(words: str, heard: Heard, quoted: str, vocabulary: Vocabulary) -> Heard:
+    """What the rules read, with a question where it contradicts itself or may be about an earlier step."""
+    said = [edit for edit in heard.edits if not edit.negated]
+    if heard.question or not said:
+        return heard
+    if opposed(said, said, vocabulary) or _from_several_sides(heard):
+        return _asked(heard, said, quoted)
+    if is_of_the_grip(words, heard.kind) and {edit.kind for edit in said} == {"offset"}:
+        return attrs.evolve(heard, question=f"is that about how it was picked up, or {_suggestion(said, quoted)}")
+    return heard
+
+
+def _from_several_sides(heard: Heard) -> bool:
+    return len({edit.value for edit in heard.edits if edit.kind == "approach" and not edit.negated}) > 1
 
 
 def _least(words: str, heard: Heard, meant: Heard, special: bool, vocabulary: Vocabulary) -> float:
