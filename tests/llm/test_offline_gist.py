@@ -147,6 +147,13 @@ def test_pressing_or_gripping_while_it_turns_leaves_the_way_it_turns(subtask, wa
             assert pressed.turn * way > 0 or (words == "Turn it." and not recipe.turn), words
 
 
+def test_what_was_surely_read_beside_the_gist_is_kept_where_it_was_said_outright():
+    lower = noted("hold the can lower and firmly")["corrections"]
+    assert "Use the gripper firmly." in lower and any("lower" in note for note in lower)
+    held = noted("Don't let go of the door until it's all the way down!", "OPEN(oven)")["corrections"]
+    assert "Keep hold of it." in held and not any("Do not" in note for note in held)
+
+
 def test_to_press_is_what_a_press_does_anyway():
     assert noted("Press it four times.", "PRESS(button)")["corrections"] == ["Do the motion four times."]
 

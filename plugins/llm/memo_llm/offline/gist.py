@@ -190,7 +190,8 @@ def asks_for_nothing(words: str, objects: Sequence[str], kind: str) -> bool:
 
 
 def _as_the_subtask_says(names: frozenset[str], plain: str, kind: str, around: Surroundings | None) -> frozenset[str]:
-    """Places as they are meant at such a subtask; none where they are about an earlier one."""
+    """The names as they are meant at such a subtask; none where no edit says that, or where they may be about an
+    earlier one."""
     if names & _PLACES and is_of_the_grip(plain, kind):
         return frozenset()
     if kind == "pick" and "straight" in names and not re.search(r"\bup(?:wards?)?\b|\blift", plain):

@@ -31,6 +31,7 @@ _OTHERS = re.compile(r"\b(?:others?|rest|next one|neighbou?rs?|each other|the tw
 _EVIDENT = 0.6  # how likely it and its likeliest name must be to question what the rules surely read in a short remark
 _FEW = 5  # words of which a gist says little
 _SHORT = 9  # words of a remark that the rules may read alone
+_SAID_OUTRIGHT = frozenset([("force", "firmly"), ("straight", "")])  # what the rules do not read into other words
 _UNNAMED = frozenset(  # edits that no gist is about
     [
         "between",
@@ -76,8 +77,8 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
         return heard if special else _asked(heard, meant.edits, quoted)
     if read & told or _swung(heard, meant):
         heard = attrs.evolve(heard, likewise=meant if read == told else None)
-        follows = gist.probability >= _SURE_OF_PARTS and not (read == told or _swung(heard, meant))
-        return meant if follows else heard
+        says_more = read == told or _swung(heard, meant) or set() < read - told <= _SAID_OUTRIGHT
+        return meant if gist.probability >= _SURE_OF_PARTS and not says_more else heard
     if short and read and (min(gist.probability, gist.evidence) < _EVIDENT or _measured(heard)):
         return heard
     against = opposed(heard.edits, meant.edits, vocabulary)
@@ -154,8 +155,11 @@ def _measured(heard: Heard) -> bool:
 
 def _swung(heard: Heard, meant: Heard) -> bool:
     """Whether what was read says more than the way of the gist: "it folds down", "push it in and it pops open"."""
-    ways = all(edit.kind in ("way", "reverse") for edit in meant.edits)
-    return ways and any(edit.kind in (*OF_DOORS, "first-in", "first-up") for edit in heard.edits)
+    kinds = {edit.kind for edit in meant.edits}
+    if kinds == {"reverse"} and any(edit.kind == "way" for edit in heard.edits):
+        return False
+    swings = any(edit.kind in (*OF_DOORS, "first-in", "first-up") for edit in heard.edits)
+    return swings and kinds <= {"way", "reverse"}
 
 
 def _asked(heard: Heard, edits: Iterable[Edit], quoted: str) -> Heard:
