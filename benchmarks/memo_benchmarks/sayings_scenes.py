@@ -160,8 +160,8 @@ def _add(
             )
     at = nodes[name].pose.position
     for part, offset, box in _PARTS.get(name, ()):
-        label = part if part not in ("toaster lever", "button") else part.split()[-1]
-        label = next((one for one in called if _owner(one) == name and one.split()[-1] == part.split()[-1]), label)
+        plain = part if part not in ("toaster lever", "button") else part.split()[-1]
+        label = next((one for one in called if _owner(one) == name and one.split()[-1] == part.split()[-1]), plain)
         centre = (at[0] + offset[0], at[1] + offset[1], at[2] + offset[2])
         nodes[label] = Node(label, label, Pose(centre), box, name, "part")
 

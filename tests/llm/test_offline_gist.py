@@ -59,6 +59,10 @@ def noted(words, subtask="PICK(left can)"):
     return json.loads(MODEL.answer(request("feedback", scene_for(subtask), ended="done", plans=True, **told)).text)
 
 
+def gist(words, thing, kind):
+    return gist_of(words, Learnt.load().asked_for(words, [thing], kind), kind, VOCABULARY)
+
+
 @pytest.mark.parametrize(("kind", "words"), PLAIN)
 def test_what_a_gist_is_said_in_is_read_by_the_rules(kind, words):
     answer = noted(words, SUBTASKS[kind])
@@ -186,8 +190,8 @@ def test_that_is_what_was_named_before_it():
 
 
 def test_amounts_are_the_persons_own():
-    gist = gist_of("Oh, a good bit too high, come down by about three centimetres, love.", ["can"], "pick", VOCABULARY)
-    assert gist is not None and "3 cm" in gist.text
+    found = gist("Oh, a good bit too high, come down by about three centimetres, love.", "can", "pick")
+    assert found is not None and "3 cm" in found.text
 
 
 @pytest.mark.parametrize(
@@ -200,7 +204,7 @@ def test_amounts_are_the_persons_own():
     ],
 )
 def test_what_is_not_surely_the_gist_is_none(words):
-    assert gist_of(words, ["can"], "pick", VOCABULARY) is None
+    assert gist(words, "can", "pick") is None
 
 
 @pytest.mark.parametrize(
@@ -215,5 +219,5 @@ def test_what_is_not_surely_the_gist_is_none(words):
 def test_what_somebody_does_not_want_is_not_taken_for_the_gist(words, name):
     said = {text for kind in SUBTASKS for text in [plain_requests(kind).get(name)] if text}
     for kind in ("open", "wipe", "place"):
-        gist = gist_of(words, ["drawer"], kind, VOCABULARY)
-        assert gist is None or not any(text in gist.text for text in said)
+        found = gist(words, "drawer", kind)
+        assert found is None or not any(text in found.text for text in said)

@@ -349,8 +349,8 @@ def _press_turn(recipe: Recipe, edit: Edit, rough: Rough) -> Recipe:
         at = _after_grip(steps)
         steps = (*steps[:at], "turn", *steps[at:])
     # Caps and knobs that guard against children open counterclockwise; a way that somebody named stays.
-    opens = -90.0 if recipe.kind != "close" else 90.0
-    turn = recipe.turn if recipe.way_named or recipe.turn not in (0.0, 90.0) else opens
+    usual = 90.0 if recipe.kind == "close" else -90.0
+    turn = recipe.turn if recipe.way_named or recipe.turn not in (0.0, 90.0) else usual
     return attrs.evolve(recipe, steps=steps, turn=turn, press=rough["press"])
 
 

@@ -13,9 +13,9 @@ from memo_core.policy.plan_feedback import PLANNING
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.answers import settled_words, wished
 from memo_llm.offline.editing import apply
-from memo_llm.offline.gist import asks_for_nothing
 from memo_llm.offline.hearing import hear
 from memo_llm.offline.imagination import Imagination
+from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.prompt import Prompt, read_subtask
 from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.recipe import Habits
@@ -61,7 +61,8 @@ def _note(
     if elsewhere is not None:
         return elsewhere
     heard = hear(words, prompt, scene, habits, vocabulary)
-    if prompt.subtask[0] == PLANNING and not asks_for_nothing(words, prompt.subtask[1], heard.kind):
+    action, objects = prompt.subtask
+    if action == PLANNING and not Learnt.load().asked_for(words, objects, heard.kind).asks_for_nothing:
         heard = attrs.evolve(heard, about_plans=True, also_moves=False)
     plans = _plans(words, heard, prompt, vocabulary)
     if plans and not heard.also_moves:
@@ -167,8 +168,8 @@ def _elsewhere(
 
 def _says_nothing(sentence: str, vocabulary: Vocabulary) -> bool:
     """Whether it is one word of small talk: "Sorry!"."""
-    (word, *more) = re.findall(r"[a-z']+", sentence.lower()) or [""]
-    return not more and word in vocabulary.small_talk | {"no", "nope", "yes", "stop", ""}
+    words = re.findall(r"[a-z']+", sentence.lower())
+    return len(words) < 2 and set(words) <= vocabulary.small_talk | {"no", "nope", "yes", "stop"}
 
 
 def _plans(words: str, heard: Heard, prompt: Prompt, vocabulary: Vocabulary) -> list[str]:

@@ -10,8 +10,10 @@ import attrs
 
 from memo_core.scene.graph import SceneGraph
 from memo_llm.offline.agreement import opposed, wanted
+from memo_llm.offline.asked import is_of_the_grip
 from memo_llm.offline.edits import Edit
-from memo_llm.offline.gist import asks_for_nothing, gist_of, is_of_the_grip
+from memo_llm.offline.gist import gist_of
+from memo_llm.offline.learnt import Learnt
 from memo_llm.offline.prompt import Prompt
 from memo_llm.offline.questions import OF_DOORS
 from memo_llm.offline.recipe import Habits
@@ -59,12 +61,13 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
     objects, kind = prompt.subtask[1], heard.kind
     around = Surroundings.of(scene, objects[0] if objects else "", objects[1] if len(objects) > 1 else None)
     beside = _beside(words, around)
-    gist = gist_of(words, objects, kind, vocabulary, around, beside)
+    asked = Learnt.load().asked_for(words, objects, kind)
+    gist = gist_of(words, asked, kind, vocabulary, around, beside)
     if gist is not None and gist.about_plans and not gist.text:
         return _about_plans(heard, gist.probability, quoted)
     if gist is not None and not (beside and beside in gist.text):
         gist = None if _beside_another(words, others_in(scene, objects)) else gist
-    if gist is None and not heard.question and len(words.split()) >= _FEW and asks_for_nothing(words, objects, kind):
+    if gist is None and not heard.question and len(words.split()) >= _FEW and asked.asks_for_nothing:
         return _asked(heard, heard.edits, quoted)
     meant = read_remark(gist.text, prompt, scene, habits, vocabulary) if gist is not None else None
     if gist is None or meant is None or meant.question:
@@ -75,10 +78,13 @@ def hear(words: str, prompt: Prompt, scene: SceneGraph, habits: Habits, vocabula
         if gist.probability >= _least(words, heard, meant, special, vocabulary):
             return meant
         return heard if special else _asked(heard, meant.edits, quoted)
-    if read & told or _swung(heard, meant):
-        heard = attrs.evolve(heard, likewise=meant if read == told else None)
-        says_more = read == told or _swung(heard, meant) or set() < read - told <= _SAID_OUTRIGHT
-        return meant if gist.probability >= _SURE_OF_PARTS and not says_more else heard
+    if read and read == told:
+        return attrs.evolve(heard, likewise=meant)
+    if _swung(heard, meant):
+        return heard
+    if read & told:
+        said_outright = set() < read - told <= _SAID_OUTRIGHT
+        return meant if gist.probability >= _SURE_OF_PARTS and not said_outright else heard
     if short and read and (min(gist.probability, gist.evidence) < _EVIDENT or _measured(heard)):
         return heard
     against = opposed(heard.edits, meant.edits, vocabulary)

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 _TOKENS = re.compile(r"[a-z']+|#|[.,!?;:-]")
 BESIDE = 0.75  # probability from which on a name is believed beside a likelier one: most remarks ask for one thing
-ONE_OF_TWO = 0.75  # what is left of a probability where another name is likely, too: it is missing then, and not wrong
-UNKNOWN = (
-    0.6  # what is left of a probability for each word that stood in no sentence learnt from, where there are several
-)
+ANOTHER = 0.75  # the least that a likely further name leaves of a probability: it is missing then, and nothing is wrong
+UNKNOWN = 0.6  # what each word that stood in no sentence learnt from leaves of a probability, where there are several
 ALIKE = (  # names that come to much the same: to take one for the other does no harm
     frozenset(["further", "all-the-way"]),
     frozenset(["gentler", "slower"]),
@@ -32,7 +30,8 @@ ALIKE = (  # names that come to much the same: to take one for the other does no
     frozenset(["centred", "over-place"]),
     frozenset(["hold-on", "hold-for"]),
 )
-_SIDEWAYS = frozenset(["left", "right", "nearer", "away"])
+SIDES = frozenset(["left", "right"])
+SIDEWAYS = SIDES | {"nearer", "away"}
 IMPLIED = {  # names that add nothing beside this one, which says it better
     "to-angle": frozenset(["further", "less-far"]),
     "at-middle": frozenset(["higher", "lower"]),
@@ -42,10 +41,10 @@ IMPLIED = {  # names that add nothing beside this one, which says it better
     "at-bottom": frozenset(["lower"]),
     "clockwise": frozenset(["other-way"]),
     "counterclockwise": frozenset(["other-way"]),
-    "close-to": _SIDEWAYS,
-    "gap": _SIDEWAYS | {"less-far"},
-    "centred": _SIDEWAYS,
-    "from-edge": _SIDEWAYS,
+    "close-to": SIDEWAYS,
+    "gap": SIDEWAYS | {"less-far"},
+    "centred": SIDEWAYS,
+    "from-edge": SIDEWAYS,
     "release-later": frozenset(["gentler", "lower"]),
     "release-slowly": frozenset(["slower", "gentler"]),
     "shake": frozenset(["repeat", "further", "less-far"]),
@@ -73,6 +72,16 @@ class Asked:
     names: frozenset[str]
     probability: float
     likely: dict[str, float]  # the probability of each name by itself
+
+    @property
+    def evidence(self) -> float:
+        """The probability of the likeliest of the names by itself."""
+        return max(self.likely[name] for name in self.names)
+
+    @property
+    def asks_for_nothing(self) -> bool:
+        """Whether the remark only approves, or complains without saying of what."""
+        return self.names == {"nothing"} and self.probability >= 0.5
 
 
 @attrs.frozen(eq=False)
@@ -111,9 +120,7 @@ class Learnt:
         names = names - implied or frozenset([likeliest])
         loosely = {one for alike in ALIKE if alike & names for one in alike} | (implied - names)
         just_these = math.prod(
-            share if name in names else max(1 - share, ONE_OF_TWO)
-            for name, share in likely.items()
-            if name not in loosely
+            share if name in names else max(1 - share, ANOTHER) for name, share in likely.items() if name not in loosely
         )
         for alike in ALIKE:
             if alike & names:

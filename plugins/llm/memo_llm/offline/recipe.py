@@ -11,7 +11,7 @@ from memo_core.errors import InvalidArgument
 from memo_llm.offline.vocabulary import read_yaml
 
 STEPS = ("open-hand", "close-hand", "approach", "path", "turn", "back-off", "look")
-_NO_KINDS = frozenset(["verbs", "rough", "tools", "backwards", "onwards"])  # keys of habits.yaml beside the kinds
+_NO_KINDS = frozenset(["verbs", "rough", "tools", "ways"])  # keys of habits.yaml beside the kinds
 Vector = tuple[float, float, float]
 
 
@@ -93,8 +93,7 @@ class Habits:
     kinds: dict[str, dict[str, Any]]
     rough: dict[str, float]
     tools: dict[str, list[str]]  # kind -> what one does it with
-    backwards: frozenset[str]  # verbs of what is turned the other way round than the habit says
-    onwards: frozenset[str]  # verbs that say themselves that it is turned as the habit says
+    ways: dict[str, int]  # verbs that say which way round it is turned: 1 as the habit says, -1 the other way
 
     @classmethod
     def load(cls, path: str = "") -> Habits:
@@ -121,9 +120,7 @@ class Habits:
             if kind not in kinds:
                 raise InvalidArgument(f"llm.habits: tools.{kind}", "no habit of this kind", ", ".join(kinds))
         rough = {key: float(value) for key, value in data["rough"].items()}
-        return cls(
-            verbs, kinds, rough, tools, frozenset(data.get("backwards") or ()), frozenset(data.get("onwards") or ())
-        )
+        return cls(verbs, kinds, rough, tools, dict(data.get("ways") or {}))
 
     def kind(self, action: str) -> str:
         """The kind of subtask that a verb names; "" for a verb that is not known."""
@@ -140,9 +137,6 @@ class Habits:
         if failed and others:
             habit |= others[(failed - 1) % len(others)]
         habit["steps"] = tuple(habit.get("steps", ()))
-        verb = action.split(" ")[0]
-        if verb in self.backwards:
-            habit["turn"] = -habit.get("turn", 0.0)
-        if verb in self.backwards | self.onwards:
-            habit["way_named"] = True
+        if way := self.ways.get(action.split(" ")[0]):
+            habit |= {"turn": way * habit.get("turn", 0.0), "way_named": True}
         return Recipe(kind, objects[0] if objects else "", objects[1] if len(objects) > 1 else None, **habit)
