@@ -106,17 +106,35 @@ class LanguageModel(ABC):
         return ""
 
 
+Cause = Literal["", "access", "quota", "unreachable", "busy", "timeout", "refusal", "length"]
+
+
 @attrs.define(auto_exc=True, eq=False)
 class LanguageModelError(MemoError):
     """A language backend could not answer: ``problem`` says why, ``retryable`` whether asking again may help, and
     ``retry_after_s`` the delay that the server asks for. ``usage`` is the probable cost of a call whose question was
-    sent and whose answer was lost; None if nothing was spent."""
+    sent and whose answer was lost; None if nothing was spent. ``cause`` is the kind of failure, as far as it is known:
+
+    - ``access``: the key is missing or refused, or the model's name is unknown to the provider
+    - ``quota``: the paid quota or the credit is used up
+    - ``unreachable``: nobody listens at the address, or a page of something else answers there
+    - ``busy``: a rate limit, or an overloaded server
+    - ``timeout``: no complete answer within the time limit
+    - ``refusal``: a content filter withheld the answer to this question
+    - ``length``: the answer was cut off at the limit of tokens
+    """
 
     backend: str
     problem: str
     retryable: bool = False
     retry_after_s: float | None = None
     usage: Usage | None = None
+    cause: Cause = ""
+
+    @property
+    def persistent(self) -> bool:
+        """Whether every other question would fail as well, until a person mends the cause."""
+        return self.cause in ("access", "quota", "unreachable")
 
     def __str__(self) -> str:
         return f"language model {self.backend!r}: {self.problem}"
