@@ -160,7 +160,7 @@ class Loop:
                 self._end_subtask(at, at.result(at.unapproved))
             except LanguageModelError as error:  # what the model would have said is still wanted
                 self._end_subtask(at, at.result(at.unapproved, str(error)))
-                return attrs.evolve(self._result(str(error)), resumable=True, unanswerable=not error.retryable)
+                return attrs.evolve(self._result(str(error)), resumable=True, error=error)
         return self._ended(reason)
 
     def _subtask(self, at: _Subtask) -> SubtaskResult:
