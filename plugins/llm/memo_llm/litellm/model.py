@@ -64,12 +64,8 @@ class LiteLLMModel(LanguageModel):
         try:
             _, self._provider, _, _ = litellm.get_llm_provider(settings.model, api_base=settings.api_base or None)
         except Exception:
-            provider = settings.model.partition("/")[0]
-            raise InvalidArgument(
-                "llm.model",
-                f"litellm knows no provider {provider!r}",
-                "provider/model; for any OpenAI-compatible server openai/MODEL with llm.api_base",
-            ) from None
+            said = f"litellm does not know {settings.model!r}"
+            raise InvalidArgument("llm.model", said, "provider/model as litellm calls them") from None
         self._find_key(litellm)
         self._redact = Redactor.of_environment([self._key_variable] if self._key_variable else [])
         warm_up(litellm, settings.model)
