@@ -87,7 +87,7 @@ def _check_task(experiment: Experiment) -> None:
 
 
 def _missing(experiment: Experiment) -> list[str]:
-    """What the chosen backends need and this machine lacks, such as a key: no mistake of the file."""
+    """Requirements of the chosen backends that this machine lacks, such as a key: no mistake of the file."""
     from memo_core.config.experiment import Choice
 
     values = [*experiment.choices.values(), *experiment.skills]

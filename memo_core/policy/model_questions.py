@@ -17,7 +17,7 @@ from memo_core.scene.graph import SceneGraph
 
 T = TypeVar("T")
 
-# What the model is told of an answer that is not complete, by the cause; and people, where its backend says no more.
+# Why an answer is not complete, by its cause: in words for the model, and for people where the backend says no more.
 _INCOMPLETE: dict[Cause, str] = {
     "length": "it was cut off at the model's length limit; answer more briefly",
     "refusal": "it is a refusal; nothing here is dangerous, the robot's limits are checked elsewhere",

@@ -1,4 +1,4 @@
-"""What providers report is passed on as what it is: its cause, their own words, and whether asking again may help."""
+"""Errors of providers keep their cause and their words, and say whether asking again may help."""
 
 from __future__ import annotations
 
@@ -57,6 +57,10 @@ def page(status: int, title: str) -> Reply:
     return Reply(status=status, body=body, headers={"Content-Type": "text/html"})
 
 
+def text(status: int, words: str) -> Reply:
+    return Reply(status=status, body=words.encode(), headers={"Content-Type": "text/plain; charset=utf-8"})
+
+
 RETRY = {"@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": "22.5s"}
 PER_MINUTE = {"violations": [{"quotaId": "GenerateRequestsPerMinutePerProjectPerModel-FreeTier"}]}
 PER_DAY = {"violations": [{"quotaId": "GenerateRequestsPerDayPerProjectPerModel-FreeTier"}]}
@@ -102,8 +106,10 @@ REPORTS = [
     ("openai/x", report(200, {"error": {"message": "Something odd happened"}}), ""),
     ("openai/x", page(200, "Sign in to the hospital's network"), "unreachable"),
     ("openai/x", page(403, "Access denied by the proxy"), "unreachable"),
+    ("openai/x", text(200, "Blocked by your network's policy"), "unreachable"),
+    ("openai/x", text(401, "Unauthorized"), "access"),
     ("openai/x", report(404, {"detail": "Not Found"}), "unreachable"),
-    ("openai/x", Reply(status=404, body=b"404 page not found", headers={"Content-Type": "text/plain"}), "unreachable"),
+    ("openai/x", text(404, "404 page not found"), "unreachable"),
     ("openai/x", error(400, FILTERED, code="content_filter"), "refusal"),
     ("openai/x", error(400, "This model's maximum context length is 8192 tokens."), ""),
 ]
@@ -153,7 +159,7 @@ def test_a_delay_in_the_body_counts_as_one_in_the_head():
 def test_a_refused_key_is_named_by_its_variable_and_never_shown():
     with Wire([error(401, f"Incorrect API key provided: {KEYS['OPENAI_API_KEY']}")]) as wire:
         problem = failed(model_at(wire.base))
-    assert "refuses the key in OPENAI_API_KEY (401)" in problem.problem
+    assert "refuses the key in OPENAI_API_KEY (401; export another)" in problem.problem
     assert KEYS["OPENAI_API_KEY"] not in str(problem)
 
 
@@ -178,6 +184,14 @@ def test_an_address_without_a_model_behind_it_is_unreachable(where):
         problem = failed(model_at(base))
     assert problem.cause == "unreachable" and not problem.retryable, problem
     assert "cannot be reached" in problem.problem and base in problem.problem and problem.usage is None
+
+
+def test_a_proxy_that_does_not_connect_makes_a_server_unreachable(monkeypatch):
+    with Wire() as proxy:
+        monkeypatch.setenv("HTTPS_PROXY", proxy.base)
+        problem = failed(model_at("https://llm.lab.invalid/v1"))
+    assert problem.cause == "unreachable" and "the proxy refuses to connect to it (501)" in problem.problem
+    assert problem.usage is None
 
 
 # -- streams -----------------------------------------------------------------------------------------------------------

@@ -36,7 +36,8 @@ _WAIT = re.compile(r"\b(retry|try again) (in|after) \d", re.IGNORECASE)
 
 @attrs.frozen
 class _Response:
-    """What came back: the status that counts, the error as the server reports it, and the words for people."""
+    """A response without a usable answer. ``status`` is that of the error if it came with another one; ``page`` the
+    words of a page of something else; ``words`` what is shown to people."""
 
     status: int
     error: ServerError | None
@@ -76,7 +77,7 @@ def problem_of(
 def _without_an_answer(error: BaseException, line: Line, backend: str, where: str, reached: bool) -> LanguageModelError:
     if line.failed is not None and not line.connected:
         # A server that was there may come back; an address at which nobody ever answered is probably wrong.
-        problem = f"{where} cannot be reached: {_said(line.failed)}"
+        problem = f"{where} cannot be reached: {_said(line.failed)}; check llm.api_base, the network and the server"
         return LanguageModelError(backend, problem, retryable=reached, cause="unreachable")
     problem = f"{where} cut the connection before it answered: {_said(line.failed or error)}"
     return LanguageModelError(backend, problem, retryable=True)
@@ -87,7 +88,8 @@ def _response(error: BaseException, line: Line) -> _Response | None:
     if line.status is None:
         status = getattr(error, "status_code", None)  # litellm's word where the connection was not seen
         return None if status is None else _Response(status, None, None, _said(error), None)
-    said, page = error_in(line.begins, line.ends), page_in(line.begins)
+    plain = line.status < 400 and line.headers.get("content-type", "").startswith("text/plain")
+    said, page = error_in(line.begins, line.ends), page_in(line.begins, plain)
     status = line.status if line.status >= 400 or said is None else said.status or line.status
     after = _seconds(line.retry_after)
     after = said.retry_after_s if said is not None and after is None else after
@@ -129,7 +131,7 @@ def _is_spent(response: _Response) -> bool:
 
 
 def _words(cause: Cause, response: _Response, key: str) -> str:
-    """What happened and what to do about it, before the server's own words."""
+    """The sentence before the server's own words: the kind of error and what to do about it."""
     status, page = response.status, response.page is not None
     if cause == "busy":
         return f"asks to slow down ({status})" if status == 429 else f"has an error of its own ({status})"
@@ -140,7 +142,7 @@ def _words(cause: Cause, response: _Response, key: str) -> str:
     if cause == "access" and response.knows_no_model:
         return f"has no such model ({status}; see llm.model)"
     if cause == "access" and key:
-        return f"refuses the key in {key} ({status})"
+        return f"refuses the key in {key} ({status}; export another)"
     if cause == "access":
         return f"refuses a question without a key ({status}; set llm.api_key_env to the variable that holds one)"
     if cause == "unreachable":

@@ -27,6 +27,7 @@ class Line:
         self.reset()
         self._sockets: list[socket.socket] = []
         self._cut = False
+        self._tunnel = False
 
     def reset(self) -> None:
         """Prepare for another request of the same call."""
@@ -67,7 +68,11 @@ class Line:
 
     def trace(self, name: str, info: dict[str, Any]) -> None:
         step = name.partition(".")[2]
-        if step == "connect_tcp.complete":
+        if step == "send_request_headers.started":
+            self._tunnel = info["request"].method == b"CONNECT"  # asked of a proxy; the server is behind it
+        elif self._tunnel and step == "receive_response_headers.complete":
+            self._tunnel_answered(info["return_value"][1])
+        elif step == "connect_tcp.complete":
             self.connected = True
             sock = info["return_value"].get_extra_info("socket")
             if sock is not None:
@@ -79,13 +84,17 @@ class Line:
         elif step == "start_tls.complete":
             self.connected = True
         elif step == "send_request_body.complete":
-            self.sent = True
+            self.sent = not self._tunnel
         elif step == "receive_response_headers.complete":
             _, status, _, headers, *_ = info["return_value"]
             self.status, self.begins, self.ends = int(status), b"", b""
             self.headers = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
         elif step.endswith(".failed") and not isinstance(info.get("exception"), GeneratorExit):  # closed on this side
             self.failed = info.get("exception")
+
+    def _tunnel_answered(self, status: int) -> None:
+        if status >= 300:
+            self.connected, self.failed = False, ConnectionError(f"the proxy refuses to connect to it ({status})")
 
 
 def traced_transport() -> Any:

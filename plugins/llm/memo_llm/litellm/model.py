@@ -316,7 +316,8 @@ class LiteLLMModel(LanguageModel):
 
     def _too_late(self) -> LanguageModelError:
         limit = self._settings.timeout_s
-        return self._error(f"{self._where()} did not finish within llm.timeout_s ({limit:g} s)", "timeout")
+        said = f"{self._where()} did not finish within llm.timeout_s ({limit:g} s); raise it for a slow model"
+        return self._error(said, "timeout")
 
     def _error(self, problem: str, cause: Cause = "") -> LanguageModelError:
         return LanguageModelError(self.name, problem, cause=cause)

@@ -1,4 +1,5 @@
-"""What litellm knows of providers, without importing it, which takes seconds: for settings to be checked at once."""
+"""Names and keys of litellm's providers, without importing it, which takes seconds, so that settings are checked at
+once."""
 
 from __future__ import annotations
 

@@ -63,11 +63,11 @@ def error_in(body: bytes, end: bytes = b"") -> ServerError | None:
     return None
 
 
-def page_in(body: bytes) -> str | None:
-    """The title or the first words of a page of HTML; None if the body is something else."""
+def page_in(body: bytes, plain: bool = False) -> str | None:
+    """The title or the words of a page of HTML, or of text if it may be ``plain``; None for any other body."""
     text = body.decode("utf-8", "replace").strip()
     if not re.match(r"<(!doctype|html|head|body)\b", text, re.IGNORECASE):
-        return None
+        return text if plain and text and _parsed(body) is None else None
     title = re.search(r"<title[^>]*>(.*?)</title>", text, re.IGNORECASE | re.DOTALL)
     plain = title.group(1) if title else re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>", " ", text, flags=re.I | re.S)
     return " ".join(html.unescape(plain).split()) or "a page without words"
