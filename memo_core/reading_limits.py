@@ -1,13 +1,14 @@
 """Limits on how much text of people and of language models is read.
 
 A regular expression holds Python's interpreter lock until it returns, and no signal is handled meanwhile. Bounded input
-keeps that short whatever the text holds. A person's words are stored in full first; what exceeds the limit is set aside.
+keeps that short whatever the text holds. A person's words are stored in full; what exceeds the limit is set aside.
 """
 
 from __future__ import annotations
 
 LONGEST_WORDS = 4_000  # characters of what a person says at a time
 LONGEST_ANSWER = 200_000  # characters of one answer of a language model
+LONGEST_CODE = 40_000  # characters of one program
 _SHOWN = 200  # characters of words that are too long
 
 

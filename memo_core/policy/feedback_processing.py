@@ -93,9 +93,9 @@ class FeedbackProcessor:
         self._teaching = teaching or TeachingSettings()
 
     def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> Noted:
-        """Ask a model what can be learnt, and store it. The feedback is set aside with the reason if it is too long to be
-        asked about, if the answer cannot be read, or if the answer says that nothing can be learnt; if the model cannot
-        be asked, the feedback stays as it is. Raises ``Stopped``."""
+        """Ask a model what can be learnt, and store it. The feedback is set aside with the reason if it is too long, if
+        the answer cannot be read, or if the answer says that nothing can be learnt; if the model cannot be asked, the
+        feedback stays as it is. Raises ``Stopped``."""
         if unread := too_long(feedback.words):
             return self._set_aside(feedback, unread, f"{unread}. What should I do differently, in fewer words?")
         about = circumstances or Circumstances()

@@ -25,22 +25,22 @@ FILLING = {
 }  # fmt: skip
 # Yes and no as they are said elsewhere or in a hurry. They are asked back: a guess could become a correction.
 YES_ELSEWHERE = {
-    "ja", "jo", "jawohl", "genau", "gut", "klar", "richtig", "sicher", "oui", "ouais", "bien", "bon", "parfait", "d'accord",
-    "si", "sí", "vale", "bueno", "perfecto", "sim", "bom", "certo", "bene", "va", "tak", "dobrze", "да", "хорошо",
+    "ja", "jo", "jawohl", "genau", "gut", "klar", "richtig", "sicher", "oui", "ouais", "bien", "bon", "parfait",
+    "d'accord", "si", "sí", "vale", "bueno", "perfecto", "sim", "bom", "certo", "bene", "va", "tak", "dobrze", "да", "хорошо",
     "hai", "はい", "是", "对", "好", "네", "نعم", "evet", "ye", "yea", "yess", "yup", "ya", "yah", "aye", "sure",
     "yas", "k", "kk", "okey", "👍", "👌", "✅", "✔", "🙂", "😀", "🎉",
 }  # fmt: skip
 NO_ELSEWHERE = {
-    "nein", "nee", "nej", "nie", "nö", "non", "não", "нет", "falsch", "faux", "iie", "いいえ", "不", "아니요", "لا", "nah",
-    "nay", "noo", "nooo", "👎", "❌", "✗", "🙁",
+    "nein", "nee", "nej", "nie", "nö", "non", "não", "нет", "falsch", "faux", "iie", "いいえ", "不", "아니요", "لا",
+    "nah", "nay", "noo", "nooo", "👎", "❌", "✗", "🙁",
 }  # fmt: skip
 ASKED_BACK_WORDS = 3  # no more of them are asked back for being in other words
 # Single words that are corrections by themselves, beside comparatives and adverbs ("lower", "gently").
 _CORRECTING = NO | {
     "wrong", "bad", "stop", "up", "down", "left", "back", "forward", "forwards", "backward", "backwards", "straight",
     "in", "out", "on", "off", "again", "more", "less", "open", "close", "push", "pull", "lift", "turn", "twist", "grip",
-    "grasp", "hold", "wait", "clockwise", "anticlockwise", "counterclockwise", "upright", "upside", "sideways", "failed",
-    "missed", "dropped", "fell", "stuck", "slipped",
+    "grasp", "hold", "wait", "clockwise", "anticlockwise", "counterclockwise", "upright", "upside", "sideways",
+    "failed", "missed", "dropped", "fell", "stuck", "slipped",
 }  # fmt: skip
 _COMPARATIVE = re.compile(r"[a-z]{2,}(?:er|ly)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?|\d+")

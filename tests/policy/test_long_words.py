@@ -5,12 +5,15 @@ from __future__ import annotations
 import pytest
 from loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
+from memo_core.errors import InvalidArgument
 from memo_core.events import FeedbackGiven, Problem
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.policy.feedback_processing import FeedbackProcessor, retry
 from memo_core.policy.model_questions import Questions
 from memo_core.reading_limits import LONGEST_WORDS, excerpt, too_long
+from memo_core.skillbook.entries import Note
+from memo_core.skillbook.keys import Key
 
 SCRIPT = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "template": [TEMPLATE], "feedback": [NOTES]}
 LONG = "that is not a cup, it is a mug " * 40_000
@@ -91,3 +94,15 @@ def test_words_within_the_limit_are_repeated_as_they_are():
 def test_a_short_correction_is_learnt_as_ever(sandbox, book):
     Bench(sandbox, book, SCRIPT, [NO, YES]).run()
     assert len(book.entries("correction")) == 1 and not book.pending_feedback(parked=True)
+
+
+def test_an_entry_that_no_prompt_can_hold_is_told_and_passed_over(sandbox, book):
+    spoken = book.record_feedback("lower", "ann", subtask="PICK_UP(red cube)", kept_only="an import")
+    key = Key.parse("PICK_UP(red cube)")
+    book.add_notes(spoken, [Note(key, "Lower. " * 300_000), Note(key, "Grip it at its middle.")])
+    bench = Bench(sandbox, book, SCRIPT, None)
+    bench.run()
+    assert all("middle" in prompt and len(prompt) < 60_000 for prompt in bench.llm.prompts("code"))
+    assert any("2100000 characters" in event.message for event in bench.of(Problem))
+    with pytest.raises(InvalidArgument, match=f"at most {LONGEST_WORDS} characters"):
+        book.edit(book.entries("correction")[1].id, "x" * (LONGEST_WORDS + 1), "ann")

@@ -112,7 +112,8 @@ def test_praise_that_says_more_is_asked_back(monkeypatch, capsys, words):
 
 
 IN_OTHER_WORDS = [
-    "ja", "oui", "👍", "👍🏽", "ye", "yup", "sí", "да", "はい", "d'accord", "Ja!", "muy bien", "nein", "нет", "hm", "!", "👎👎",
+    "ja", "oui", "👍", "👍🏽", "ye", "yup", "sí", "да", "はい", "d'accord", "Ja!", "muy bien", "nein", "нет", "hm",
+    "!", "👎👎",
 ]  # fmt: skip
 
 
@@ -130,9 +131,7 @@ def test_a_yes_or_no_in_other_words_is_asked_back_and_never_a_correction_by_itse
     assert typing(monkeypatch, words, "y").put_back(episode) is True
 
 
-@pytest.mark.parametrize(
-    "words", ["lower", "slower", "gently", "stop", "2 cm lower", "go up", "tiefer bitte greifen, da"]
-)
+@pytest.mark.parametrize("words", ["lower", "slower", "gently", "stop", "2 cm lower", "go up", "tiefer bitte, ja da"])
 def test_a_short_correction_is_taken_without_asking_back(monkeypatch, words):
     assert typing(monkeypatch, words).judge(episodes()[0]).words == words
 
