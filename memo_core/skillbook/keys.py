@@ -59,7 +59,7 @@ class Key:
     def make(cls, action: str, *objects: str, source: str | None = None) -> Key:
         """A key from an action and its objects in any spelling. Raises ``NotAKey``."""
         text = source if source is not None else f"{action}({', '.join(objects)})"
-        if sum(map(len, (action, *objects))) > _MAX_TEXT:
+        if len(text) > _MAX_TEXT:
             raise NotAKey(text, f"it is longer than {_MAX_TEXT} characters")
         verb = _words(action)
         if not verb:

@@ -26,9 +26,9 @@ FILLING = {
 # Yes and no as they are said elsewhere or in a hurry. They are asked back: a guess could become a correction.
 YES_ELSEWHERE = {
     "ja", "jo", "jawohl", "genau", "gut", "klar", "richtig", "sicher", "oui", "ouais", "bien", "bon", "parfait",
-    "d'accord", "si", "sí", "vale", "bueno", "perfecto", "sim", "bom", "certo", "bene", "va", "tak", "dobrze", "да", "хорошо",
-    "hai", "はい", "是", "对", "好", "네", "نعم", "evet", "ye", "yea", "yess", "yup", "ya", "yah", "aye", "sure",
-    "yas", "k", "kk", "okey", "👍", "👌", "✅", "✔", "🙂", "😀", "🎉",
+    "d'accord", "si", "sí", "vale", "bueno", "perfecto", "sim", "bom", "certo", "bene", "va", "tak", "dobrze", "да",
+    "хорошо", "hai", "はい", "是", "对", "好", "네", "نعم", "evet", "ye", "yea", "yess", "yup", "ya", "yah", "aye",
+    "sure", "yas", "k", "kk", "okey", "👍", "👌", "✅", "✔", "🙂", "😀", "🎉",
 }  # fmt: skip
 NO_ELSEWHERE = {
     "nein", "nee", "nej", "nie", "nö", "non", "não", "нет", "falsch", "faux", "iie", "いいえ", "不", "아니요", "لا",
