@@ -23,7 +23,16 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Rooms in one line do not know each other either.
 LEVELS = (
-    ("errors", "events", "parsing", "redaction", "temporary_folders", "isolated_python", "entry_points"),
+    (
+        "errors",
+        "events",
+        "parsing",
+        "reading_limits",
+        "redaction",
+        "temporary_folders",
+        "isolated_python",
+        "entry_points",
+    ),
     ("stop_switch",),
     ("terminal",),
     ("scene",),

@@ -10,7 +10,7 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Overrides
 from memo_core.cli.output import note
-from memo_core.cli.robot_link import connected, hardware
+from memo_core.cli.robot_link import agreed, connected, hardware
 from memo_core.errors import InvalidArgument
 
 Out = Annotated[Path, typer.Option("--out", help="File to write; `hardware.commissioning` names it in experiments.")]
@@ -23,8 +23,7 @@ class _AtTheTerminal:
         note(text)
 
     def ready(self, what: str) -> bool:
-        typed = typer.prompt(f"{what} [y: yes, s: leave it out]", default="s", show_default=False, err=True)
-        return str(typed).strip().lower() in ("y", "yes")
+        return agreed(f"{what} [y: yes, s: leave it out]")
 
     def answer(self, question: str) -> str:
         return str(typer.prompt(question, err=True)).strip()

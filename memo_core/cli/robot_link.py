@@ -11,6 +11,7 @@ import typer
 from memo_core.cli.options import ConfigFile, Overrides, load
 from memo_core.cli.output import note
 from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.teachers.answers import NO, SILENCES, YES, bare
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
@@ -48,11 +49,21 @@ def connected(experiment: Experiment) -> Iterator[Link]:
         lease.give_back()
 
 
+def agreed(question: str) -> bool:
+    """Ask at the terminal until the answer is yes or no; Enter is no."""
+    while True:
+        typed = bare(str(typer.prompt(question, default="n", show_default=False, err=True)))
+        if typed in YES:
+            return True
+        if typed in NO | SILENCES:
+            return False
+        note(f"{typed!r} is neither yes nor no")
+
+
 def confirmed(what: str, yes: bool) -> None:
     """Raises ``InvalidArgument`` unless somebody says yes."""
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:
         return
-    typed = typer.prompt("Go on? [y/n]", default="n", show_default=False, err=True)
-    if typed.strip().lower() not in ("y", "yes"):
+    if not agreed("Go on? [y/n]"):
         raise InvalidArgument("the answer", "not yes: nothing was done", "y")

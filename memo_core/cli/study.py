@@ -11,9 +11,13 @@ from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, Stopped
+from memo_core.reading_limits import LONGEST_WORDS
+from memo_core.teachers.answers import NO, bare
 
 if TYPE_CHECKING:
     from memo_core.study.consent import Demographics
+
+OLDEST = 130  # years
 
 app = typer.Typer(help="Participants teach the robot in sessions.")
 
@@ -162,7 +166,11 @@ class AtTerminal:
 
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
-        return input(f"{participant}, type 'I agree' to take part: ").strip().casefold() == "i agree"
+        while True:
+            typed = bare(input(f"{participant}, type 'I agree' to take part: "))
+            if typed in ("i agree", *NO):
+                return typed == "i agree"
+            note(f"{typed!r} is no consent: 'I agree' takes part, 'no' does not")
 
     def about(self, participant: str, known: Demographics) -> Demographics:
         import attrs
@@ -176,7 +184,17 @@ class AtTerminal:
         told = {name: getattr(known, name) for name in questions}
         for name, question in questions.items():
             if told[name] is None:
-                answer = input(f"{question} (Enter: no answer): ").strip()
-                told[name] = answer or None
-        age = str(told["age"] or "")
-        return attrs.evolve(known, **told | {"age": int(age) if age.isdecimal() else None})
+                ask = _age if name == "age" else _answer
+                told[name] = ask(question)
+        return attrs.evolve(known, **told)
+
+
+def _answer(question: str) -> str | None:
+    return input(f"{question} (Enter: no answer): ").strip()[:LONGEST_WORDS] or None
+
+
+def _age(question: str) -> int | None:
+    """Ask until the answer is a whole number of years or empty."""
+    while (typed := bare(_answer(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
+        note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
+    return int(typed) if typed else None

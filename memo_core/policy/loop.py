@@ -158,7 +158,7 @@ class Loop:
                 self._effects.confirm(self._episode(at))
                 at.attempt.error = str(doubt)
                 self._end_subtask(at, at.result(at.unapproved))
-            except LanguageModelError as error:  # what the model would have said is still wanted
+            except (LanguageModelError, Unreadable) as error:  # what the model would have said is still wanted
                 self._end_subtask(at, at.result(at.unapproved, str(error)))
                 return attrs.evolve(self._result(str(error)), resumable=True, error=error)
         return self._ended(reason)
@@ -176,6 +176,8 @@ class Loop:
                 if heard.kind == "approve":
                     self._template(at, heard)
             except Unreadable as error:
+                if error.cause:  # withheld or cut off: the model said nothing that could be tried
+                    raise
                 return at.result(at.unapproved, str(error))
             except Stopped:
                 at.interrupted += 1

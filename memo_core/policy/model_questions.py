@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import attrs
 
@@ -145,18 +145,19 @@ def put(
 ) -> tuple[T, Asked]:
     """Ask a question, and up to ``reasks`` times again with the reason while ``read`` raises ``Unreadable`` or the
     answer is withheld or cut off. Raises as ``Questions.ask``."""
-    asked = 0
+    asked, reader = 0, _Reader(read)
     while True:
         asked += 1
+        request = Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp)
         try:
-            answer, file = calls.answer(Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp))
+            answer, file = calls.answer(request, reader.prepare)
         except LanguageModelError as error:
             if error.cause not in _INCOMPLETE:
                 raise
             # The provider withheld its answer to this question; it would answer others.
             raise Unreadable(phase, f"{calls.model}: {error.problem}", cause=error.cause) from error
         try:
-            return read(_complete(phase, answer, calls.model)), Asked(asked, file)
+            return reader(_complete(phase, answer, calls.model)), Asked(asked, file)
         except Unreadable as error:
             if asked > reasks:
                 raise
@@ -165,6 +166,30 @@ def put(
             again = _INCOMPLETE.get(error.cause, error.problem)
             again = f"This answer cannot be used: {again}. Answer once more, in the form asked for."
             messages = (*messages, Message("user", again))
+
+
+class _Reader(Generic[T]):
+    """Reads an answer ahead of time, where a stop can abandon it, and remembers the result."""
+
+    def __init__(self, read: Callable[[str], T]) -> None:
+        self._read = read
+        self._ready: tuple[str, T | None, Unreadable | None] | None = None
+
+    def prepare(self, text: str) -> None:
+        try:
+            self._ready = (text, self._read(text), None)
+        except Unreadable as error:
+            self._ready = (text, None, error)
+
+    def __call__(self, text: str) -> T:
+        """Raises ``Unreadable``."""
+        ready = self._ready
+        if ready is None or ready[0] != text:
+            return self._read(text)  # answered from the run's log
+        _, value, error = ready
+        if error is not None:
+            raise error
+        return cast(T, value)
 
 
 def _complete(phase: str, answer: Answer, model: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 import cattrs
 
-from memo_core.events import Retrieved
+from memo_core.events import Problem, Retrieved
 from memo_core.policy.logged_book import entries_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.plan_feedback import is_of_plans
@@ -19,6 +19,7 @@ from memo_core.runlog.run_log import Effect
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook import retrieval
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.entries import longest_entry
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.stop_switch import abandonable
@@ -84,7 +85,22 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
         return _Found(attrs.evolve(served, sources=tuple(book.sources(served.entries))), found.event().cut)
 
     kind: Effect[_Found] = Effect("retrieve", _keep, lambda record: _read(record, book))
-    return session.log.effect(kind, str(key), ask)
+    found = session.log.effect(kind, str(key), ask)
+    return attrs.evolve(found, served=_usable(session, found.served))
+
+
+def _usable(session: Session, served: Served) -> Served:
+    """What was retrieved without entries that are too long for a prompt, such as a book from elsewhere may have."""
+    for one in served.every:
+        if not _fits(one):
+            told = f"it has {len(one.text)} characters, and at most {longest_entry(one.entry.kind)} fit into a prompt"
+            session.emit(Problem(f"entry {one.entry.id} is not used (see `memo skillbook edit`)", told))
+    kept = {name: tuple(filter(_fits, getattr(served, name))) for name in ("corrections", "general", "templates")}
+    return attrs.evolve(served, **kept)
+
+
+def _fits(one: retrieval.Served) -> bool:
+    return len(one.text) <= longest_entry(one.entry.kind)
 
 
 # -- in the prompt -----------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import attrs
 from memo_core.errors import BackendUnavailable, MemoError, RobotFault, Stopped, TaskCodeError
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import BudgetExceeded
+from memo_core.llm.readers import Unreadable
 
 MOST_IN_A_ROW = 3  # errors of one cause, with nothing carried out between them, after which a command stops
 UNEXPECTED = "unexpected"  # cause of an error that no code raised deliberately
@@ -59,6 +60,8 @@ def run_error(error: MemoError) -> RunError | None:
     """What an error that ended a run says of carrying it out; None for a limit or a person that ended it."""
     if isinstance(error, (Stopped, BudgetExceeded)):
         return None
+    if isinstance(error, Unreadable):  # an answer that was given is the model's; one that was withheld or cut off is not
+        return RunError(error.cause, error.told) if error.cause else None
     if isinstance(error, LanguageModelError):
         return RunError(error.cause or "llm", str(error), error.persistent)
     if isinstance(error, BackendUnavailable):

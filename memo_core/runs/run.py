@@ -329,7 +329,8 @@ def _perform(
         parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget, folder.add_look)
         supervisor.run(lambda: _work(components, parts, ended, view, on_text))
     except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
-        ended.problem, ended.final = error.told, True
+        ended.problem, ended.error = error.told, run_error(error)
+        ended.final = ended.error is None
     except Stopped:
         ended.problem = "ended by a person"
     except MemoError as error:

@@ -14,6 +14,8 @@ import signal
 import sys
 from typing import Any
 
+from memo_core.reading_limits import too_long
+
 _PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
 _ESCAPES = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
 
@@ -45,6 +47,9 @@ class TypedLine:
         """Show the lines of a question and return what is typed from then on; None at the end of input. Text typed
         before is a draft. Exceptions of signal handlers propagate."""
         draft = self._typed_ahead()  # before the question is shown: what comes after it is the answer, however soon
+        if too_long(draft):
+            print(f"({len(draft)} characters typed before the question are not taken)", file=sys.stderr)
+            draft = ""
         print(*question, sep="\n", file=sys.stderr, flush=True)
         if self._session is None:
             if draft:
@@ -72,7 +77,7 @@ class TypedLine:
 
         terminal = sys.stdin.fileno()
         kept = termios.tcgetattr(terminal)
-        found = b""
+        found = bytearray()
         try:
             tty.setcbreak(terminal, termios.TCSANOW)  # else an unfinished line stays out of reach
             while select.select([terminal], [], [], 0)[0]:
