@@ -60,7 +60,9 @@ def run_error(error: MemoError) -> RunError | None:
     """What an error that ended a run says of carrying it out; None for a limit or a person that ended it."""
     if isinstance(error, (Stopped, BudgetExceeded)):
         return None
-    if isinstance(error, Unreadable):  # an answer that was given is the model's; one that was withheld or cut off is not
+    if isinstance(
+        error, Unreadable
+    ):  # an answer that was given is the model's; one that was withheld or cut off is not
         return RunError(error.cause, error.told) if error.cause else None
     if isinstance(error, LanguageModelError):
         return RunError(error.cause or "llm", str(error), error.persistent)

@@ -21,7 +21,7 @@ from memo_core.runs.carrying_out import RunError, reason_to_stop, run_error
 
 EVALUATION = """
 suite: quirks
-llm: {backend: litellm, model: openai/x, api_base: "BASE", timeout_s: 1}
+llm: {backend: litellm, model: openai/x, api_base: "BASE", timeout_s: 5}
 run: {video: "off", attempts: 1, retries: 0}
 evaluation:
   methods: [memo-s]
