@@ -39,7 +39,7 @@ def robot(
     folder: Folder = None,
     arguments: Annotated[
         list[str] | None,
-        typer.Argument(help="Arguments of a xacro file: ur_type:=ur5e add_gripper:=true.", metavar="[KEY:=VALUE]..."),
+        typer.Argument(help="Arguments of a xacro file: ur_type:=ur5e add_gripper:=true.", metavar="KEY:=VALUE"),
     ] = None,
     urdf: Annotated[
         Path | None, typer.Option("--urdf", help="Its URDF or xacro; without one, an example arm.", metavar="FILE")
