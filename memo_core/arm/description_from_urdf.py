@@ -35,6 +35,7 @@ _FLANGE_NAMES = re.compile(
 _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _SLIDE_SPEED, _SLIDE_EFFORT = 0.25, 500.0  # m/s, N
+_PLAIN_HAND = "or --plain-hand (plain_hand=True): a plain parallel hand in its place"
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
 
 
@@ -248,9 +249,12 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
         problem = (
             f"has a gripper of one jaw ({', '.join(gripper.finger_joints)}): a joint that moves a second one away "
         )
-        right = "a gripper of two fingers, or --plain-hand (plain_hand=True): a plain parallel hand in its place"
+        right = f"a gripper of two fingers, {_PLAIN_HAND}"
         raise InvalidArgument(f"URDF of {urdf.name!r}", problem + "from it is missing", right)
-    linkage = FingerLinkage(urdf, gripper)
+    try:
+        linkage = FingerLinkage(urdf, gripper)
+    except InvalidArgument as error:
+        raise InvalidArgument(error.argument, error.problem, f"{error.expected}, {_PLAIN_HAND}") from None
     shapes = RobotShape(robot, Kinematics(robot)).corners()
     hand = robot.tool_link
     _check_zero_is_shut(urdf, gripper, linkage)

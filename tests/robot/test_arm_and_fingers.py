@@ -161,6 +161,14 @@ def test_a_plain_hand_leaves_out_the_body_of_the_gripper_and_finds_names_that_ar
     assert robot.gripper.finger_joints == ("plain_hand_finger_joint1", "plain_hand_finger_joint2")
 
 
+def test_fingers_that_grip_nothing_are_refused_and_a_plain_hand_takes_their_place():
+    head, joint, tail = following().partition('name="hand_finger_joint2"')
+    urdf = head + joint + tail.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 -1 0"/>', 1)
+    with pytest.raises(InvalidArgument, match=r"grip nothing.*--plain-hand"):
+        describe_urdf(urdf)
+    assert describe_urdf(urdf, plain_hand=True).robot.gripper.stroke == pytest.approx(0.08)
+
+
 def test_wheels_and_a_head_beside_the_arm_are_held_still():
     parts = [turning(f"wheel{i}", "base", f"wheel{i}_link", "continuous", "") for i in (1, 2)]
     parts += [turning("head_pan", "base", "neck"), turning("head_tilt", "neck", "head")]
