@@ -48,27 +48,29 @@ class Opaque:
     def __setstate__(self, state: Any) -> None: ...
 
 
-class _Unpickler(pickle._Unpickler):
-    dispatch = {
-        code[0]: pickle._Unpickler.dispatch[code[0]] for code in (getattr(pickle, name) for name in _OPCODES.split())
-    }
+def _find_class(unpickler: Any, module: str, name: str) -> type[Opaque]:
+    if module not in _NUMPY and (module, name) not in _BYTES:
+        raise UnsafePickle(f"it asks for {str(module)[:60]}.{str(name)[:60]}")
+    return Opaque
 
-    def find_class(self, module: str, name: str) -> type[Opaque]:
-        if module not in _NUMPY and (module, name) not in _BYTES:
-            raise UnsafePickle(f"it asks for {str(module)[:60]}.{str(name)[:60]}")
-        return Opaque
 
-    def load_setitem(self) -> None:
-        _check_keys(self.stack[-2:-1])
-        super().load_setitem()
+def _set_item(unpickler: Any) -> None:
+    _check_keys(unpickler.stack[-2:-1])
+    _PYTHONS_OWN.load_setitem(unpickler)
 
-    def load_setitems(self) -> None:
-        _check_keys(self.stack[::2])
-        super().load_setitems()
 
-    dispatch[pickle.BYTEARRAY8[0]] = pickle._Unpickler.load_binbytes8  # the same bytes, read before room is made
-    dispatch[pickle.SETITEM[0]] = load_setitem
-    dispatch[pickle.SETITEMS[0]] = load_setitems
+def _set_items(unpickler: Any) -> None:
+    _check_keys(unpickler.stack[::2])
+    _PYTHONS_OWN.load_setitems(unpickler)
+
+
+_PYTHONS_OWN: Any = pickle._Unpickler
+_DISPATCH = {code[0]: _PYTHONS_OWN.dispatch[code[0]] for code in (getattr(pickle, n) for n in _OPCODES.split())} | {
+    pickle.BYTEARRAY8[0]: _PYTHONS_OWN.load_binbytes8,  # the same bytes, read before room is made
+    pickle.SETITEM[0]: _set_item,
+    pickle.SETITEMS[0]: _set_items,
+}
+_Unpickler: Any = type("_Unpickler", (_PYTHONS_OWN,), {"dispatch": _DISPATCH, "find_class": _find_class})
 
 
 def load(data: bytes) -> Any:
