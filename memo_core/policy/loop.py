@@ -36,6 +36,7 @@ from memo_core.policy.teaching import Corrected, Judged, Teaching
 from memo_core.runlog.run_log import Effect, InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import Retrieval
 from memo_core.skills.contract import documentation
 
 
@@ -61,8 +62,8 @@ class _Subtask:
             attempt.scene,
             attempt.code,
             worked,
-            served.entries,
-            served.sources,
+            served.entry_ids if served else (),
+            served.sources if served else (),
             attempt.printed,
             attempt.error,
         )
@@ -312,7 +313,7 @@ class Loop:
     # -- phase 2: code -------------------------------------------------------------------------------------------------
     def _code(self, at: _Subtask, tried: list[Tried], repair: int) -> str:
         """Write code for the subtask. ``tried``: earlier code and how it ended."""
-        attempt, served = at.attempt, at.attempt.served
+        attempt, served = at.attempt, at.attempt.served or Retrieval(at.key)
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
         scene = self._effects.look()

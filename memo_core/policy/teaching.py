@@ -18,7 +18,6 @@ from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
-from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
 from memo_core.reading_limits import excerpt, too_long
 from memo_core.runlog.words_file import WordsFile
@@ -34,16 +33,24 @@ READ_BACKS = 3  # of one remark: a rewording is noted and read back as well
 
 
 @attrs.frozen
+class NotedText:
+    """A note as a prompt shows it: its key and its text."""
+
+    key: str
+    text: str
+
+
+@attrs.frozen
 class Corrected:
     """A correction of this run, as the next prompts show it: what was tried, what came of it, the person's words and
-    the notes made of them (each with ``key`` and ``text``)."""
+    the notes made of them."""
 
     subtask: str
     code: str
     printed: str
     ended: str
     words: str
-    notes: tuple[Shown, ...] = ()
+    notes: tuple[NotedText, ...] = ()
 
 
 @attrs.frozen(eq=False)
@@ -126,7 +133,7 @@ class Teaching:
                 one.judged.printed.rstrip("\n"),
                 one.judged.ended or "without an error",
                 one.words,
-                tuple(Shown(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
+                tuple(NotedText(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
             )
             for one in said
         ]

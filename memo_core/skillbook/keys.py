@@ -87,6 +87,11 @@ class Key:
         return f"{self.action.upper().replace(' ', '_')}({', '.join(self.objects)})"
 
 
+def as_text(key: Key) -> str:
+    """The words of a key, as entries' texts are compared with them."""
+    return " ".join((key.action, *key.objects))
+
+
 def _words(text: str) -> str:
     plain = unicodedata.normalize("NFKC", text).casefold()
     plain = re.sub(r"[_/\s]+", " ", plain)

@@ -123,7 +123,7 @@ def _apply(
             added.append(successor)
         why = "struck" if successor is None else f"reworded as {successor}"
         supersede(connection, revision, entry.id, why, successor)
-    database.next_generation(connection, by_revisions=True)
+    database.next_generation(connection)
     return added
 
 

@@ -1,8 +1,9 @@
-"""``memo bench planning``: how long motions with fixtures take to plan, and the benefit of the table of seeds. A motion
-follows a handle's arc or pull, from the free motion to its start up to the retreat, as code for a door does it: two
-skill calls, each of which searches for one configuration from which everything that follows can be reached. In
-addition, inverse kinematics is measured at poses of these motions, with seeds that do not depend on the pose (MEMO's
-first version) and with seeds from the table of poses. Times are CPU times of this thread.
+"""Motions with fixtures: whether they are planned, how fast, and the benefit of the table of seeds.
+
+A motion follows a handle's arc or pull, from the free motion to its start up to the retreat, as code for a door does
+it: two skill calls, each of which searches for one configuration from which everything that follows can be reached.
+Inverse kinematics is measured at poses of these motions, with seeds that do not depend on the pose and with seeds from
+the table of poses. Times are CPU times of this thread.
 """
 
 from __future__ import annotations
