@@ -13,9 +13,10 @@ from typing import Protocol, TypeVar
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
+from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.provenance import Provenance
+from memo_core.skillbook.provenance import Provenance, said_at
 
 LATEST = 300  # corrections that are looked through; under a larger key, earlier speakers are ranked as usual
 
@@ -29,11 +30,12 @@ _WithEntry = TypeVar("_WithEntry", bound=_HasEntry)
 _E, _F, _S = tables.entries.c, tables.feedback.c, tables.sources.c
 
 
-def newest_of_people(connection: sa.Connection, keys: Sequence[int], most: int) -> list[int]:
+def newest_of_people(database: Database, connection: sa.Connection, keys: Sequence[int], most: int) -> list[int]:
     """Corrections made of each person's last words under some keys, the latest speaker's first.
 
     Args:
-        connection: a connection to the book.
+        database: the book.
+        connection: a connection to it.
         keys: ids of the keys that mean the subtask itself.
         most: if there are more, only one correction per remark, so that every person is represented.
 
@@ -48,14 +50,15 @@ def newest_of_people(connection: sa.Connection, keys: Sequence[int], most: int) 
         .subquery()
     )
     query = (
-        sa.select(latest.c.id, _F.who, _F.id.label("feedback"))
+        sa.select(latest.c.id, _F.who, _F.id, _F.time)
         .join(tables.sources, _S.entry == latest.c.id)
         .join(tables.feedback, _S.feedback == _F.id)
-        .order_by(_F.time, _F.id)
     )
+    rows = connection.execute(query).all()
+    at = said_at(database, connection, {feedback: when for _, _, feedback, when in rows})
     last: dict[str, int] = {}  # a person's last feedback, the latest speaker's last
     made: dict[int, list[int]] = {}
-    for entry, who, feedback in connection.execute(query):
+    for entry, who, feedback, _ in sorted(rows, key=lambda row: (at[row[2]], row[2])):
         last.pop(who, None)
         last[who] = feedback
         made.setdefault(feedback, []).append(entry)

@@ -147,7 +147,7 @@ class Retriever:
         last: list[int] = []
         if settings.newest and settings.corrections:
             own = keys.ids[(query.scores.scores >= 1 - TIE) & ~query.opposite]
-            last = newest_of_people(connection, own.tolist(), settings.corrections)
+            last = newest_of_people(self._database, connection, own.tolist(), settings.corrections)
             listed += entries_among(connection, np.array(last, np.int64))
         rows = {row.id: row for row in (*gripping, *listed)}
         return _Found([*rows.values()], frozenset(last), frozenset(row.id for row in gripping))
