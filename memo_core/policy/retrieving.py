@@ -73,13 +73,17 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
 
 def _usable(session: Session, found: Retrieval) -> Retrieval:
-    """What was retrieved without entries that are too long for a prompt, such as a book from elsewhere may have."""
+    """The retrieved entries without those that are too long for a prompt, such as a book from elsewhere may have."""
     for one in found.served:
         if not _fits(one):
             told = f"it has {len(one.text)} characters, and at most {longest_entry(one.entry.kind)} fit into a prompt"
             session.emit(Problem(f"entry {one.entry.id} is not used (see `memo skillbook edit`)", told))
-    kept = {name: tuple(filter(_fits, getattr(found, name))) for name in ("corrections", "general", "templates")}
-    return attrs.evolve(found, **kept)
+    return attrs.evolve(
+        found,
+        corrections=tuple(filter(_fits, found.corrections)),
+        general=tuple(filter(_fits, found.general)),
+        templates=tuple(filter(_fits, found.templates)),
+    )
 
 
 def _fits(one: RetrievedEntry) -> bool:

@@ -49,8 +49,10 @@ def write_demo_report(report: DemoReport) -> Path:
 
 def changes(before: str, after: str) -> list[tuple[str, str]]:
     """The lines of ``after``, each marked as "same" or "new" compared with ``before``."""
-    marked = difflib.ndiff(before.splitlines(), after.splitlines())
-    return [("new" if line[0] == "+" else "same", line[2:]) for line in marked if line[0] in "+ "]
+    lines = after.splitlines()
+    blocks = difflib.SequenceMatcher(None, before.splitlines(), lines).get_matching_blocks()
+    same = {place for block in blocks for place in range(block.b, block.b + block.size)}
+    return [("same" if place in same else "new", line) for place, line in enumerate(lines)]
 
 
 def _environment() -> jinja2.Environment:

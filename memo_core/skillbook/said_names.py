@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
+from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.scene.name_corrections import NameCorrection, read_name_corrections
 from memo_core.scene.scene_table import NotASceneTable, read_scene_table
 from memo_core.skillbook import queries, tables
@@ -16,7 +17,8 @@ _MARKS = ("%not%", "%n't%", "%n’t%", "%isnt%", "%actually%", "%really%", "%in 
 def said_names(connection: sa.Connection) -> tuple[NameCorrection, ...]:
     """Oldest first, as they hold in other scenes than the one they were said in."""
     columns = tables.feedback.c
-    marked = sa.or_(*(columns.words.ilike(mark) for mark in _MARKS))
+    short = sa.func.length(columns.words) <= LONGEST_WORDS
+    marked = sa.and_(short, sa.or_(*(columns.words.ilike(mark) for mark in _MARKS)))
     found: list[NameCorrection] = []
     for one in queries.feedback_where(connection, columns.kind == "correction", marked, columns.scene_graph != ""):
         try:

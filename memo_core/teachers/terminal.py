@@ -168,7 +168,7 @@ class TerminalTeacher(Teacher):
                 return reaction
 
     def _reaction(self, words: str, noted: Noted) -> ReadBack | None:
-        """What an answer to a read-back stands for; None where the person has to be asked again."""
+        """The reaction that an answer to a read-back stands for; None where the person has to be asked again."""
         short = bare(words)
         struck = _struck(short, len(noted.notes))
         if struck is not None:

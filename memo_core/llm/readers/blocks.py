@@ -42,7 +42,7 @@ def left_open(text: str) -> bool:
 
 
 def syntax_problem(code: str) -> str:
-    """Where and why code does not parse, with the line itself, or that it is too long; "" if it parses."""
+    """The place and the reason why code does not parse, or that it is too long; "" if it parses."""
     if len(code) > LONGEST_CODE:
         return f"the code has {len(code)} characters; at most {LONGEST_CODE}"
     if _stacks_accents(code):
