@@ -63,14 +63,14 @@ def error_in(body: bytes, end: bytes = b"") -> ServerError | None:
     return None
 
 
-def page_in(body: bytes, plain: bool = False) -> str | None:
-    """The title or the words of a page of HTML, or of text if it may be ``plain``; None for any other body."""
+def page_in(body: bytes, may_be_plain: bool = False) -> str | None:
+    """The title or the words of a page of HTML, or of text if it ``may_be_plain``; None for any other body."""
     text = body.decode("utf-8", "replace").strip()
     if not re.match(r"<(!doctype|html|head|body)\b", text, re.IGNORECASE):
-        return text if plain and text and _parsed(body) is None else None
+        return text if may_be_plain and text and _parsed(body) is None else None
     title = re.search(r"<title[^>]*>(.*?)</title>", text, re.IGNORECASE | re.DOTALL)
-    plain = title.group(1) if title else re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>", " ", text, flags=re.I | re.S)
-    return " ".join(html.unescape(plain).split()) or "a page without words"
+    words = title.group(1) if title else re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>", " ", text, flags=re.I | re.S)
+    return " ".join(html.unescape(words).split()) or "a page without words"
 
 
 def end_reason(end: bytes) -> str:
