@@ -123,7 +123,7 @@ def evaluate(
             raise Stopped(_GOES_ON)
     finally:
         rows = rows_of(place, trials)
-        failed = [error for trial in trials if place.row(trial) is None and (error := place.error(trial)) is not None]
+        failed = [kept for trial in trials if place.row(trial) is None and (kept := place.error(trial)) is not None]
         write_table(folder / "evaluation", rows, failed)
     if problems:
         raise InvalidArgument("evaluation", f"{len(problems)} groups of trials broke off: {problems[0]}")
