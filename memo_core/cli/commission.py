@@ -11,7 +11,8 @@ import typer
 from memo_core.cli.options import ConfigFile, Overrides
 from memo_core.cli.output import note
 from memo_core.cli.robot_link import connected, hardware
-from memo_core.errors import InvalidArgument
+from memo_core.cli.standard_input import answer_to, is_yes
+from memo_core.errors import InvalidArgument, Stopped
 
 Out = Annotated[Path, typer.Option("--out", help="File to write; `hardware.commissioning` names it in experiments.")]
 
@@ -23,11 +24,19 @@ class _AtTheTerminal:
         note(text)
 
     def ready(self, what: str) -> bool:
-        typed = typer.prompt(f"{what} [y: yes, s: leave it out]", default="s", show_default=False, err=True)
-        return str(typed).strip().lower() in ("y", "yes")
+        return is_yes(_answer(f"{what} [y: yes, s: leave it out]"))
 
     def answer(self, question: str) -> str:
-        return str(typer.prompt(question, err=True)).strip()
+        while not (said := _answer(question)):
+            pass
+        return said
+
+
+def _answer(question: str) -> str:
+    answer = answer_to(question)
+    if answer is None:
+        raise Stopped("waiting for an answer: the input ended; memo robot commission begins anew")
+    return answer
 
 
 def command(config: ConfigFile = None, overrides: Overrides = None, out: Out = Path("commissioning.json")) -> None:

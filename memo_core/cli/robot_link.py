@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import typer
-
 from memo_core.cli.options import ConfigFile, Overrides, load
 from memo_core.cli.output import note
+from memo_core.cli.standard_input import answer_to, is_yes
 from memo_core.errors import BackendUnavailable, InvalidArgument
 
 if TYPE_CHECKING:
@@ -53,6 +52,5 @@ def confirmed(what: str, yes: bool) -> None:
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:
         return
-    typed = typer.prompt("Go on? [y/n]", default="n", show_default=False, err=True)
-    if typed.strip().lower() not in ("y", "yes"):
-        raise InvalidArgument("the answer", "not yes: nothing was done", "y")
+    if not is_yes(answer_to("Go on? [y/n]")):
+        raise InvalidArgument("the answer", "not yes: nothing was done", "y, or --yes")

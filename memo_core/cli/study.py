@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,6 +11,7 @@ import typer
 from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
+from memo_core.cli.standard_input import answer_to
 from memo_core.errors import InvalidArgument, Stopped
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ Out = Annotated[
 ]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the experiment.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Histories at once; only with simulated participants.")]
+_AGE_DIGITS = 3
 Sessions = Annotated[int | None, typer.Option("--sessions", min=1, help="How many sessions may begin in each history.")]
 
 
@@ -135,8 +138,8 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
     try:
         with working_in(folder.parent):
             run_study(load, registry, folder, jobs, sessions, AtTerminal(), note, stopping)
-    except Stopped as stopped:
-        note(f"memo: {stopped}; to continue: memo study resume {folder.parent}")
+    except (Stopped, KeyboardInterrupt) as stopped:
+        note(f"memo: {str(stopped) or 'stopped'}; to continue: memo study resume {quote(str(folder.parent))}")
         raise typer.Exit(INTERRUPTED) from None
     shown = _status(folder.parent)
     if json:
@@ -162,21 +165,30 @@ class AtTerminal:
 
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
-        return input(f"{participant}, type 'I agree' to take part: ").strip().casefold() == "i agree"
+        return _answer(f"{participant}, type 'I agree' to take part:").casefold() == "i agree"
 
     def about(self, participant: str, known: Demographics) -> Demographics:
         import attrs
 
-        questions = {
-            "age": "Your age in years",
-            "gender": "Your gender",
-            "robots": "Your experience with robots",
-            "language_models": "Your experience with language models",
+        asked = {
+            "age": _age,
+            "gender": lambda: _answer("Your gender (Enter: no answer):") or None,
+            "robots": lambda: _answer("Your experience with robots (Enter: no answer):") or None,
+            "language_models": lambda: _answer("Your experience with language models (Enter: no answer):") or None,
         }
-        told = {name: getattr(known, name) for name in questions}
-        for name, question in questions.items():
-            if told[name] is None:
-                answer = input(f"{question} (Enter: no answer): ").strip()
-                told[name] = answer or None
-        age = str(told["age"] or "")
-        return attrs.evolve(known, **told | {"age": int(age) if age.isdecimal() else None})
+        return attrs.evolve(known, **{name: ask() for name, ask in asked.items() if getattr(known, name) is None})
+
+
+def _age() -> int | None:
+    while typed := _answer("Your age in years (Enter: no answer):"):
+        if typed.isdecimal() and len(typed) <= _AGE_DIGITS:
+            return int(typed)
+        note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
+    return None
+
+
+def _answer(question: str) -> str:
+    answer = answer_to(question)
+    if answer is None:
+        raise Stopped("waiting for the participant's answer: the input ended")
+    return answer
