@@ -47,12 +47,13 @@ def run(
 
     Each participant goes on where the one before stopped. Killed at any moment, the same command goes on.
     """
-    from memo_core.cli.options import load_registry
+    from memo_core.cli.options import load_registry, tell_author
     from memo_core.evaluation.sections import ALL_SECTIONS
-    from memo_core.study.study import open_study
+    from memo_core.study.study import DECIDED, open_study
 
     registry, folder = load_registry(), experiment_folder(file, out) / "study"
     load = open_study(registry, file, ALL_SECTIONS, overrides or (), folder)
+    tell_author((*load().notices, *load().unread("a study", DECIDED)))
     _teach(load, registry, folder, jobs, sessions, json)
 
 
