@@ -31,6 +31,7 @@ LEVELS = (
     ("skills",),
     ("interfaces",),
     ("hooks",),
+    ("installing",),
     ("checkout", "plugin_loading"),
     ("plugins",),
     ("config",),

@@ -11,6 +11,7 @@ from typing import Any
 import attrs
 import jinja2
 
+from memo_core.installing import install
 from memo_core.parsing import resolved
 from memo_core.plugins import Registry
 from memo_core.report.figures import Figure, all_figures
@@ -75,7 +76,7 @@ def _figures(findings: Findings, out: Path) -> tuple[list[Figure], str]:
     try:
         return all_figures(findings, out), ""
     except ImportError as error:
-        return [], f"no figures: {error} (pip install 'memo-core[experiment]')"
+        return [], f"no figures: {error} ({install('memo-core[experiment]')})"
 
 
 def _title(folder: Path) -> str:
