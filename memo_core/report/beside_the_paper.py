@@ -20,7 +20,7 @@ def paper_tables(findings: Findings) -> list[Table]:
 def methods_beside_the_paper(findings: Findings) -> Table:
     said = said_by_the_paper()
     rows = []
-    for method in _methods(findings, (*said["zero_shot"], *said["table_2"]["overall"])):
+    for method in dict.fromkeys((*said["table_2"]["overall"], *said["zero_shot"], *findings.methods)):
         zero, watched = findings.largest(method), findings.largest(method, "corrected")
         stated, real = said["zero_shot"].get(method), said["table_2"]["overall"].get(method, [])
         rows.append(
@@ -49,9 +49,9 @@ def methods_beside_the_paper(findings: Findings) -> Table:
 
 def table_2_beside_the_paper(findings: Findings) -> Table:
     said = said_by_the_paper()["table_2"]
-    methods = _methods(findings, tuple(said["overall"]))
     stated = {_name(row["task"]): row for row in said["tasks"]}
-    watched = [row for method in methods for row in findings.largest(method, "corrected")]
+    watched = [row for method in findings.methods for row in findings.largest(method, "corrected")]
+    methods = tuple(dict.fromkeys((*said["overall"], *(row["method"] for row in watched))))
     rows: list[tuple[Any, ...]] = []
     for task in dict.fromkeys((*stated, *(row["task"] for row in watched))):
         if task in stated:
@@ -92,10 +92,6 @@ def _not_comparable(findings: Findings) -> str:
 
 def _places(zero_shot: dict[str, Any]) -> str:
     return "; ".join(f"{method} {stated['where']}" for method, stated in zero_shot.items())
-
-
-def _methods(findings: Findings, of_the_paper: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*of_the_paper, *findings.methods)))
 
 
 def _our_cells(watched: Sequence[dict[str, Any]], methods: Sequence[str], task: str | None = None) -> list[str]:
