@@ -22,7 +22,7 @@ $(STAMP): pyproject.toml constraints.txt benchmarks/pyproject.toml $(addsuffix /
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(if $(LOCKED),$(PIP) --require-hashes --no-deps --requirement requirements.lock)
 	$(PIP) $(if $(LOCKED),--no-build-isolation) --constraint constraints.txt \
-		--editable '.[arm,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
+		--editable '.[arm,xacro,video,experiment,ray,postgres,docs,dev]' --editable ./benchmarks $(foreach p,$(PLUGINS),--editable './$(p)$(EXTRAS_$(notdir $(p)))')
 	@touch $@
 	@$(BIN)/memo doctor || true  # also exports the sentence model, which would otherwise be the first run's wait
 

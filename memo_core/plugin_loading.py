@@ -201,6 +201,8 @@ def _check_descriptor(backend: Any, kind: str, hook: str) -> None:
         )
     if not callable(backend.factory):
         raise TypeError(f"{said}: the factory must be callable")
+    if backend.needs_of is not None and not callable(backend.needs_of):
+        raise TypeError(f"{said}: needs_of must be callable")
     if not isinstance(backend.default, bool) or not isinstance(backend.replays, bool):
         raise TypeError(f"{said}: default and replays must be True or False")
     if not isinstance(backend.measured, str):

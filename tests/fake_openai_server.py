@@ -23,19 +23,33 @@ class Reply:
     status: int = 200
     headers: dict[str, str] = attrs.field(factory=dict)
     body: bytes | None = None
-    finish: str = "stop"
+    finish: str | None = "stop"  # None: a stream that gives no reason for its end
     refusal: str | None = None
     silent_s: float = 0.0  # before the first byte
     drip_s: float = 0.0  # between two bytes of the body, or two pieces of a stream
     cut_after: int | None = None  # bytes of the body, or pieces of a stream, then the connection is cut
     counts: bool = True  # whether it says how many tokens were used
     streams: bool = True  # whether it heeds "stream"
+    done: bool = True  # whether a stream ends with its end mark
+    last: bytes = b""  # what a stream sends after its pieces
 
 
-def error(status: int, message: str, **headers: str) -> Reply:
+def error(status: int, message: str, *, code: str | None = None, **headers: str) -> Reply:
     """An error as OpenAI's servers report it."""
-    body = json.dumps({"error": {"message": message, "type": "error", "code": None}}).encode()
-    return Reply(status=status, body=body, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    said = {"error": {"message": message, "type": code or "error", "code": code}}
+    return report(status, said, **{name.replace("_", "-"): value for name, value in headers.items()})
+
+
+def report(status: int, said: Any, **headers: str) -> Reply:
+    """JSON as it is given, such as an error as another provider reports it."""
+    return Reply(status=status, body=json.dumps(said).encode(), headers=headers)
+
+
+def events(*said: Any, protocol: str = "text/event-stream") -> Reply:
+    """A stream of JSON as it is given, such as an answer in another provider's protocol."""
+    mark = b"data: %s\n\n" if protocol == "text/event-stream" else b"%s\n"
+    body = b"".join(mark % json.dumps(one).encode() for one in said)
+    return Reply(body=body, headers={"Content-Type": protocol})
 
 
 @attrs.define
@@ -130,9 +144,8 @@ class Wire:
     def _send(self, handler: BaseHTTPRequestHandler, reply: Reply) -> None:
         body = reply.body or b""
         handler.send_response(reply.status)
-        handler.send_header("Content-Type", "application/json")
-        handler.send_header("Content-Length", str(len(body)))
-        for name, value in reply.headers.items():
+        headers = {"Content-Type": "application/json", "Content-Length": str(len(body)), **reply.headers}
+        for name, value in headers.items():
             handler.send_header(name, value)
         handler.end_headers()
         if reply.drip_s or reply.cut_after is not None:
@@ -149,11 +162,11 @@ class Wire:
         pieces[-1] = pieces[-1][:-1]
         events = [_chunk(asked, {"role": "assistant", "content": piece}, None) for piece in pieces]
         events += [_chunk(asked, {"refusal": reply.refusal}, None)] if reply.refusal else []
-        events.append(_chunk(asked, {}, reply.finish))
+        events += [_chunk(asked, {}, reply.finish)] if reply.finish else []
         if reply.counts and (asked.body.get("stream_options") or {}).get("include_usage"):
             events.append({**_chunk(asked, {}, None), "choices": [], "usage": _usage(asked, reply.text)})
         lines = [f"data: {json.dumps(event)}\n\n".encode() for event in events]
-        self._in_pieces(handler, reply, [*lines, b"data: [DONE]\n\n"])
+        self._in_pieces(handler, reply, [*lines, reply.last, b"data: [DONE]\n\n" if reply.done else b""])
 
     def _in_pieces(self, handler: BaseHTTPRequestHandler, reply: Reply, pieces: Iterable[bytes]) -> None:
         for number, piece in enumerate(pieces):

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from memo_benchmarks import durability_commands
-from memo_benchmarks.fuzz.command import fuzz
 from memo_benchmarks.perception.command import perception
 from memo_benchmarks.reporting import print_report, with_progress
 from memo_core.cli.options import ConfigFile, Json, Overrides, load
@@ -25,10 +24,8 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Measure this machine.")
 for _command in (durability_commands.signals, durability_commands.resume, durability_commands.kills):
     app.command()(_command)
-app.command()(durability_commands.soak)
 
 QUIET = "run.video=off"  # drawing takes longer than the physics; --set run.video=auto draws all the same
-app.command()(fuzz)
 app.command()(perception)
 Out = Annotated[Path, typer.Option("--out", "-o", help="Where the run folders are made.")]
 
@@ -105,96 +102,22 @@ def trial(
 
 
 @app.command()
-def teacher(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Tasks; none: all.")] = None,
-    suites: Annotated[
-        list[str] | None, typer.Option("--suite", help="Task suites; repeatable. None: the experiment's.")
-    ] = None,
-    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-1 or 3,5.")] = "0",
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """Verdicts of the simulated teacher on reference solutions, plain attempts and doing nothing, compared with the
-    success checks, which it never sees: see docs/simulated-teacher.md."""
-    from memo_benchmarks.teacher import bench_teacher
-    from memo_core.cli.tasks import read_seeds
-
-    chosen = [[*(overrides or ()), "teacher.backend=simulated", "teacher.misjudges=0"]]
-    if suites:
-        chosen = [[*chosen[0], f"suite.backend={suite}"] for suite in suites]
-    experiments = [load(config, one)[1] for one in chosen]
-    table = bench_teacher(experiments, names or [], read_seeds(seeds))
-    if json:
-        print_json({"bench": "teacher", "counts": table.counts, "verdicts": table.rows})
-        return
-    columns = ("task", "seed", "behaviour", "success", "verdict", "agreement", "words")
-    print_table(columns, [tuple(row[column] for column in columns) for row in table.rows])
-    print_table(("agreement", "verdicts"), list(table.counts.items()))
-
-
-@app.command()
-def planning(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Plan motions with doors and drawers, and compare seeds from the table of poses with seeds that do not depend on
-    the pose."""
-    from memo_benchmarks.planning import bench_planning
-
-    _, experiment = load(config, overrides)
-    robot = experiment.create("robot")
-    print_report(with_progress("planning", lambda progress: bench_planning(robot, progress)), json)
-
-
-@app.command()
-def force(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Accuracy of force estimation and force control (N), compared with the simulator's contact forces: see
-    docs/force.md."""
-    from memo_benchmarks.force import bench_force
-
-    _, experiment = load(config, overrides)
-    simulator, robot = experiment.create("simulator"), experiment.create("robot")
-    print_report(with_progress("force", lambda progress: bench_force(simulator, robot, progress)), json)
-
-
-@app.command()
 def retrieval(
-    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 10_000,
-    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
+    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 20_000,
+    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 1_000,
     config: ConfigFile = None,
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """A complete retrieval by key, including reading the rows, without embedding, compared with a flat index over all
-    entries."""
+    """The time of a retrieval from a book of this size, without embedding, beside a plain search."""
     from memo_benchmarks.retrieval import bench_retrieval
 
     _, experiment = load(config, overrides)
-
-    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
-        return bench_retrieval(
-            lambda: experiment.create("embedder"),
-            lambda: experiment.create("vectorstore"),
-            entries,
-            keys,
-            settings=experiment.section("retrieval"),
-        )
-
-    print_report(with_progress("retrieval", measure), json)
-
-
-@app.command()
-def vectorstore(
-    keys: Annotated[int, typer.Option("--keys", min=20, help="Vectors in the store.")] = 300,
-    queries: Annotated[int, typer.Option("--queries", min=1, help="Searches.")] = 100,
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """Recall of the experiment's vector store against exact search (--set vectorstore=chroma): see docs."""
-    from memo_benchmarks.vectorstore import bench_vectorstore
-
-    _, experiment = load(config, overrides)
-    make = lambda: experiment.create("vectorstore")
-    print_report(with_progress("vector store", lambda progress: bench_vectorstore(make, keys, queries, progress)), json)
+    make, settings = lambda: experiment.create("vectorstore"), experiment.section("retrieval")
+    measured = with_progress(
+        "retrieval", lambda progress: bench_retrieval(make, entries, keys, settings=settings, progress=progress)
+    )
+    print_report(measured, json)
 
 
 @app.command("retrieval-quality")
@@ -252,111 +175,6 @@ def retrieval_quality(
         gained = {name: one["ours_minus"][PLAIN][name] for name in ("recall", "ndcg")}
         told = [f"{name} {d['mean']:+.3f} ({d['low']:+.3f} to {d['high']:+.3f})" for name, d in gained.items()]
         console().print(f"ours minus the plain cosine, 95 %: {', '.join(told)}")
-
-
-@app.command("quirks-serving")
-def quirks_serving(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
-    """Whether the lesson for a held-out quirk is retrieved at its decisive subtask: see docs/retrieval.md."""
-    from memo_benchmarks.quirks_serving import bench_quirks_serving, first_look, quirks
-
-    _, experiment = load(config, ["suite.backend=quirks", *(overrides or ())])
-
-    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
-        found = quirks(experiment.create("suite"), lambda name: first_look(experiment, name))
-        embedder = experiment.create("embedder")
-        try:
-            embedder.open()
-            make = lambda: experiment.create("vectorstore")
-            return bench_quirks_serving(found, embedder, make, experiment.section("retrieval"))
-        finally:
-            embedder.close()
-
-    measured = with_progress("quirks-serving", measure)
-    if json:
-        print_json(measured)
-        return
-    columns = ("contender", "others", "task", "subtask", "place")
-    print_table(columns, [tuple(row[name] for name in columns) for row in measured["rows"]])
-    summed = tuple(measured["summary"][0])
-    print_table(summed, [tuple(row.values()) for row in measured["summary"]])
-
-
-@app.command()
-def skillbook(
-    entries: Annotated[int, typer.Option("--entries", min=10, help="Entries in the book.")] = 20_000,
-    keys: Annotated[int, typer.Option("--keys", min=2, help="Distinct keys.")] = 300,
-    general: Annotated[
-        float, typer.Option("--general", min=0.0, max=0.5, help="Share that are general statements.")
-    ] = 0.005,
-    questions: Annotated[int, typer.Option("--questions", min=10, help="Subtasks that are asked for.")] = 500,
-    seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="For filling one store with entries.")] = 20.0,
-    stores: Annotated[
-        list[str] | None, typer.Option("--store", help="Only this one of the others; repeatable.")
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
-    folder: Annotated[
-        Path | None, typer.Option("--folder", metavar="DIR", help="Keep the book there for next time; 1M: 3 GB.")
-    ] = None,
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """A large book beside every vector store with one vector an entry, and a plain loop: see docs/retrieval.md."""
-    from memo_benchmarks.generated_book import BookSize
-    from memo_benchmarks.skillbook import Source, bench_skillbook
-
-    load(config, overrides)  # what is wrong is said before anything is measured
-    source, size = Source(config, tuple(overrides or ())), BookSize(entries, keys, general, seed=seed)
-    measured = with_progress(
-        "skillbook", lambda progress: bench_skillbook(source, size, questions, seconds, folder, stores, progress)
-    )
-    if json:
-        print_json(measured)
-        return
-    print_report({name: value for name, value in measured.items() if name != "contenders"}, False)
-    columns = ("contender", "over", "entries", "open_s", "questions", "p50_ms", "p99_ms", "cpu_p50_ms", "peak_mib")
-    print_table(columns, [tuple(one[name] for name in columns) for one in measured["contenders"]])
-
-
-@app.command()
-def clustering(
-    keys: Annotated[int, typer.Option("--keys", min=1, max=190, help="Keys in the book; about 12 notes each.")] = 60,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the book.")] = 0,
-    keep: Annotated[
-        Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the book, questions and answers.")
-    ] = None,
-    ablation: Annotated[
-        bool, typer.Option("--ablation", help="Also with clustering.drop_covered the other way round.")
-    ] = False,
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """Cluster a book with planted contradictions and repetitions: how many are removed, and how much of the rest is
-    kept."""
-    import attrs
-
-    from memo_benchmarks.clustering import bench_clustering
-
-    _, experiment = load(config, overrides)
-    chosen = {"clustering": (experiment, keep)}
-    if ablation:
-        other = not experiment.section("clustering").drop_covered
-        _, changed = load(config, [*(overrides or ()), f"clustering.drop_covered={str(other).lower()}"])
-        chosen["ablation"] = (changed, keep and keep / "ablation")
-
-    def row(name: str) -> dict[str, Any]:
-        one, folder = chosen[name]
-        return with_progress(name, lambda progress: attrs.asdict(bench_clustering(one, keys, seed, folder, progress)))
-
-    rows = {name: row(name) for name in chosen}
-    if json:
-        print_report(rows["clustering"] | ({"ablation": rows["ablation"]} if ablation else {}), json)
-        return
-    for measured in rows.values():
-        missed, problems = measured["missed"], measured["problems"]
-        print_report(measured | {"missed": len(missed), "problems": len(problems)}, json)
-        print("\n".join(["", *missed, *problems]))
 
 
 @app.command()
@@ -542,50 +360,6 @@ def transfer(
     from memo_benchmarks.transfer_command import transfer_table
 
     transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
-
-
-@app.command()
-def drawer(
-    file: Annotated[Path, typer.Argument(help="What a person says of the drawer, one sentence a line.")],
-    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0",
-    out: Out = Path("runs"),
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """The effect of a lesson about a door on a drawer, before and after one remark: see docs/offline-backend.md."""
-    import attrs
-
-    from memo_benchmarks.drawer import DOORS, SETTINGS, bench_drawer, sayings_in, summary
-    from memo_core.cli.tasks import read_seeds
-
-    sayings, wanted = sayings_in(file), read_seeds(seeds)
-    registry, experiment = load(config, [*SETTINGS, *(overrides or ())])
-    heard: list[Any] = []
-
-    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
-        heard.extend(bench_drawer(experiment, registry, out, sayings, wanted, progress))
-        return summary(heard)
-
-    measured = with_progress("drawer", measure)
-    if json:
-        print_json({"bench": "drawer"} | measured | {"all": [attrs.asdict(one) for one in heard]})
-        return
-    rows = [
-        (
-            one.seed,
-            one.says,
-            len(one.notes),
-            *map(_tried, (one.before, one.retry, one.later, *(one.doors[door] for door in DOORS))),
-        )
-        for one in heard
-    ]
-    print_table(("seed", "said", "notes", "before", "retry", "later run", *DOORS), rows)
-    print_report(measured, json)
-
-
-def _tried(attempt: Any) -> str:
-    return f"{attempt.shape}, {'opened' if attempt.opened else 'shut'}"
 
 
 def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:

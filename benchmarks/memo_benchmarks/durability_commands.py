@@ -1,4 +1,4 @@
-"""``memo bench signals``, ``resume``, ``kills`` and ``soak``: fault injection into commands, runs and books. Each ends
+"""``memo bench signals``, ``resume`` and ``kills``: fault injection into commands, runs and books. Each ends
 with exit code 1 if a guarantee was violated.
 """
 
@@ -56,17 +56,6 @@ def kills(
     from memo_benchmarks.kills import bench_kills
 
     _report(with_progress("kills", lambda told: bench_kills(number, seed, told, out)), ("kinds",), json)
-
-
-def soak(
-    minutes: Annotated[float, typer.Option("--minutes", min=0.0, help="How long one book is used.")] = 60.0,
-    seed: Annotated[int, typer.Option("--seed", help="Of what happens, and when.")] = 0,
-    json: Json = False,
-) -> None:
-    """Runs, kills, stops, full disks, broken answers and clusterings drawn at random on one book."""
-    from memo_benchmarks.soak import bench_soak
-
-    _report(with_progress("soak", lambda told: bench_soak(minutes, seed, told)), ("measured",), json)
 
 
 def _report(measured: dict[str, Any], tables: tuple[str, ...], json: bool) -> None:

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Iterator
+import re
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 
 import attrs
+import numpy as np
 
 from memo_core.errors import InvalidArgument
+from memo_core.interfaces.embedder import Embedder
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.bulk_adding import Lesson
 from memo_core.skillbook.keys import Key
@@ -176,3 +180,33 @@ def fill(book: Skillbook, size: BookSize, progress: Callable[[float], None] = la
 def _batches(lessons: Iterator[Lesson], size: int) -> Iterator[list[Lesson]]:
     while batch := list(itertools.islice(lessons, size)):
         yield batch
+
+
+DIMENSION = 384
+
+
+class WordVectors(Embedder):
+    """A text is the sum of fixed random vectors of its words, made a unit vector."""
+
+    name = f"random-words-{DIMENSION}"
+    dimension = DIMENSION
+
+    def __init__(self) -> None:
+        self._words: dict[str, np.ndarray] = {}
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def embed(self, texts: Sequence[str]) -> np.ndarray:
+        made = np.stack(
+            [sum((self._word(w) for w in re.findall(r"\w+", text.lower())), self._word("")) for text in texts]
+        )
+        return (made / np.linalg.norm(made, axis=1, keepdims=True)).astype(np.float32)
+
+    def _word(self, word: str) -> np.ndarray:
+        found = self._words.get(word)
+        if found is None:
+            found = np.random.default_rng(zlib.crc32(word.encode())).standard_normal(DIMENSION).astype(np.float32)
+            self._words[word] = found
+        return found

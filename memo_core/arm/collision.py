@@ -12,10 +12,12 @@ from typing import Any, Literal
 import attrs
 import numpy as np
 
+from memo_core.arm.forward_kinematics import tool_link_frame
 from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.arm.meshes import mesh_vertices
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import link_poses, read_urdf
+from memo_core.robot.urdf import Urdf, link_poses, read_urdf
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 
@@ -30,6 +32,7 @@ _MARGINS: dict[Mode, dict[str, float]] = {
 }
 _START_RELIEF = 0.004  # m deeper than at the start
 _THIN = 0.002  # m; thinner slabs are dropped
+_FLAT = 1e-5  # m that a mesh's corners are off one plane (root of the sum of squares)
 _TABLE = "table"
 
 
@@ -139,6 +142,31 @@ def _subtract(box: tuple[Array, Array], low: Array, high: Array) -> list[tuple[A
     return pieces
 
 
+def _check_meshes(urdf: Urdf) -> None:
+    """Raise ``InvalidArgument`` naming the first collision mesh that cannot be read."""
+    for link in urdf.links.values():
+        for shape in link.collisions:
+            if shape.mesh is not None:
+                mesh_vertices(shape.mesh, shape.size, f"URDF link {link.name!r}")
+
+
+def _convex(geometry: Any) -> Any:
+    """A mesh as its convex hull, which is what the simulators collide, too. coal knows no negative margins for meshes,
+    and it crashes on the hull of points in one plane, so that a flat mesh gets ``_THIN`` m of thickness."""
+    import coal
+
+    if not isinstance(geometry, coal.BVHModelBase):
+        return geometry
+    points = np.asarray(geometry.vertices())
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    for axis, extent in zip(axes, extents, strict=True):
+        if extent < _FLAT:
+            points = np.concatenate([points - axis * _THIN / 2, points + axis * _THIN / 2])
+    corners = coal.StdVec_Vec3s()
+    corners.extend(list(points))
+    return coal.Convex.convexHull(corners, True, "Qt")
+
+
 class RobotShape:
     """The robot's collision shapes, read once; ``checker`` combines them with a scene."""
 
@@ -148,7 +176,14 @@ class RobotShape:
         self.description = description
         self.kinematics = kinematics
         model = kinematics.model
-        geometry = pin.buildGeomFromUrdfString(model, kinematics.urdf, pin.GeometryType.COLLISION)
+        urdf = read_urdf(description.urdf, description.mesh_folder)
+        try:
+            geometry = pin.buildGeomFromUrdfString(model, kinematics.urdf, pin.GeometryType.COLLISION)
+        except ValueError:
+            _check_meshes(urdf)
+            raise
+        for shape in geometry.geometryObjects:
+            shape.geometry = _convex(shape.geometry)
         self.geometry = geometry
         self.data = model.createData()
         self.links = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
@@ -156,13 +191,9 @@ class RobotShape:
         gripper = description.gripper
         finger_ids = [model.getJointId(name) for name in gripper.finger_joints if model.existJointName(name)]
         self.finger_index = np.array([model.joints[i].idx_q for i in finger_ids], dtype=int)
-        urdf = read_urdf(description.urdf, description.mesh_folder)
         self._linkage = FingerLinkage(urdf, gripper) if gripper.finger_joints else None
         last = kinematics.joint_ids[-1]
-        carriers = {
-            model.frames[model.getFrameId(name)].parentFrame for name in gripper.finger_joints if model.existFrame(name)
-        }
-        hand_links = {model.frames[f].name for f in carriers}
+        hand_links = {urdf.joint(name).parent for name in gripper.finger_joints}
         self.roles: list[str] = []
         for number, shape in enumerate(geometry.geometryObjects):
             link = self.links[number]
@@ -216,8 +247,7 @@ class RobotShape:
 
     def _tool_in_last(self) -> Pose:
         """The tool frame in the frame of the last arm joint."""
-        model = self.kinematics.model
-        frame = model.frames[model.getFrameId(self.description.tool_link)]
+        frame = tool_link_frame(self.kinematics.model, self.description)
         return Pose.from_matrix(np.asarray(frame.placement.homogeneous)) * self.description.tool_offset
 
     def _self_pairs(self) -> list[tuple[int, int]]:

@@ -18,15 +18,16 @@ from memo_core.arm.finger_zero import NEARLY_SHUT, counted_from_shut, finger_sli
 from memo_core.arm.home_and_gains import Guess, with_contact_force, with_gains, with_home, with_reach
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
+from memo_core.robot.arm_and_fingers import arm_and_fingers, without_gripper
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.hand_mount import mount_rpy
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf import Urdf, UrdfJoint, link_poses, read_urdf
+from memo_core.robot.urdf_text import with_fixed
 from memo_core.robot.urdf_units import check_units
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
-_FINGER_NAMES = re.compile(r"finger|grip|jaw|knuckle|thumb|claw", re.IGNORECASE)
 _FLANGE_NAMES = re.compile(
     r"^(.*_)?(tool(0|_link|_flange)?|flange(_link)?|eef?(_link)?|end_effector(_link)?|attachment.*|hand)$",
     re.IGNORECASE,
@@ -34,6 +35,7 @@ _FLANGE_NAMES = re.compile(
 _TURN = 2 * math.pi  # rad a continuous joint is planned within, either way
 _SPEED, _EFFORT = 2.0, 50.0  # rad/s, Nm where the URDF says nothing
 _SLIDE_SPEED, _SLIDE_EFFORT = 0.25, 500.0  # m/s, N
+_PLAIN_HAND = "or --plain-hand (plain_hand=True): a plain parallel hand in its place"
 _TIP = 0.01  # m that the fingertips are taken to extend beyond the tool centre
 
 
@@ -53,31 +55,37 @@ class Described:
         return _source(self.robot, {guess.what: guess.why for guess in self.guessed})
 
 
-def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = None) -> Described:
-    """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``.
+def describe_urdf(
+    text: str, name: str | None = None, mesh_folder: str | None = None, plain_hand: bool = False
+) -> Described:
+    """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``. With ``plain_hand`` it
+    takes the place of the URDF's gripper.
 
     Raises ``InvalidArgument`` in one line for what is no single serial arm, and for numbers that look as if in other
     units than URDF's.
     """
     urdf = read_urdf(text, mesh_folder)
-    chain, fingers = _arm_and_fingers(urdf)
-    check_units(text, urdf, [joint.name for joint in fingers])
+    found = arm_and_fingers(urdf)
     guesses: list[Guess] = []
+    why = "the URDF has no fingers"
+    if plain_hand and found.fingers:
+        text, why = without_gripper(text, urdf, found), "in the place of the URDF's gripper"
+        urdf = read_urdf(text, mesh_folder)
+        found = arm_and_fingers(urdf)
+    if found.others:
+        names = [joint.name for joint in found.others]
+        text = with_fixed(text, names)
+        urdf = read_urdf(text, mesh_folder)
+        guesses.append(Guess("joints held still", ", ".join(names), "neither the arm's nor fingers: fixed at 0"))
+    chain, fingers = found.arm, found.fingers
+    check_units(text, urdf, [joint.name for joint in fingers])
     read = [f"{len(chain)} joints: {', '.join(joint.name for joint in chain)}"]
     if fingers:
         read.append(f"fingers: {', '.join(joint.name for joint in fingers)}")
     else:
-        flange = _flange(urdf, chain)
-        turned, leads = mount_rpy(urdf, [joint.name for joint in chain], flange)
-        hand = ParallelHand()
-        text = with_parallel_hand(text, flange, hand, mount=turned)
+        text = _with_hand(text, urdf, [joint.name for joint in chain], why, guesses)
         urdf = read_urdf(text, mesh_folder)
-        chain, fingers = _arm_and_fingers(urdf)
-        guesses.append(Guess("gripper", "ParallelHand()", f"the URDF has no fingers: a plain hand sits on {flange!r}"))
-        if any(turned):
-            rpy = f"rpy ({', '.join(f'{value:.4g}' for value in turned)})"
-            why = f"the arm leads out along {flange!r}'s {leads}, a hand along its +z: the URDF's hand_mount turns it"
-            guesses.append(Guess("hand_mount", rpy, why))
+        fingers = arm_and_fingers(urdf).fingers
     light = [joint.child for joint in urdf.joints if joint.kind != "fixed" and urdf.links[joint.child].mass <= 0]
     if light:
         read.append(f"moving links without mass, each needs an <inertial>: {', '.join(light)}")
@@ -103,63 +111,7 @@ def describe_urdf(text: str, name: str | None = None, mesh_folder: str | None = 
     return Described(with_contact_force(robot, guesses), tuple(read), tuple(guesses), base_turn)
 
 
-# -- which joints are the arm's ----------------------------------------------------------------------------------------
-
-
-def _arm_and_fingers(urdf: Urdf) -> tuple[list[UrdfJoint], list[UrdfJoint]]:
-    """The arm's joints from the base to the tool, and those of the fingers, the driven one first."""
-    below = _moving_below(urdf)
-    chain: list[UrdfJoint] = []
-    options = below[""]
-    while options:
-        onwards = [joint for joint in options if not _finger_like(joint, below)]
-        if len(onwards) < len(options):  # what stands beside fingers is one, whatever its name
-            onwards = [joint for joint in onwards if _depth(joint, below) >= 3]
-        long = [joint for joint in onwards if _depth(joint, below) >= 3]
-        if len(long) > 1:
-            names = " and ".join(repr(joint.name) for joint in long)
-            problem = f"branches into {names}: it has more than one arm"
-            raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a URDF of one serial arm")
-        if len(onwards) != 1:
-            break
-        chain.append(onwards[0])
-        options = below[onwards[0].name]
-    if len(chain) < 3:
-        moving = [joint.name for joint in urdf.joints if joint.kind != "fixed"]
-        problem = f"has no chain of three or more joints (those that move: {', '.join(moving) or 'none'})"
-        raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a serial arm")
-    fingers = _all_below(options, below)
-    driven = [joint for joint in fingers if joint.mimic is None]
-    followers = [joint for joint in fingers if joint.mimic is not None]
-    return chain, [*driven, *followers]
-
-
-def _moving_below(urdf: Urdf) -> dict[str, list[UrdfJoint]]:
-    """Joint -> the next moving joints below it; "" -> the first ones."""
-    above = {joint.child: joint for joint in urdf.joints}
-    below: dict[str, list[UrdfJoint]] = {name: [] for name in ("", *(joint.name for joint in urdf.joints))}
-    for joint in urdf.joints:
-        if joint.kind == "fixed":
-            continue
-        parent = above.get(joint.parent)
-        while parent is not None and parent.kind == "fixed":
-            parent = above.get(parent.parent)
-        below["" if parent is None else parent.name].append(joint)
-    return below
-
-
-def _finger_like(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
-    if joint.mimic is not None or _FINGER_NAMES.search(joint.name):
-        return True
-    return not below[joint.name] and (joint.kind == "prismatic" or bool(_FINGER_NAMES.search(joint.child)))
-
-
-def _depth(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> int:
-    return 1 + max((_depth(one, below) for one in below[joint.name]), default=0)
-
-
-def _all_below(joints: Sequence[UrdfJoint], below: dict[str, list[UrdfJoint]]) -> list[UrdfJoint]:
-    return [one for joint in joints for one in (joint, *_all_below(below[joint.name], below))]
+# -- joints and flange -------------------------------------------------------------------------------------------------
 
 
 def _joint(joint: UrdfJoint, guesses: list[Guess]) -> JointDescription:
@@ -189,19 +141,34 @@ def _not_stated(value: float) -> str:
     return "the URDF's 0 is taken as not stated" if value == 0 else "the URDF states none"
 
 
-def _flange(urdf: Urdf, chain: Sequence[UrdfJoint]) -> str:
-    """The link a hand belongs on."""
+def _with_hand(text: str, urdf: Urdf, chain: Sequence[str], why: str, guesses: list[Guess]) -> str:
+    """The URDF text with ``ParallelHand`` on the arm's flange."""
+    flange = _flange(urdf, urdf.joint(chain[-1]).child)
+    turned, leads = mount_rpy(urdf, chain, flange)
+    guesses.append(Guess("gripper", "ParallelHand()", f"{why}: a plain hand sits on {flange!r}"))
+    if any(turned):
+        rpy = f"rpy ({', '.join(f'{value:.4g}' for value in turned)})"
+        why = f"the arm leads out along {flange!r}'s {leads}, a hand along its +z: the URDF's hand_mount turns it"
+        guesses.append(Guess("hand_mount", rpy, why))
+    prefix = "hand_"
+    while any(link.startswith(prefix) for link in urdf.links):
+        prefix = f"plain_{prefix}"
+    return with_parallel_hand(text, flange, ParallelHand(), prefix, turned)
+
+
+def _flange(urdf: Urdf, last: str) -> str:
+    """The link a hand belongs on: the arm's last one, or what is fixed to it and called so."""
     fixed: dict[str, list[str]] = {}
     for joint in urdf.joints:
         if joint.kind == "fixed":
             fixed.setdefault(joint.parent, []).append(joint.child)
-    ends, stack = [], [chain[-1].child]
+    ends, stack = [], [last]
     while stack:
         link = stack.pop()
         ends.append(link)
         stack.extend(fixed.get(link, []))
     named = [link for link in ends if _FLANGE_NAMES.match(link)]
-    return named[-1] if named else chain[-1].child
+    return named[-1] if named else last
 
 
 # -- the gripper and the tool frame ------------------------------------------------------------------------------------
@@ -230,9 +197,9 @@ def _with_fingers_shut_at_zero(
     mesh_folder: str | None,
     urdf: Urdf,
     joints: tuple[JointDescription, ...],
-    fingers: list[UrdfJoint],
+    fingers: tuple[UrdfJoint, ...],
     guesses: list[Guess],
-) -> tuple[str, Urdf, list[UrdfJoint]]:
+) -> tuple[str, Urdf, tuple[UrdfJoint, ...]]:
     """The URDF, with finger slides that are not shut at 0, or that close with growing positions, turned about."""
     no_fingers = GripperDescription(finger_joints=())
     arm = RobotDescription(urdf.name, text, joints, no_fingers, _carrier(urdf, fingers[0]), mesh_folder=mesh_folder)
@@ -246,15 +213,16 @@ def _with_fingers_shut_at_zero(
         value = f"shut at 0, open at {abs(one.open - one.shut):g} m"
         why = f"by its pads' shapes the URDF's {one.shut:g} m is shut, its {one.open:g} m open: turned about"
         guesses.append(Guess(f"{one.joint.name}.origin and axis", value, why))
-    return text, urdf, [urdf.joint(joint.name) for joint in fingers]
+    return text, urdf, tuple(urdf.joint(joint.name) for joint in fingers)
 
 
 def _first_gripper(urdf: Urdf, fingers: Sequence[UrdfJoint]) -> GripperDescription:
     """Its joints and pads; measures follow from the shapes."""
     names = tuple(joint.name for joint in fingers)
     slides = all(joint.kind == "prismatic" for joint in fingers)
-    if slides:
-        pads = tuple(joint.child for joint in fingers[:2])
+    sliding = [joint.child for joint in fingers if joint.kind == "prismatic"]
+    if slides or len(sliding) > 1:  # where a motor's hinge drives two slides, too
+        pads = tuple(sliding[:2])
     else:
         carried = _finger_links(urdf, fingers)
         tips = [link for link in carried if re.search(r"pad|tip", link, re.IGNORECASE)]
@@ -278,9 +246,15 @@ def _with_tool(robot: RobotDescription, urdf: Urdf, guesses: list[Guess]) -> Rob
     """Tool frame and measures of the gripper, from the fingers' motion and shapes."""
     gripper = robot.gripper
     if len(gripper.pads) < 2:
-        problem = f"has one finger ({', '.join(gripper.finger_joints)}); two that move apart are known"
-        raise InvalidArgument(f"URDF of {urdf.name!r}", problem, "a gripper of two fingers, or none at all")
-    linkage = FingerLinkage(urdf, gripper)
+        problem = (
+            f"has a gripper of one jaw ({', '.join(gripper.finger_joints)}): a joint that moves a second one away "
+        )
+        right = f"a gripper of two fingers, {_PLAIN_HAND}"
+        raise InvalidArgument(f"URDF of {urdf.name!r}", problem + "from it is missing", right)
+    try:
+        linkage = FingerLinkage(urdf, gripper)
+    except InvalidArgument as error:
+        raise InvalidArgument(error.argument, error.problem, f"{error.expected}, {_PLAIN_HAND}") from None
     shapes = RobotShape(robot, Kinematics(robot)).corners()
     hand = robot.tool_link
     _check_zero_is_shut(urdf, gripper, linkage)

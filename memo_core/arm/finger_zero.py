@@ -60,7 +60,9 @@ def finger_slides(urdf: Urdf, fingers: Sequence[UrdfJoint], shapes: dict[str, Ar
     by_name = {one.joint.name: one for one in found}
     for one in found:
         mimic = one.joint.mimic
-        if mimic is not None and mimic.joint in by_name:
+        if mimic is not None:
+            if mimic.joint not in by_name:
+                return ()
             follows = mimic.multiplier * by_name[mimic.joint].shut + mimic.offset
             if abs(follows - one.shut) > NEARLY_SHUT:
                 return ()  # one opens while the other closes

@@ -7,6 +7,7 @@ every operation runs over contiguous memory. Rotations are (3, 3, N), positions 
 
 from __future__ import annotations
 
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -52,7 +53,11 @@ class ForwardKinematics:
         import pinocchio as pin
 
         self.urdf = _with_angles(description)
-        model = pin.buildModelFromXML(self.urdf)
+        try:
+            model = pin.buildModelFromXML(self.urdf)
+        except (ValueError, RuntimeError) as error:
+            problem = f"Pinocchio cannot read it ({' '.join(str(error).split())})"
+            raise InvalidArgument(f"URDF of {description.name!r}", problem, "what its parser says above") from None
         self.model = model
         ids = []
         for joint in description.joints:
@@ -63,11 +68,7 @@ class ForwardKinematics:
                     ", ".join(list(model.names)[1:]),
                 )
             ids.append(model.getJointId(joint.name))
-        if not model.existFrame(description.tool_link):
-            raise InvalidArgument(
-                f"robot {description.name!r}: tool_link", f"the URDF has no link {description.tool_link!r}"
-            )
-        frame = model.frames[model.getFrameId(description.tool_link)]
+        frame = tool_link_frame(model, description)
         above = 0
         turn = np.eye(3)
         self._onwards: list[Array] = []
@@ -163,11 +164,24 @@ class ForwardKinematics:
         return np.ascontiguousarray(result.transpose(2, 0, 1))
 
 
+def tool_link_frame(model: Any, description: RobotDescription) -> Any:
+    """Pinocchio's frame of the tool link. Raises ``InvalidArgument`` if the URDF has no such link."""
+    from pinocchio import FrameType
+
+    # A joint may bear the name of a link; only the type tells their frames apart.
+    name = description.tool_link
+    if not model.existFrame(name, FrameType.BODY):
+        raise InvalidArgument(f"robot {description.name!r}: tool_link", f"the URDF has no link {name!r}")
+    return model.frames[model.getFrameId(name, FrameType.BODY)]
+
+
 def _with_angles(description: RobotDescription) -> str:
     """The URDF as Pinocchio is to read it. Continuous joints become revolute ones: Pinocchio stores a continuous joint
     as cosine and sine, which would make configurations longer than the arm has joints; the limits that count are the
-    description's. Meshes are named by where they lie, so that Pinocchio finds those that the simulators find."""
+    description's. Looks are left out, since its parser refuses materials that are defined twice. Meshes are named by
+    where they lie, so that Pinocchio finds those that the simulators find."""
     robot = ElementTree.fromstring(description.urdf)
+    robot.set("name", robot.get("name") or "robot")
     for joint in robot.iter("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
@@ -176,7 +190,11 @@ def _with_angles(description: RobotDescription) -> str:
                 limit = ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
             limit.set("lower", str(-2 * np.pi))
             limit.set("upper", str(2 * np.pi))
+    for material in robot.findall("material"):
+        robot.remove(material)
     for link in robot.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
         for mesh in link.iterfind("collision/geometry/mesh"):
             where = f"URDF link {link.get('name')!r}"
             found = find_mesh(where, mesh.get("filename", ""), description.mesh_folder)

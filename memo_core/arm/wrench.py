@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from memo_core.arm.forward_kinematics import tool_link_frame
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.pose import Array
 
@@ -32,7 +33,7 @@ class ToolDynamics:
         self._speeds = np.array([joint.idx_v for joint in joints], dtype=np.intp)
         for joint, described in zip(joints, description.joints, strict=True):
             model.armature[joint.idx_v] = described.armature
-        frame = model.frames[model.getFrameId(description.tool_link)]
+        frame = tool_link_frame(model, description)
         offset = pin.SE3(description.tool_offset.rotation, np.array(description.tool_offset.position))
         placement = frame.placement * offset
         self._frame = model.addFrame(pin.Frame("memo/tool", frame.parentJoint, placement, pin.FrameType.OP_FRAME))

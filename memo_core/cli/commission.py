@@ -11,8 +11,8 @@ import typer
 from memo_core.cli.options import ConfigFile, Overrides
 from memo_core.cli.output import note
 from memo_core.cli.robot_link import connected, hardware
-from memo_core.cli.standard_input import answer_to, is_yes
-from memo_core.errors import InvalidArgument, Stopped
+from memo_core.cli.standard_input import agreed, answer_to
+from memo_core.errors import InvalidArgument
 
 Out = Annotated[Path, typer.Option("--out", help="File to write; `hardware.commissioning` names it in experiments.")]
 
@@ -24,19 +24,12 @@ class _AtTheTerminal:
         note(text)
 
     def ready(self, what: str) -> bool:
-        return is_yes(_answer(f"{what} [y: yes, s: leave it out]"))
+        return agreed(f"{what} [y: yes, s: leave it out]")
 
     def answer(self, question: str) -> str:
-        while not (said := _answer(question)):
+        while not (said := answer_to(question)):
             pass
         return said
-
-
-def _answer(question: str) -> str:
-    answer = answer_to(question)
-    if answer is None:
-        raise Stopped("waiting for an answer: the input ended; memo robot commission begins anew")
-    return answer
 
 
 def command(config: ConfigFile = None, overrides: Overrides = None, out: Out = Path("commissioning.json")) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import attrs
 import typer
 
 from memo_core.cli.options import ConfigFile, Json, Overrides, load, load_registry, one_file
-from memo_core.cli.output import print_json, print_table
+from memo_core.cli.output import note, print_json, print_table
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
@@ -21,7 +22,7 @@ OptionalFile = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The
 
 @app.command()
 def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
-    """Report all errors in an experiment file. Exit code 0 or 2."""
+    """Report all errors in an experiment file, and what it needs that is missing here. Exit code 0 or 2."""
     from memo_core.config import ConfigErrors
 
     try:
@@ -32,10 +33,13 @@ def check(file: File, overrides: Overrides = None, json: Json = False) -> None:
             raise
         print_json({"file": str(file), "valid": False, "errors": [issue.as_json() for issue in errors.issues]})
         raise typer.Exit(errors.exit_code) from None
+    missing = _missing(experiment)
     if json:
-        print_json({"file": str(file), "valid": True, "errors": []})
-    else:
-        print(f"{file}: in order")
+        print_json({"file": str(file), "valid": True, "errors": [], "missing": missing})
+        return
+    print(f"{file}: in order" + (", but it cannot be run here yet" if missing else ""))
+    for problem in missing:
+        note(f"memo: {problem}")
 
 
 @app.command()
@@ -80,6 +84,17 @@ def _check_task(experiment: Experiment) -> None:
     except UnknownName as unknown:
         [origin] = [value.origin for value in experiment.values if value.path == "task"]
         raise ConfigErrors((Issue(origin, "task", str(unknown)),)) from None
+
+
+def _missing(experiment: Experiment) -> list[str]:
+    """Requirements of the chosen backends that this machine lacks, such as a key: no mistake of the file."""
+    from memo_core.config.experiment import Choice
+
+    values = [*experiment.choices.values(), *experiment.skills]
+    for section in experiment.sections.values():
+        values += attrs.asdict(section, recurse=False).values()
+    found = [value.unavailable() for value in values if isinstance(value, Choice)]
+    return list(dict.fromkeys(str(one) for one in found if one is not None))
 
 
 def _text(value: object) -> str:

@@ -74,7 +74,8 @@ def command(
     folder = experiment_folder(file, out)
     load = loader(load_registry(), file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
     tell_author((*load().notices, *unread(load())))
-    shown = run_evaluation(load, folder).summary()
+    evaluated = run_evaluation(load, folder)
+    shown = evaluated.summary()
     if json:
         print_json(shown)
     else:
@@ -82,6 +83,19 @@ def command(
             f"{shown['successes']} of {shown['trials']} trials succeeded; {shown['runs']} runs, {shown['wall_s']:.0f} s"
         )
         print(f"kept in {folder / 'evaluation'}; the report: memo report {folder}")
+    exit_for_errors(evaluated)
+
+
+def exit_for_errors(evaluated: Evaluated) -> None:
+    """Say which trials could not be carried out, and exit with 1 if there are any."""
+    from memo_core.runs.carrying_out import RunError, told
+
+    if not evaluated.errors:
+        return
+    errors = [RunError(one["cause"], one["problem"], one["persistent"]) for one in evaluated.errors]
+    said = f"{len(errors)} of {len(evaluated.rows) + len(errors)} trials could not be carried out"
+    note(f"memo: {said} and are in no rate: {told(errors)}; the same command does them again")
+    raise typer.Exit(1)
 
 
 def _book(named: Path) -> str:

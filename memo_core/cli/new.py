@@ -10,7 +10,7 @@ import typer
 
 from memo_core.cli.options import Json
 from memo_core.cli.output import note, print_json
-from memo_core.cli.scaffolds import SCAFFOLDS, Scaffold, write_scaffold
+from memo_core.cli.scaffolds import SCAFFOLDS, RobotSource, Scaffold, write_scaffold
 from memo_core.errors import InvalidArgument
 
 app = typer.Typer(help="Write the beginning of a plugin.")
@@ -37,21 +37,53 @@ for _scaffold in SCAFFOLDS.values():
 def robot(
     name: Name,
     folder: Folder = None,
-    urdf: Annotated[
-        Path | None, typer.Option("--urdf", help="Its URDF; without one, an example arm.", metavar="FILE")
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(help="Arguments of a xacro file: ur_type:=ur5e add_gripper:=true.", metavar="KEY:=VALUE"),
     ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", help="Its URDF or xacro; without one, an example arm.", metavar="FILE")
+    ] = None,
+    mesh_folder: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--mesh-folder",
+            help="Where meshes and ROS packages that the URDF names lie; may be given several times.",
+            metavar="DIR",
+        ),
+    ] = None,
+    skip_missing_meshes: Annotated[
+        bool, typer.Option("--skip-missing-meshes", help="Leave out collision shapes whose mesh lies nowhere.")
+    ] = False,
+    plain_hand: Annotated[
+        bool, typer.Option("--plain-hand", help="Put a plain parallel hand in the place of its gripper.")
+    ] = False,
     json: Json = False,
 ) -> None:
-    _write(SCAFFOLDS["robot"], name, folder, json, urdf)
+    if urdf is None and (arguments or mesh_folder):
+        given = "--mesh-folder" if mesh_folder else (arguments or [""])[0]
+        raise InvalidArgument(given, "says more about a URDF, and there is none", "--urdf FILE")
+    source = None
+    if urdf is not None:
+        values = dict(map(_key_and_value, arguments or ()))
+        source = RobotSource(urdf, values, tuple(mesh_folder or ()), skip_missing_meshes, plain_hand)
+    _write(SCAFFOLDS["robot"], name, folder, json, source)
 
 
-def _write(scaffold: Scaffold, name: str, folder: Path | None, json: bool, urdf: Path | None = None) -> None:
+def _key_and_value(argument: str) -> tuple[str, str]:
+    key, sign, value = argument.partition(":=")
+    if not (key and sign):
+        raise InvalidArgument(argument, "is no argument of a xacro file", "KEY:=VALUE, such as ur_type:=ur5e")
+    return key, value
+
+
+def _write(scaffold: Scaffold, name: str, folder: Path | None, json: bool, source: RobotSource | None = None) -> None:
     where = folder or Path(name)
     scaffold.check_name(name)
     _check_free(scaffold, name)
     if where.exists() and (not where.is_dir() or any(where.iterdir())):
         raise InvalidArgument("--folder", f"{where} exists and is not empty", "a new or empty folder")
-    written = write_scaffold(scaffold.kind, name, where, urdf)
+    written = write_scaffold(scaffold.kind, name, where, source)
     # pip takes a bare word for the name of something to download.
     project = where if where.is_absolute() else f"./{where}"
     commands = [f"pip install --editable {project}", *(line.format(name=name) for line in scaffold.next)]

@@ -37,7 +37,7 @@ def command(
 
     Stopped or killed at any moment, the same command goes on.
     """
-    from memo_core.cli.evaluate import run_evaluation
+    from memo_core.cli.evaluate import exit_for_errors, run_evaluation
     from memo_core.cli.options import load_registry, tell_author
     from memo_core.cli.study import experiment_folder
     from memo_core.evaluation.evaluating import unread
@@ -65,7 +65,7 @@ def command(
                 run_study(load, registry, study, at_once, report=note, stopping=stopping)
         evaluating = loader(registry, file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
         with _timed(took, "evaluation"):
-            summary = run_evaluation(evaluating, folder).summary()
+            evaluated = run_evaluation(evaluating, folder)
         with stopping() as stop:
             with _timed(took, "references"):
                 measure_references(evaluating(), folder / "evaluation", stop, note)
@@ -77,12 +77,13 @@ def command(
         raise typer.Exit(INTERRUPTED) from None
     with _timed(took, "report"):
         written = write_report(registry, folder)
-    shown = summary | {"page": str(written.page), "seconds": took}
+    shown = evaluated.summary() | {"page": str(written.page), "seconds": took}
     if json:
         print_json(shown)
     else:
         print(f"{shown['successes']} of {shown['trials']} trials succeeded; {sum(took.values()):.0f} s in all")
         print(f"the page to look at: {written.page}")
+    exit_for_errors(evaluated)
 
 
 class _timed:

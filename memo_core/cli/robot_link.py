@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from memo_core.cli.options import ConfigFile, Overrides, load
 from memo_core.cli.output import note
-from memo_core.cli.standard_input import answer_to, is_yes
+from memo_core.cli.standard_input import agreed
 from memo_core.errors import BackendUnavailable, InvalidArgument
 
 if TYPE_CHECKING:
@@ -52,5 +52,5 @@ def confirmed(what: str, yes: bool) -> None:
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:
         return
-    if not is_yes(answer_to("Go on? [y/n]")):
+    if not agreed("Go on? [y/n]"):
         raise InvalidArgument("the answer", "not yes: nothing was done", "y, or --yes")

@@ -91,10 +91,10 @@ def command(
         if json:
             print_json(report.summary())
         else:
-            verdict = "done" if report.success else "not done"
+            verdict = "could not be carried out" if report.error else "done" if report.success else "not done"
             print(
                 f"{report.task}, seed {report.seed}: {verdict}"
-                + (f" ({report.outcome.reason})" if report.outcome else "")
+                + (f" ({report.outcome.reason})" if report.outcome and not report.error else "")
             )
             if report.problem:
                 note(f"memo: {report.problem}")

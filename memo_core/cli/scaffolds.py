@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.robot.urdf import with_meshes_found
+from memo_core.robot.xacro_expansion import expand_xacro, is_xacro
 
 
 @attrs.frozen
@@ -197,12 +200,49 @@ SCAFFOLDS = {
 }
 
 
-def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | None = None) -> Written:
-    """Write a plugin of a kind into a folder, which is made. ``urdf`` is the file a robot is read from; None: an
+@attrs.frozen
+class RobotSource:
+    """The file that a robot is read from, with the arguments of a xacro file, and the folders besides its own to find
+    meshes and ROS packages in. ``plain_hand`` takes the place of its gripper."""
+
+    urdf: Path
+    arguments: Mapping[str, str] = attrs.field(factory=dict)
+    mesh_folders: tuple[Path, ...] = ()
+    skip_missing_meshes: bool = False
+    plain_hand: bool = False
+
+    def read(self) -> tuple[str, tuple[str, ...]]:
+        """URDF text whose meshes can be found, and, a line each, what had to be changed for that."""
+        for folder in self.mesh_folders:
+            if not folder.is_dir():
+                raise InvalidArgument("--mesh-folder", f"{folder} is no folder", "one that holds meshes")
+        folders = [self.urdf.resolve().parent, *(folder.resolve() for folder in self.mesh_folders)]
+        found = with_meshes_found(self._text(), [str(folder) for folder in folders], self.skip_missing_meshes)
+        places = dict.fromkeys((name.rpartition("/")[0], str(path.parent)) for name, path in found.moved)
+        lines = [f"meshes of {named} found in {place}" for named, place in places]
+        lines += [f"visual left out, its mesh was not found (--mesh-folder DIR): {name}" for name in found.unseen]
+        lines += [f"collision shape left out, nothing keeps clear of it: {name}" for name in found.untouched]
+        return found.text, tuple(lines)
+
+    def _text(self) -> str:
+        try:
+            text = self.urdf.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidArgument("--urdf", f"{self.urdf} cannot be read ({error})", "a URDF file") from None
+        if is_xacro(self.urdf, text):
+            return expand_xacro(self.urdf, self.arguments, self.mesh_folders)
+        if self.arguments:
+            raise InvalidArgument(next(iter(self.arguments)), f"{self.urdf} is no xacro and takes no arguments")
+        return text
+
+
+def write_scaffold(kind: str, name: str, folder: Path, urdf: Path | RobotSource | None = None) -> Written:
+    """Write a plugin of a kind into a folder, which is made. ``urdf`` is what a robot is read from; None: an
     example arm. Raises ``InvalidArgument`` where the folder cannot be written or the URDF not be read."""
     scaffold = SCAFFOLDS[kind]
     scaffold.check_name(name)
-    files, notes = _robot_files(name, urdf) if kind == "robot" else (rendered(kind, name), ())
+    source = RobotSource(urdf) if isinstance(urdf, Path) else urdf
+    files, notes = _robot_files(name, source) if kind == "robot" else (rendered(kind, name), ())
     written = []
     try:
         for target, text in files.items():
@@ -299,34 +339,29 @@ def _variable(label: str, otherwise: str) -> str:
     return word if usable else otherwise
 
 
-def _robot_files(name: str, urdf: Path | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    if urdf is None:
+def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    if source is None:
         text = resources.files("memo_core.cli.skeletons").joinpath("robot/example.urdf").read_text(encoding="utf-8")
-        meshes = None
+        meshes: str | None = None
+        found: tuple[str, ...] = ()
     else:
-        if urdf.suffix == ".xacro":
-            expanded = f"{urdf.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
-            problem = f"{urdf} is xacro; expand it first: xacro {urdf.name} > {expanded}"
-            raise InvalidArgument("--urdf", problem, "a URDF file")
-        try:
-            text, meshes = urdf.read_text(encoding="utf-8"), str(urdf.resolve().parent)
-        except (OSError, UnicodeDecodeError) as error:
-            raise InvalidArgument("--urdf", f"{urdf} cannot be read ({error})", "a URDF file") from None
+        text, found = source.read()
+        meshes = str(source.urdf.resolve().parent)
     try:
         from memo_core.arm.description_from_urdf import describe_urdf
     except ModuleNotFoundError as error:
         raise InvalidArgument("robot", f"reading a URDF needs {error.name}", "memo-core with its extra `arm`") from None
-    described = describe_urdf(text, name=name, mesh_folder=meshes)
+    described = describe_urdf(text, name, meshes, source is not None and source.plain_hand)
     if "<mesh" not in text:
         described = attrs.evolve(described, robot=attrs.evolve(described.robot, mesh_folder=None))
         meshes = None
-    source = described.source()
+    code = described.source()
     names = ("GripperDescription", "JointDescription", "RobotDescription")
-    more = {"read": described.read, "source": source, "mesh_folder": repr(meshes), "turned": described.turned}
-    more["described_by"] = ", ".join(name for name in names if f"{name}(" in source)
+    more = {"read": described.read, "source": code, "mesh_folder": repr(meshes), "turned": described.turned}
+    more["described_by"] = ", ".join(name for name in names if f"{name}(" in code)
     files = rendered("robot", name, **more)
     files[f"memo_{name.replace('-', '_')}/{name}.urdf"] = described.robot.urdf
-    notes = [*described.read, *(f"guessed {one.what}: {one.value} ({one.why})" for one in described.guessed)]
+    notes = [*described.read, *found, *(f"guessed {one.what}: {one.value} ({one.why})" for one in described.guessed)]
     return files, tuple(notes)
 
 

@@ -19,9 +19,10 @@ from memo_core.cli import (
 )
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import local_time, note, print_json, print_table
-from memo_core.cli.standard_input import answer_to, is_yes
+from memo_core.cli.standard_input import agreed
 from memo_core.errors import InvalidArgument, MemoError, close_match
 from memo_core.parsing import encodable, resolved
+from memo_core.reading_limits import excerpt
 from memo_core.runlog.whole_files import CannotWrite, whole_file
 
 if TYPE_CHECKING:
@@ -63,8 +64,10 @@ def list_entries(
             return
         print_table(("id", "kind", "key", "uses", "text"), [_row(entry) for entry in entries])
         for said in waiting:
-            state = f"set aside ({said.reason})" if said.status == "parked" else "pending: the next run begins with it"
-            note(f"feedback {said.id}, {said.who} about {said.subtask}: {said.words!r}: {state}")
+            state = "pending: the next run begins with it"
+            if said.status == "parked":
+                state = f"set aside ({said.reason}); `memo skillbook retry` takes it up again"
+            note(f"feedback {said.id}, {said.who} about {said.subtask}: {excerpt(said.words)!r}: {state}")
 
 
 @app.command()
@@ -206,7 +209,7 @@ def forget(
                 raise InvalidArgument(
                     "--yes", "there is no terminal to ask for confirmation", "memo skillbook forget … --yes"
                 )
-            if not is_yes(answer_to(f"Remove everything {person!r} said from {opened.url}? [y/n]")):
+            if not agreed(f"Remove everything {person!r} said from {opened.url}? [y/n]"):
                 raise InvalidArgument("the answer", "not yes: nothing was removed", "y, or --yes")
         forgotten = opened.forget(person, also or ())
     if json:

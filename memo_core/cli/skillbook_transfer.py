@@ -63,7 +63,7 @@ def import_book(
     try:
         with file.open("rb") as stream:
             start = stream.read(_START_BYTES)
-        source = source or format_of(start, whole=len(start) < _START_BYTES)
+        source = source or format_of(start)
         if source is None:
             exported = f" --book {file}" if start.startswith(_SQLITE) else ""
             expected = f"what `memo skillbook export{exported}` writes, or a lorebook (a pickle, or the same as JSON)"
@@ -178,7 +178,7 @@ def _say_what_was_read(read: Lorebook) -> None:
     for key in read.unread:
         note(f"no key: {key[:100]!r}")
     if read.vectors:
-        note(f"vectors ({', '.join(read.vectors)}) are not used: texts are embedded by the book's own embedder")
+        note(f"its {read.vectors} vectors are not used: texts are embedded by the book's own embedder")
 
 
 def _say(imported: Imported, url: str, dry_run: bool) -> None:

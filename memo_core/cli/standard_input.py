@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, Stopped
 
 
-def answer_to(question: str) -> str | None:
-    """What is typed in answer, without surrounding space; None at the end of input. Raises ``InvalidArgument`` if
-    standard input is closed."""
+def answer_to(question: str) -> str:
+    """What is typed in answer, without surrounding space. Raises ``Stopped`` at the end of input, and
+    ``InvalidArgument`` if standard input is closed."""
     from memo_core.teachers.typed_line import TypedLine
 
     line = TypedLine()
@@ -18,12 +18,23 @@ def answer_to(question: str) -> str | None:
         typed = line.ask(question)
     finally:
         line.close()
-    return None if typed is None else typed.strip()
+    if typed is None:
+        raise Stopped("waiting for an answer: the input ended")
+    return typed.strip()
 
 
-def is_yes(answer: str | None) -> bool:
-    """Whether a question is answered with yes; the end of input is none."""
-    return answer is not None and answer.casefold() in ("y", "yes")
+def agreed(question: str) -> bool:
+    """Ask until the answer is yes or no; Enter is no. Raises as ``answer_to``."""
+    from memo_core.cli.output import note
+    from memo_core.teachers.answers import NO, SILENCES, YES, bare
+
+    while True:
+        typed = bare(answer_to(question) or "n")
+        if typed in YES:
+            return True
+        if typed in NO | SILENCES:
+            return False
+        note(f"{typed!r} is neither yes nor no")
 
 
 def text_of_stdin(most: int) -> str:

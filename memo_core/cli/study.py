@@ -13,9 +13,13 @@ from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.cli.standard_input import answer_to
 from memo_core.errors import InvalidArgument, Stopped
+from memo_core.reading_limits import LONGEST_WORDS
+from memo_core.teachers.answers import NO, bare
 
 if TYPE_CHECKING:
     from memo_core.study.consent import Demographics
+
+OLDEST = 130  # years
 
 app = typer.Typer(help="Participants teach the robot in sessions.")
 
@@ -25,7 +29,6 @@ Out = Annotated[
 ]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the experiment.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Histories at once; only with simulated participants.")]
-_AGE_DIGITS = 3
 Sessions = Annotated[int | None, typer.Option("--sessions", min=1, help="How many sessions may begin in each history.")]
 
 
@@ -166,30 +169,35 @@ class AtTerminal:
 
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
-        return _answer(f"{participant}, type 'I agree' to take part:").casefold() == "i agree"
+        while True:
+            typed = bare(answer_to(f"{participant}, type 'I agree' to take part:"))
+            if typed in ("i agree", *NO):
+                return typed == "i agree"
+            note(f"{typed!r} is no consent: 'I agree' takes part, 'no' does not")
 
     def about(self, participant: str, known: Demographics) -> Demographics:
         import attrs
 
-        asked = {
-            "age": _age,
-            "gender": lambda: _answer("Your gender (Enter: no answer):") or None,
-            "robots": lambda: _answer("Your experience with robots (Enter: no answer):") or None,
-            "language_models": lambda: _answer("Your experience with language models (Enter: no answer):") or None,
+        questions = {
+            "age": "Your age in years",
+            "gender": "Your gender",
+            "robots": "Your experience with robots",
+            "language_models": "Your experience with language models",
         }
-        return attrs.evolve(known, **{name: ask() for name, ask in asked.items() if getattr(known, name) is None})
+        told = {name: getattr(known, name) for name in questions}
+        for name, question in questions.items():
+            if told[name] is None:
+                ask = _age if name == "age" else _told
+                told[name] = ask(question)
+        return attrs.evolve(known, **told)
 
 
-def _age() -> int | None:
-    while typed := _answer("Your age in years (Enter: no answer):"):
-        if typed.isdecimal() and len(typed) <= _AGE_DIGITS:
-            return int(typed)
+def _told(question: str) -> str | None:
+    return answer_to(f"{question} (Enter: no answer):")[:LONGEST_WORDS] or None
+
+
+def _age(question: str) -> int | None:
+    """Ask until the answer is a whole number of years or empty."""
+    while (typed := bare(_told(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
         note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
-    return None
-
-
-def _answer(question: str) -> str:
-    answer = answer_to(question)
-    if answer is None:
-        raise Stopped("waiting for the participant's answer: the input ended")
-    return answer
+    return int(typed) if typed else None

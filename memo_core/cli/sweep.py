@@ -38,17 +38,17 @@ def run_seeds(
     def of_seed(seed: int) -> Experiment:
         return load_experiment(registry, file, overrides, SECTIONS, task, seed)
 
-    told: dict[str, Any] = {}
+    watched: dict[str, Any] = {}
     if code or first.create("teacher").reads_back:  # somebody reads along
         narrator = Narrator(code=code)
-        told = {"listener": narrator, "on_text": narrator.on_text}
+        watched = {"listener": narrator, "on_text": narrator.on_text}
     rows: list[dict[str, Any]] = []
     with progress_bar() as bar:
         progress = bar.add_task(first.task or "", total=len(seeds))
-        if told:
+        if watched:
             bar.stop()  # a person is asked on this terminal
-        for seed, summary, known in sweep(of_seed, registry, seeds, folder, **told):
-            rows.append({"seed": seed, "known": known} | summary)
+        for seed, summary, known in sweep(of_seed, registry, seeds, folder, **watched):
+            rows.append({"seed": seed, "known": known, "error": None} | summary)
             bar.advance(progress)
     with while_read():
         _print(rows, first, seeds, folder, json)
@@ -59,16 +59,20 @@ def run_seeds(
 
 
 def _print(rows: list[dict[str, Any]], experiment: Experiment, seeds: Sequence[int], folder: Path, json: bool) -> None:
+    from memo_core.runs.carrying_out import RunError, told
+
     done = sum(bool(row["success"]) for row in rows)
+    errors = [RunError(**row["error"]) for row in rows if row["error"]]
     if json:
-        print_json({"task": experiment.task, "seeds": list(seeds), "done": done, "runs": rows, "folder": str(folder)})
+        counts = {"done": done, "errors": len(errors), "runs": rows, "folder": str(folder)}
+        print_json({"task": experiment.task, "seeds": list(seeds)} | counts)
         return
     print_table(
         ("seed", "done", "subtasks", "corrections", "robot s", "wall s", "why"),
         [
             (
                 row["seed"],
-                "yes" if row["success"] else "no",
+                "error" if row["error"] else "yes" if row["success"] else "no",
                 len(row["subtasks"]),
                 row["corrections"],
                 round(row["robot_s"]),
@@ -78,9 +82,13 @@ def _print(rows: list[dict[str, Any]], experiment: Experiment, seeds: Sequence[i
             for row in rows
         ],
     )
-    print(f"{experiment.task}: {done} of {len(rows)} done; kept in {folder}")
+    print(f"{experiment.task}: {done} of {len(rows) - len(errors)} done; kept in {folder}")
+    if errors:
+        note(f"memo: {len(errors)} could not be carried out and are not counted: {told(errors)}")
     again = sum(row["known"] for row in rows)
     if again:
         note(f"memo: {again} of them had ended before and were not run again; another --out runs all")
     if len(rows) < len(seeds):
         note("memo: stopped; the same command goes on with the seeds that are left")
+    elif errors:
+        note("memo: the same command does them again")

@@ -37,14 +37,25 @@ class Choice:
     backend: Backend
     settings: Any
 
+    def unavailable(self) -> BackendUnavailable | None:
+        """The error that says what this backend needs and this machine lacks, found without making anything."""
+        kind, name = self.backend.kind, self.backend.name
+        missing = missing_needs(self.backend.needs)
+        if self.backend.needs_of is not None:
+            try:
+                missing += missing_needs(self.backend.needs_of(self.settings))
+            except Exception as error:
+                return BackendUnavailable(kind, name, f"its needs_of raised {one_line(error)}", "a bug in its plugin")
+        if not missing:
+            return None
+        what, remedy = ", ".join(one.what for one in missing), "; ".join(one.remedy for one in missing)
+        return BackendUnavailable(kind, name, f"missing {what}", remedy)
+
     def create(self) -> Any:
         """Call the backend's factory with the settings; nothing is opened. Raises ``BackendUnavailable`` if a module it
         needs is not installed or an environment variable that it needs is not set."""
-        missing = missing_needs(self.backend.needs)
-        if missing:
-            what = ", ".join(one.what for one in missing)
-            remedy = "; ".join(one.remedy for one in missing)
-            raise BackendUnavailable(self.backend.kind, self.backend.name, f"missing {what}", remedy)
+        if (unavailable := self.unavailable()) is not None:
+            raise unavailable
         try:
             return self.backend.factory(self.settings)
         except MemoError:

@@ -7,6 +7,7 @@ again, and what is over is passed over."""
 from __future__ import annotations
 
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from functools import lru_cache
@@ -20,6 +21,7 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.plugins import Registry
+from memo_core.runs.carrying_out import UNEXPECTED, RunError
 from memo_core.runs.worker_processes import MOST_DEATHS, POLL_S, WorkersDied, in_processes
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.participants import Load
@@ -36,26 +38,34 @@ class Group:
 
 
 @attrs.frozen
-class Problem:
-    """What kept a group from its end; ``stopped``: a person or a limit did."""
+class GroupResult:
+    """What became of a group: of each trial that was tried, in order, the error by which it could not be carried out;
+    and what kept the group from its end, if something did (``stopped``: a person or a limit)."""
 
-    text: str
+    errors: tuple[RunError | None, ...] = ()
+    problem: str = ""
     stopped: bool = False
 
 
-def do_here(group: Group, stop: StopSwitch | None = None) -> Problem | None:
+def do_here(group: Group, stop: StopSwitch | None = None) -> GroupResult:
     """Do a group in this process, in a thread that is not the main one: Ctrl-C is for the process that waits. On a stop
     the thread is abandoned, and the run that it is at is cut off like that of a killed process."""
-    over, problems = threading.Event(), list[Problem]()
+    over, errors = threading.Event(), list[RunError | None]()
+    results: list[GroupResult] = []
 
     def work() -> None:
         try:
             registry, load = _loaded(group.folder, group.config, group.config.stat().st_mtime_ns)
-            do_group(load, registry, Place(group.folder), group.trials)
+            do_group(load, registry, Place(group.folder), group.trials, errors.append)
+            results.append(GroupResult(tuple(errors)))
         except Stopped as stopped:
-            problems.append(Problem(stopped.where, stopped=True))
+            results.append(GroupResult(tuple(errors), stopped.where, stopped=True))
         except MemoError as error:
-            problems.append(Problem(str(error)))
+            results.append(GroupResult(tuple(errors), str(error)))
+        except Exception as error:  # a bug, in MEMO or in a plugin: the other groups go on
+            traceback.print_exc()
+            said = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+            results.append(GroupResult((*errors, RunError(UNEXPECTED, said)), said))
         finally:
             over.set()
 
@@ -65,7 +75,7 @@ def do_here(group: Group, stop: StopSwitch | None = None) -> Problem | None:
         over.wait()
     if stop is None or not stop.pressed:
         thread.join()
-    return problems[0] if problems else None
+    return results[0] if results else GroupResult(tuple(errors), "it was given up", stopped=True)
 
 
 @lru_cache(maxsize=1)
@@ -77,12 +87,12 @@ def _loaded(folder: Path, config: Path, changed: int) -> tuple[Registry, Load]:
 
 def on_joblib(
     groups: Sequence[Group], jobs: int, stop: StopSwitch, on_death: Callable[[str], None]
-) -> Iterator[Problem | None]:
+) -> Iterator[GroupResult]:
     """What became of each group, as they end, in processes of this machine. Raises ``WorkersDied``."""
     return in_processes(do_here, groups, jobs, stop, on_death)
 
 
-def on_ray(groups: Sequence[Group], address: str | None, stop: StopSwitch) -> Iterator[Problem | None]:
+def on_ray(groups: Sequence[Group], address: str | None, stop: StopSwitch) -> Iterator[GroupResult]:
     """The same on a Ray cluster, which gives the groups of a dead node to the others. Raises ``MemoError``."""
     import ray
 

@@ -6,6 +6,7 @@ evaluation/config.yaml   the resolved experiment, which workers read
 evaluation/code          digest of MEMO's and the plugins' files when it was begun
 evaluation/trials/ID/    each trial
 evaluation/trials.jsonl  the table, and trials.parquet
+evaluation/errors.jsonl  trials that could not be carried out; missing where there are none
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import yaml
 from memo_core.config import Experiment, Unread
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.evaluation.books import contents, make_books, note_evaluation
-from memo_core.evaluation.engines import Group, Problem, do_here, on_joblib, on_ray
+from memo_core.evaluation.engines import Group, GroupResult, do_here, on_joblib, on_ray
 from memo_core.evaluation.grid import Trial, trials_of
 from memo_core.evaluation.on_hardware import check_settings, in_random_order, is_hardware
 from memo_core.evaluation.settings import EvaluationSettings
@@ -31,6 +32,7 @@ from memo_core.evaluation.table import rows_of, write_table
 from memo_core.evaluation.trial import Place, do_on_robot, experiment_of
 from memo_core.plugins import Registry
 from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.carrying_out import Halted, RunError, reason_to_stop
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.folder import nested
 from memo_core.runs.plugin_code import code_digest
@@ -79,6 +81,7 @@ class Evaluated:
     planned: int
     books: tuple[dict[str, Any], ...]
     wall_s: float
+    errors: tuple[dict[str, Any], ...] = ()  # trials that could not be carried out, as ``Place.error``
 
     def summary(self) -> dict[str, Any]:
         """As ``memo evaluate --json`` prints it."""
@@ -90,6 +93,7 @@ class Evaluated:
             "runs": ran,
             "shared": len(self.rows) - ran,
             "successes": sum(row["success"] for row in self.rows),
+            "errors": len(self.errors),
             "wall_s": round(self.wall_s, 1),
         }
 
@@ -114,26 +118,31 @@ def evaluate(
     _keep_code(experiment, folder / "evaluation", note)
     make_books(experiment, journals, place.books, trials, stop, note)
     note_evaluation(experiment, journals, trials, folder / "evaluation")
-    problems: list[Problem] = []
+    problems: list[str] = []
+    errors: list[RunError | None] = []
     try:
         if hardware:
             do_on_robot(load, Registry(), place, in_random_order(trials, experiment.seed), stop)
         with _watched(place, trials, progress):
-            for problem in _done(experiment, settings, folder, place, trials, stop, note):
-                if problem is not None:
-                    problems.append(problem)
-                    note(problem.text)
-                if stop.pressed or (problem is not None and problem.stopped):
+            for result in _done(experiment, settings, folder, place, trials, stop, note):
+                errors += result.errors
+                if stop.pressed or result.stopped:
                     raise Stopped(_GOES_ON)
+                if result.problem:
+                    problems.append(result.problem)
+                    note(result.problem)
+                if (error := reason_to_stop(errors)) is not None:
+                    raise Halted("trials", error)
         if stop.pressed:
             raise Stopped(_GOES_ON)
     finally:
         rows = rows_of(place, trials)
-        write_table(folder / "evaluation", rows)
+        failed = [error for trial in trials if place.row(trial) is None and (error := place.error(trial)) is not None]
+        write_table(folder / "evaluation", rows, failed)
     if problems:
-        raise InvalidArgument("evaluation", f"{len(problems)} groups of trials broke off: {problems[0].text}")
+        raise InvalidArgument("evaluation", f"{len(problems)} groups of trials broke off: {problems[0]}")
     books = tuple(contents(place.books))
-    return Evaluated(folder, tuple(rows), len(trials), books, time.monotonic() - started)
+    return Evaluated(folder, tuple(rows), len(trials), books, time.monotonic() - started, tuple(failed))
 
 
 def _done(
@@ -144,7 +153,7 @@ def _done(
     trials: Sequence[Trial],
     stop: StopSwitch,
     note: Callable[[str], None],
-) -> Iterator[Problem | None]:
+) -> Iterator[GroupResult]:
     groups = _groups(experiment, settings, folder, place, trials)
     if settings.engine == "ray":
         return on_ray(groups, settings.ray_address, stop)

@@ -21,6 +21,7 @@ from memo_core.evaluation.settings import EvaluationSettings
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Arrangement, Episode, Program, TaskEpisode, Teacher, Verdict
 from memo_core.parsing import parse_json
+from memo_core.reading_limits import excerpt
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.folder import json_text
 from memo_core.scene.graph import Observation, SceneGraph
@@ -124,7 +125,9 @@ class Judge(Teacher):
                 self.close()
         said = self.verdict
         assert said is not None
-        return said | {"reason": said["words"] or ("the person says that it is done" if said["success"] else ended)}
+        return said | {
+            "reason": excerpt(said["words"]) or ("the person says that it is done" if said["success"] else ended)
+        }
 
     def _keep(self, success: bool, words: str) -> None:
         write_whole(self._file, json_text({"success": success, "words": words, "who": self.who}))

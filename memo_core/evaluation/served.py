@@ -22,7 +22,7 @@ from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import Entry, read_history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval_result import ALIKE, Retrieval, Served
+from memo_core.skillbook.retrieval_result import ALIKE, Retrieval, RetrievedEntry
 from memo_core.skillbook.scene_context import SubtaskContext
 
 
@@ -76,7 +76,7 @@ def given(found: Retrieval, memory: Memory) -> str:
     people = list(dict.fromkeys(name for part in parts for one in part for name in one.provenance.who))
     moments = sorted({one.provenance.when for part in parts for one in part})
 
-    def row(one: Served) -> list[Any]:
+    def row(one: RetrievedEntry) -> list[Any]:
         who = [people.index(name) for name in one.provenance.who]
         return [one.key, one.text, one.alike, one.passes, who, moments.index(one.provenance.when)]
 
@@ -92,7 +92,7 @@ def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question])
     return True
 
 
-_NOTHING = Retrieval(Key("", ()), (), (), (), (), 0)
+_NOTHING = Retrieval(Key("", ()))
 
 
 def effects_of(run: Path) -> tuple[Entry, ...]:

@@ -12,6 +12,7 @@ from memo_core.evaluation.trial import Place
 from memo_core.runlog.json_lines import read_lines
 from memo_core.runlog.whole_files import write_whole
 
+TRIALS, ERRORS = "trials.jsonl", "errors.jsonl"
 VARYING = ("wall_s", "cost")  # columns that a repeated evaluation may have other values in
 NUMBERS = ("hours", "robot_s", "wall_s", "cost")
 
@@ -21,10 +22,14 @@ def rows_of(place: Place, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     return [row for trial in trials if (row := place.row(trial)) is not None]
 
 
-def write_table(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """``trials.jsonl`` and, where pyarrow is installed, ``trials.parquet``."""
-    text = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
-    write_whole(folder / "trials.jsonl", text)
+def write_table(folder: Path, rows: Sequence[dict[str, Any]], errors: Sequence[dict[str, Any]] = ()) -> None:
+    """``trials.jsonl`` and, where pyarrow is installed, ``trials.parquet``; ``errors.jsonl`` with the trials that could
+    not be carried out."""
+    write_whole(folder / TRIALS, _lines(rows))
+    if errors:
+        write_whole(folder / ERRORS, _lines(errors))
+    else:
+        (folder / ERRORS).unlink(missing_ok=True)
     try:
         import pyarrow
         import pyarrow.parquet
@@ -37,7 +42,11 @@ def write_table(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
         part.rename(folder / "trials.parquet")
 
 
-def read_table(folder: Path) -> list[dict[str, Any]]:
-    """The rows in ``trials.jsonl``; none where there is no such file."""
-    file = folder / "trials.jsonl"
+def _lines(rows: Sequence[dict[str, Any]]) -> str:
+    return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+
+
+def read_table(folder: Path, name: str = TRIALS) -> list[dict[str, Any]]:
+    """The rows of ``TRIALS`` or ``ERRORS``; none where there is no such file."""
+    file = folder / name
     return [line for _, line in read_lines(file) if line is not None] if file.exists() else []

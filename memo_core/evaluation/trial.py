@@ -1,6 +1,7 @@
 """Doing one trial: a run in a folder of its own, and its row of the table.
 
 trials/ID/row.json        the row; missing until the trial is over
+trials/ID/error.json      why it could not be carried out the last time; missing once it is over
 trials/ID/run/…           the folder of the run, as of any run; missing where it shares another's
 trials/ID/recording.jsonl what the model was asked and said, where that is recorded
 trials/ID/questions.jsonl what the book was asked and served, where nobody watched
@@ -39,6 +40,7 @@ from memo_core.parsing import parse_json
 from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
 from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.carrying_out import NotCarriedOut, RunError
 from memo_core.runs.factories import book_of, environment_of, task_of, world_of
 from memo_core.runs.folder import json_text
 from memo_core.runs.one_of_many import do_one
@@ -52,6 +54,7 @@ from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
 
 ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.jsonl", "recording.jsonl", "run"
+ERROR = "error.json"
 PRIVATE = "skillbook.db"  # a trial's copy of a book
 NO_FILE = "sqlite://"  # a book in memory that nobody writes to
 WATCHER = "E1"  # id of who corrects in an evaluation
@@ -80,7 +83,22 @@ class Place:
         """The row of a trial that is over, with the book as it is now."""
         file = self.of(trial) / ROW
         row = parse_json(file.read_text(encoding="utf-8")) if file.exists() else None
-        return row if row is not None and row["book"] == self.digest(trial) else None
+        if row is None or row["book"] != self.digest(trial) or self._was_an_error(trial, row):
+            return None
+        return dict(row)
+
+    def error(self, trial: Trial) -> dict[str, Any] | None:
+        """The trial's columns with ``cause``, ``problem`` and ``persistent``, if it could not be carried out the last
+        time that it was tried."""
+        file = self.of(trial) / ERROR
+        return dict(parse_json(file.read_text(encoding="utf-8"))) if file.exists() else None
+
+    def _was_an_error(self, trial: Trial, row: dict[str, Any]) -> bool:
+        """Whether an earlier version counted a model that could not answer as a failure; such a trial is done again."""
+        summary = self.of(trial) / RUN / "summary.json"
+        if row["success"] or not summary.exists():
+            return False
+        return bool(parse_json(summary.read_text(encoding="utf-8")).get("unanswerable"))
 
     def digest(self, trial: Trial) -> str:
         """Of what the trial's book holds; empty where it has none, or was given one."""
@@ -105,15 +123,25 @@ def do_group(
     registry: Registry,
     place: Place,
     trials: Sequence[Trial],
-    report: Callable[[str], None] = lambda line: None,
+    tried: Callable[[RunError | None], None] = lambda error: None,
 ) -> None:
     """The trials of one scene, in order; what is over already is not done again, and what would come out the same as
-    another shares its run. Raises ``Stopped`` when a person or a limit ends a run, ``MemoError``."""
+    another shares its run. ``tried`` hears of each trial the error by which it could not be carried out, or None; such
+    a trial leaves ``ERROR``, and a persistent error ends the group. Raises ``Stopped`` when a person or a limit ends a
+    run, ``MemoError``."""
     for trial in trials:
-        if place.row(trial) is None:
+        if place.row(trial) is not None:
+            continue
+        try:
             row = _shared(load, place, trial, trials) or _done(load, registry, place, trial)
-            write_whole(place.of(trial) / ROW, json_text(row))
-            report(f"{trial.id}: {'done' if row['success'] else 'not done'}")
+        except NotCarriedOut as error:
+            write_whole(place.of(trial) / ERROR, json_text(_about(trial, place) | attrs.asdict(error.error)))
+            tried(error.error)
+            if error.error.persistent:
+                return
+            continue
+        _keep(place.of(trial), row)
+        tried(None)
 
 
 def do_on_robot(load: Load, registry: Registry, place: Place, trials: Sequence[Trial], stop: StopSwitch) -> None:
@@ -126,7 +154,12 @@ def do_on_robot(load: Load, registry: Registry, place: Place, trials: Sequence[T
             if not (place.of(trial) / RUN).exists():
                 set_up(experiment.create("teacher"), trial, first, task_of(experiment, trial.task), number, len(trials))
             stop.check("evaluating")
-            write_whole(place.of(trial) / ROW, json_text(_done(load, registry, place, trial)))
+            _keep(place.of(trial), _done(load, registry, place, trial))
+
+
+def _keep(folder: Path, row: dict[str, Any]) -> None:
+    write_whole(folder / ROW, json_text(row))
+    (folder / ERROR).unlink(missing_ok=True)
 
 
 def experiment_of(load: Load, trial: Trial, *further: str) -> Experiment:
@@ -315,4 +348,4 @@ def _failure(summary: dict[str, Any]) -> tuple[str, str]:
         if one["error"]:
             return one["subtask"], one["error"].splitlines()[0]
     last = summary["subtasks"][-1]["subtask"] if summary["subtasks"] else ""
-    return last, summary["problem"] or (summary["ended"] if summary["unanswerable"] else summary["reason"])
+    return last, summary["problem"] or summary["reason"]

@@ -31,8 +31,8 @@ class Needs:
 
     ``modules``: importable modules and the distribution that provides each; ``system``: system packages and their
     purpose; ``keys``: environment variables that hold secrets, all required: the backend is not made without them;
-    ``optional_keys``: those of which its settings decide which is needed, such as one key per provider; the backend
-    itself says which is missing.
+    ``optional_keys``: those of which its settings decide which is needed, such as one key per provider; ``needs_of``,
+    or the backend itself, says which is missing.
     """
 
     modules: dict[str, str] = attrs.field(factory=dict)
@@ -96,6 +96,7 @@ class Backend:
     factory: Callable[[Any], Any]
     config: type = NoSettings
     needs: Needs = Needs()
+    needs_of: Callable[[Any], Needs] | None = None  # what some settings need besides
     demo: Demo | None = None  # of a suite
     replays: bool = False  # of an llm: its settings have `file`, `record`, `inner`, for `--record` and `--replay`
     measured: str = (

@@ -62,6 +62,10 @@ class WorldState(ABC):
     def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
         """Contacts now, of one body (children included) or all."""
 
+    def family(self, body: str) -> frozenset[str]:
+        """Names of a body and of its children, which are parts of the same thing."""
+        return frozenset((body,))
+
     def pressing(self, body: str) -> float:
         """Normal force (N) of the robot link that presses hardest on a body (children included), summed over that
         link's contacts; 0 if no link touches it."""

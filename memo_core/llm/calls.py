@@ -20,6 +20,7 @@ from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, 
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
 from memo_core.parsing import read_as
+from memo_core.reading_limits import LONGEST_ANSWER
 from memo_core.redaction import Redactor
 from memo_core.runlog.run_log import Effect, RunLog
 from memo_core.stop_switch import StopSwitch, abandonable
@@ -88,13 +89,14 @@ class ModelCalls:
         """Calls to another model with the same log and budget."""
         return ModelCalls(llm, self._stop, self._log, self._emit, self._budget, self._retrying, self._on_text)
 
-    def answer(self, request: Request) -> tuple[Answer, str]:
-        """The answer and its file in the run folder. Raises ``LanguageModelError`` when asking again does not help,
-        ``BudgetExceeded``, ``Stopped``."""
+    def answer(self, request: Request, read: Callable[[str], object] = len) -> tuple[Answer, str]:
+        """The answer and its file in the run folder. ``read`` is called with its text while a stop can still abandon
+        the call, so that a caller that remembers its result need not take time for it afterwards. Raises
+        ``LanguageModelError`` when asking again does not help, ``BudgetExceeded``, ``Stopped``."""
         attempt = 0
         while True:
             try:
-                return self._once(request)
+                return self._once(request, read)
             except LanguageModelError as error:
                 failed = error
             attempt += 1
@@ -109,7 +111,7 @@ class ModelCalls:
         self._emit(Problem(f"asking for the {request.phase}", words))
         self._log.effect(_PAUSE, str(attempt), lambda _: self._pause(wait))
 
-    def _once(self, request: Request) -> tuple[Answer, str]:
+    def _once(self, request: Request, read: Callable[[str], object]) -> tuple[Answer, str]:
         started = time.monotonic()
         about = f"{request.phase} {request.digest}"
         kind = Effect(ASK, self._keep, self._read, outside=True, errors=(LanguageModelError, BudgetExceeded))  # type: Effect[_Answered]
@@ -118,7 +120,7 @@ class ModelCalls:
                 kind,
                 about,
                 lambda number: (
-                    self._answered_before(about) or self._ask(request, call_name(number, request.phase), number)
+                    self._answered_before(about) or self._ask(request, call_name(number, request.phase), number, read)
                 ),
                 lambda number: self._found(call_name(number, request.phase)),
             )
@@ -146,7 +148,7 @@ class ModelCalls:
             raise result
         return None if result is None else _Answered(result, file)
 
-    def _ask(self, request: Request, file: str, number: int) -> _Answered:
+    def _ask(self, request: Request, file: str, number: int, read: Callable[[str], object]) -> _Answered:
         begun: list[int] = []
         started = time.monotonic()
         given_up = threading.Event()
@@ -164,7 +166,9 @@ class ModelCalls:
                 raise BackendUnavailable("llm", self._llm.name, said, "a bug in its plugin")
             if shown is not None:
                 shown.end()
-            return attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text)))
+            answer = _shortened(attrs.evolve(answer, text=_HALVES.sub("\ufffd", self._redact(answer.text))))
+            read(answer.text)
+            return answer
 
         def over(result: Answer | BaseException, abandoned: bool) -> str:
             """Register the end of a call: write its file, then update the budget."""
@@ -240,3 +244,10 @@ class ModelCalls:
         with self._stop.waking(news.set):
             news.wait(seconds)
         self._stop.check("waiting to ask again")
+
+
+def _shortened(answer: Answer) -> Answer:
+    """An answer that is too long to be read ends as at the model's own limit."""
+    if len(answer.text) <= LONGEST_ANSWER:
+        return answer
+    return attrs.evolve(answer, text=answer.text[:LONGEST_ANSWER], finish="length")

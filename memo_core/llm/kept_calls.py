@@ -36,6 +36,7 @@ def call_text(request: Request, result: Answer | BaseException, problem: str, ab
         "prompt": request.prompt,
         "abandoned": abandoned,
         "problem": problem,
+        "error": _error_record(result),
         "answer": None if answer is None else attrs.asdict(answer),
         "usage": None if spent is None else attrs.asdict(spent),  # of a call without an answer
         "messages": [
@@ -84,7 +85,26 @@ def result_in(folder: Path, name: str, model: str) -> Answer | LanguageModelErro
     if kept["answer"] is not None:
         return answer_in(folder, name)
     usage = None if kept["usage"] is None else _usage(kept["usage"], folder / name)
-    return LanguageModelError(model, str(kept["problem"]), usage=usage)
+    return _error_in(kept, folder / name, model, usage)
+
+
+def _error_record(result: Answer | BaseException) -> dict[str, Any] | None:
+    """A model's error without the cost, which stands beside it, and the model, which the run knows."""
+    if not isinstance(result, LanguageModelError):
+        return None
+    return attrs.asdict(result, filter=attrs.filters.exclude("backend", "usage"))
+
+
+def _error_in(kept: dict[str, Any], file: Path, model: str, usage: Usage | None) -> LanguageModelError:
+    if kept.get("error") is None:  # of an earlier version, or of another kind
+        return LanguageModelError(model, str(kept["problem"]), usage=usage)
+    try:
+        found = read_as(LanguageModelError, {"backend": model, **kept["error"]})
+        found.usage = usage
+        return found
+    except ValueError as error:
+        problem = f"{file} is damaged (its error: {' '.join(str(error).split())})"
+        raise InvalidArgument("--resume", problem, "the file as the run wrote it") from None
 
 
 def spent_in(history: History, folder: Path) -> Spent:

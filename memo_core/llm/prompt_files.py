@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import attrs
 
@@ -190,14 +190,6 @@ class BadPrompt(MemoError):
         return f"{self.file}{f':{self.line}' if self.line else ''}: {self.problem}"
 
 
-class _Reader(Protocol):
-    """``prompt_filling``, or a process that does the same."""
-
-    def names_in(self, text: str) -> list[tuple[str, int]]: ...
-
-    def filled(self, text: str, values: Mapping[str, Any]) -> str: ...
-
-
 @attrs.frozen
 class PromptText:
     """One prompt's text without its front matter; ``line`` is the number of lines before it in its file."""
@@ -219,12 +211,12 @@ class PromptText:
         return f"{self.name} v{self.version or '?'} {self.digest}"
 
     def render(self, context: Mapping[str, Any]) -> str:
-        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value, for an
-        expression that fails or is not allowed, and for a file of one's own that takes too much time or memory."""
+        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value and for an
+        expression that fails or is not allowed."""
         given = {**OPTIONAL.get(self.name, {}), **context}
         known = {name: value for name, value in given.items() if name in PLACEHOLDERS[self.name]}
         try:
-            return self._reader.filled(self.text, known)
+            return prompt_filling.filled(self.text, known)
         except Unfit as error:
             raise self._bad(error.line, error.problem) from None
 
@@ -238,7 +230,7 @@ class PromptText:
     def _check(self) -> None:
         known = PLACEHOLDERS[self.name]
         try:
-            used = self._reader.names_in(self.text)
+            used = prompt_filling.names_in(self.text)
         except Unfit as error:
             raise self._bad(error.line, error.problem) from None
         for name, line in used:
@@ -252,15 +244,6 @@ class PromptText:
             self.render({name: SAMPLES[name] for name in known})
         except BadPrompt as error:
             raise BadPrompt(error.file, error.line, f"{error.problem}; {self._known()}") from None
-
-    @property
-    def _reader(self) -> _Reader:
-        """What reads the text: a process of its own, unless the text is ours."""
-        if self.source == BUILT_IN:
-            return prompt_filling
-        from memo_core.llm.prompt_process import PROCESS
-
-        return PROCESS
 
     def _bad(self, line: int, problem: str) -> BadPrompt:
         return BadPrompt(self.source, line + self.line if line else 0, problem)

@@ -1,5 +1,4 @@
-"""What the text of a prompt file names, and what becomes of it when it is filled in. ``prompt_worker`` does this in a
-process of its own for files that replace the built-in ones."""
+"""Parsing the text of a prompt file and filling it in."""
 
 from __future__ import annotations
 

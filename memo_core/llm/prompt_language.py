@@ -1,8 +1,8 @@
-"""The language of prompt files: Jinja, restricted to the values that a phase declares. A prompt file may be untrusted,
-for example part of a downloaded config. Its expressions can read the fields of the phase's values and call methods of
-strings, numbers, lists and dicts; they cannot reach modules, functions or other objects (Jinja's immutable sandbox,
-without Jinja's global functions). What a file may take of time and memory is limited by the process that reads it
-(``prompt_process``).
+"""The language of prompt files: Jinja, restricted to the values that a phase declares.
+
+A prompt file is the user's own or part of a downloaded config, so its expressions can read the fields of the phase's
+values and call methods of strings, numbers, lists and dicts; they cannot reach modules, functions, files or other
+objects (Jinja's immutable sandbox, without Jinja's global functions).
 """
 
 from __future__ import annotations

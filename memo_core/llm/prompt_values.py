@@ -41,7 +41,7 @@ def quoted(text: str) -> Block:
 
 def unfenced(text: str) -> Block:
     """Text that is safe between fences: its own lines that look like a fence are changed."""
-    return Block(re.sub(r"^(\s*)(?:```|~~~)", r"\1'''", _visible(text), flags=re.MULTILINE))
+    return Block(re.sub(r"^([^\S\n]*+)(?:```|~~~)", r"\1'''", _visible(text), flags=re.MULTILINE))
 
 
 def _table(text: str) -> Block:

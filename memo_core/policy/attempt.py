@@ -5,8 +5,8 @@ from __future__ import annotations
 import attrs
 
 from memo_core.interfaces.teacher import Sighting
-from memo_core.policy.retrieving import Served
 from memo_core.scene.graph import SceneGraph
+from memo_core.skillbook.retrieval import Retrieval
 
 
 @attrs.frozen
@@ -31,7 +31,7 @@ class Attempt:
     succeeded: bool = False  # it ran to its end
     error: str = ""
     printed: str = ""
-    served: Served = attrs.field(factory=Served)
+    served: Retrieval | None = None
     watched: tuple[Sighting, ...] = ()
     tried: list[Tried] = attrs.field(factory=list)  # before that code: what ended with an error
     began: float = 0.0  # s, on the robot's clock

@@ -13,12 +13,13 @@ from memo_core.events import EntryStored, Event, Problem
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import BudgetExceeded
 from memo_core.llm.calls import ModelCalls
-from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.prompt_files import BadPrompt, Prompts
 from memo_core.llm.readers import Notes, Unreadable, read_notes
 from memo_core.policy import prompting
 from memo_core.policy.model_questions import Asked, put, schema_of
 from memo_core.policy.plan_feedback import for_plans, is_of_plans
 from memo_core.policy.settings import TeachingSettings
+from memo_core.reading_limits import too_long
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
@@ -26,6 +27,7 @@ from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, Note
 from memo_core.skillbook.keys import Key, NotAKey
 
 NOT_NOW = (LanguageModelError, BudgetExceeded)  # a model cannot be asked; another time it may
+_OF_THIS_QUESTION = ("refusal", "length")  # causes that the same question will have again
 
 
 class Ask(Protocol):
@@ -91,9 +93,11 @@ class FeedbackProcessor:
         self._teaching = teaching or TeachingSettings()
 
     def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> Noted:
-        """Ask a model what can be learnt, and store it. If the answer cannot be read, or says that nothing can be
-        learnt, the feedback is set aside with the reason; if the model cannot be asked, the feedback stays as it is.
-        Raises ``Stopped``."""
+        """Ask a model what can be learnt, and store it. The feedback is set aside with the reason if it is too long, if
+        the answer cannot be read, or if the answer says that nothing can be learnt; if the model cannot be asked, the
+        feedback stays as it is. Raises ``Stopped``."""
+        if unread := too_long(feedback.words):
+            return self._set_aside(feedback, unread, f"{unread}. What should I do differently, in fewer words?")
         about = circumstances or Circumstances()
         try:
             key = Key.parse(feedback.subtask)
@@ -115,10 +119,12 @@ class FeedbackProcessor:
                 plans=self._teaching.plan_notes,
             )
         except NOT_NOW as error:
+            if isinstance(error, LanguageModelError) and error.cause in _OF_THIS_QUESTION:
+                return self._set_aside(feedback, str(error))
             self._emit(Problem(f"feedback {feedback.id} stays {feedback.status}", str(error)))
-            away = not isinstance(error, LanguageModelError) or error.retryable  # else it is this question's fault
+            away = not isinstance(error, LanguageModelError) or error.retryable or error.persistent
             return Noted(feedback.id, "pending", reason=str(error), away=away)
-        except (Unreadable, NotAKey) as error:
+        except (Unreadable, NotAKey, BadPrompt) as error:
             return self._set_aside(feedback, str(getattr(error, "problem", error)))
         if not notes:
             why = notes.unclear or "no note was made"

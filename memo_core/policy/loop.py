@@ -36,6 +36,7 @@ from memo_core.policy.teaching import Corrected, Judged, Teaching
 from memo_core.runlog.run_log import Effect, InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import Retrieval
 from memo_core.skills.contract import documentation
 
 
@@ -61,8 +62,8 @@ class _Subtask:
             attempt.scene,
             attempt.code,
             worked,
-            served.entries,
-            served.sources,
+            served.entry_ids if served else (),
+            served.sources if served else (),
             attempt.printed,
             attempt.error,
         )
@@ -158,9 +159,9 @@ class Loop:
                 self._effects.confirm(self._episode(at))
                 at.attempt.error = str(doubt)
                 self._end_subtask(at, at.result(at.unapproved))
-            except LanguageModelError as error:  # what the model would have said is still wanted
+            except (LanguageModelError, Unreadable) as error:  # what the model would have said is still wanted
                 self._end_subtask(at, at.result(at.unapproved, str(error)))
-                return attrs.evolve(self._result(str(error)), resumable=True, unanswerable=not error.retryable)
+                return attrs.evolve(self._result(str(error)), resumable=True, error=error)
         return self._ended(reason)
 
     def _subtask(self, at: _Subtask) -> SubtaskResult:
@@ -176,6 +177,8 @@ class Loop:
                 if heard.kind == "approve":
                     self._template(at, heard)
             except Unreadable as error:
+                if error.cause:  # withheld or cut off: the model said nothing that could be tried
+                    raise
                 return at.result(at.unapproved, str(error))
             except Stopped:
                 at.interrupted += 1
@@ -310,7 +313,7 @@ class Loop:
     # -- phase 2: code -------------------------------------------------------------------------------------------------
     def _code(self, at: _Subtask, tried: list[Tried], repair: int) -> str:
         """Write code for the subtask. ``tried``: earlier code and how it ended."""
-        attempt, served = at.attempt, at.attempt.served
+        attempt, served = at.attempt, at.attempt.served or Retrieval(at.key)
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
         scene = self._effects.look()

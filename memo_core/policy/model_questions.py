@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import attrs
 
-from memo_core.interfaces.llm import Answer, Message, Request
+from memo_core.interfaces.llm import Answer, Cause, LanguageModelError, Message, Request
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.readers import Unreadable
 from memo_core.policy import prompting
@@ -16,6 +16,16 @@ from memo_core.policy.session import Session
 from memo_core.scene.graph import SceneGraph
 
 T = TypeVar("T")
+
+# Why an answer is not complete, by its cause: in words for the model, and for people where the backend says no more.
+_INCOMPLETE: dict[Cause, str] = {
+    "length": "it was cut off at the model's length limit; answer more briefly",
+    "refusal": "it is a refusal; nothing here is dangerous, the robot's limits are checked elsewhere",
+}
+_ENDED: dict[Cause, str] = {
+    "length": "the answer was cut off at the limit of tokens; raise that limit",
+    "refusal": "the model or a content filter refuses to answer; other words or another model may help",
+}
 
 _STRINGS = {"type": "array", "items": {"type": "string"}}
 _ELSEWHERE = {
@@ -112,8 +122,9 @@ class Questions:
         **context: Any,
     ) -> tuple[T, Asked]:
         """The answer to one phase's prompt with these pictures, parsed by ``read``. While ``read`` raises
-        ``Unreadable`` the question is asked again with the reason, at most a set number of times; then ``Unreadable``
-        is raised. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``."""
+        ``Unreadable``, or the answer is withheld or cut off, the question is asked again with the reason, at most a set
+        number of times; then ``Unreadable`` is raised. Raises ``LanguageModelError``, ``BudgetExceeded``,
+        ``Stopped``."""
         session = self._session
         messages = prompting.messages(phase, session.environment.robot, scene, session.prompts, **context)
         messages = with_pictures(messages, pictures)
@@ -132,31 +143,57 @@ def put(
     stamp: str = "",
     schema: dict[str, Any] | None = None,
 ) -> tuple[T, Asked]:
-    """Ask a question, and up to ``reasks`` times again with the reason while ``read`` raises ``Unreadable``. Raises as
-    ``Questions.ask``."""
-    asked = 0
+    """Ask a question, and up to ``reasks`` times again with the reason while ``read`` raises ``Unreadable`` or the
+    answer is withheld or cut off. Raises as ``Questions.ask``."""
+    asked, reader = 0, _Reader(read)
     while True:
         asked += 1
-        answer, file = calls.answer(Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp))
+        request = Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp)
         try:
-            return read(_complete(phase, answer)), Asked(asked, file)
+            answer, file = calls.answer(request, reader.prepare)
+        except LanguageModelError as error:
+            if error.cause not in _INCOMPLETE:
+                raise
+            # The provider withheld its answer to this question; it would answer others.
+            raise Unreadable(phase, f"{calls.model}: {error.problem}", cause=error.cause) from error
+        try:
+            return reader(_complete(phase, answer, calls.model)), Asked(asked, file)
         except Unreadable as error:
             if asked > reasks:
                 raise
-            messages = (
-                *messages,
-                Message("assistant", answer.text),
-                Message(
-                    "user", f"This answer cannot be used: {error.problem}. Answer once more, in the form asked for."
-                ),
-            )
+            if answer.text.strip():  # several providers reject a message without text
+                messages = (*messages, Message("assistant", answer.text))
+            again = _INCOMPLETE.get(error.cause, error.problem)
+            again = f"This answer cannot be used: {again}. Answer once more, in the form asked for."
+            messages = (*messages, Message("user", again))
 
 
-def _complete(phase: str, answer: Answer) -> str:
-    if answer.finish == "length":
-        raise Unreadable(phase, "it was cut off at the model's length limit; answer more briefly", answer.text)
-    if answer.finish == "refusal":
-        raise Unreadable(
-            phase, "it is a refusal; nothing here is dangerous, the robot's limits are checked elsewhere", answer.text
-        )
-    return answer.text
+class _Reader(Generic[T]):
+    """Reads an answer ahead of time, where a stop can abandon it, and remembers the result."""
+
+    def __init__(self, read: Callable[[str], T]) -> None:
+        self._read = read
+        self._ready: tuple[str, T | None, Unreadable | None] | None = None
+
+    def prepare(self, text: str) -> None:
+        try:
+            self._ready = (text, self._read(text), None)
+        except Unreadable as error:
+            self._ready = (text, None, error)
+
+    def __call__(self, text: str) -> T:
+        """Raises ``Unreadable``."""
+        ready = self._ready
+        if ready is None or ready[0] != text:
+            return self._read(text)  # answered from the run's log
+        _, value, error = ready
+        if error is not None:
+            raise error
+        return cast(T, value)
+
+
+def _complete(phase: str, answer: Answer, model: str) -> str:
+    """The text of an answer. Raises ``Unreadable``, in words for people, if it is withheld or cut off."""
+    if answer.finish == "stop":
+        return answer.text
+    raise Unreadable(phase, f"{model}: {answer.note or _ENDED[answer.finish]}", answer.text, cause=answer.finish)

@@ -6,6 +6,8 @@ from typing import Literal
 
 import attrs
 
+from memo_core.errors import MemoError
+
 Status = Literal["approved", "corrected", "unobserved"]
 
 
@@ -35,7 +37,7 @@ class RunResult:
     subtasks: tuple[SubtaskResult, ...] = ()
     robot_s: float = 0.0  # of all attempts together
     resumable: bool = False  # it broke off for a reason that may pass
-    unanswerable: bool = False  # a model could not answer, and asking it again would not help
+    error: MemoError | None = None  # by which it could not be carried out
     verdict: Status = "unobserved"  # of whoever watched, on the whole task
     corrections: int = 0  # times somebody found fault with a subtask
     planning_remarks: int = 0  # times somebody found fault with the plan or the whole task

@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 import cattrs
 
-from memo_core.events import Retrieved
+from memo_core.events import Problem
 from memo_core.policy.logged_book import entries_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.plan_feedback import is_of_plans
@@ -17,97 +17,90 @@ from memo_core.policy.session import Session
 from memo_core.policy.settings import TeachingSettings
 from memo_core.runlog.run_log import Effect
 from memo_core.scene.graph import SceneGraph
-from memo_core.skillbook import retrieval
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.entries import longest_entry
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.retrieval import Cut, Retrieval, RetrievedEntry
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.stop_switch import abandonable
 
 _ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
 
 
-@attrs.frozen
-class Served:
-    """Entries for the code prompt, each with ``key`` and ``text``."""
-
-    corrections: tuple[retrieval.Served, ...] = ()
-    general: tuple[retrieval.Served, ...] = ()
-    templates: tuple[retrieval.Served, ...] = ()
-    sources: tuple[int, ...] = ()  # feedback that the entries derive from
-
-    @property
-    def every(self) -> tuple[retrieval.Served, ...]:
-        return (*self.corrections, *self.general, *self.templates)
-
-    @property
-    def entries(self) -> tuple[int, ...]:
-        return tuple(one.entry.id for one in self.every)
-
-
-def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> Served:
+def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> Retrieval:
     """Entries for a subtask in a scene; none without a book. Emits ``Retrieved``. Raises ``Stopped``."""
     found = _found(session, memory, key, SubtaskContext.of(key, scene))
     if found is None:
-        return Served()
-    corrections = tuple(one for one in found.served.corrections if not is_of_plans(one.entry.key))
-    served = attrs.evolve(found.served, corrections=corrections)
-    session.emit(Retrieved(str(key), tuple(one.event() for one in served.every), found.cut))
-    return served
+        return Retrieval(key)
+    corrections = tuple(one for one in found.corrections if not is_of_plans(one.entry.key))
+    found = attrs.evolve(found, corrections=corrections)
+    session.emit(found.event())
+    return found
 
 
-def retrieve_for_plans(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> tuple[retrieval.Served, ...]:
+def retrieve_for_plans(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> tuple[RetrievedEntry, ...]:
     """What people said about the plans of this and similar tasks, best first. Emits ``Retrieved`` if there is
     something. Raises ``Stopped``."""
     found = _found(session, memory, key, SubtaskContext.of(key, scene))
-    notes = tuple(one for one in found.served.corrections if is_of_plans(one.entry.key)) if found is not None else ()
+    notes = tuple(one for one in found.corrections if is_of_plans(one.entry.key)) if found is not None else ()
     if notes:
-        session.emit(Retrieved(str(key), tuple(one.event() for one in notes), ()))
+        session.emit(Retrieval(key, notes).event())
     return notes
 
 
-def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) -> _Found | None:
+def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) -> Retrieval | None:
     book = session.book
     if book is None or not memory.any:
         return None
 
-    def work() -> retrieval.Retrieval:
+    def work() -> Retrieval:
         with _ONE_AT_A_TIME:
             return book.retrieve(key, context, clustered=memory.clusters)
 
-    def ask(_: int) -> _Found:
+    def ask(_: int) -> Retrieval:
         found = abandonable(session.stop, "retrieval", work, late=lambda _: None)
-        served = Served(
-            found.corrections if memory.corrections else (),
-            found.general if memory.general else (),
-            found.templates if memory.templates else (),
+        of_method = attrs.evolve(
+            found,
+            query=key,
+            corrections=found.corrections if memory.corrections else (),
+            general=found.general if memory.general else (),
+            templates=found.templates if memory.templates else (),
         )
-        return _Found(attrs.evolve(served, sources=tuple(book.sources(served.entries))), found.event().cut)
+        return attrs.evolve(of_method, sources=tuple(book.sources(of_method.entry_ids)))
 
-    kind: Effect[_Found] = Effect("retrieve", _keep, lambda record: _read(record, book))
-    return session.log.effect(kind, str(key), ask)
+    kind: Effect[Retrieval] = Effect("retrieve", _keep, lambda record: _read(record, key, book))
+    return _usable(session, session.log.effect(kind, str(key), ask))
+
+
+def _usable(session: Session, found: Retrieval) -> Retrieval:
+    """What was retrieved without entries that are too long for a prompt, such as a book from elsewhere may have."""
+    for one in found.served:
+        if not _fits(one):
+            told = f"it has {len(one.text)} characters, and at most {longest_entry(one.entry.kind)} fit into a prompt"
+            session.emit(Problem(f"entry {one.entry.id} is not used (see `memo skillbook edit`)", told))
+    kept = {name: tuple(filter(_fits, getattr(found, name))) for name in ("corrections", "general", "templates")}
+    return attrs.evolve(found, **kept)
+
+
+def _fits(one: RetrievedEntry) -> bool:
+    return len(one.text) <= longest_entry(one.entry.kind)
 
 
 # -- in the prompt -----------------------------------------------------------------------------------------------------
 
 
-@attrs.frozen
-class Shown:
-    """An entry as shown in a prompt. ``origin``: who said it, when in relation to the others, how similar its key is,
-    what else the same words were said of, and whether it is only a hint."""
-
-    key: str
-    text: str
-    origin: str = ""
-
-
 def shown(
-    corrections: Sequence[retrieval.Served], general: Sequence[retrieval.Served], teaching: TeachingSettings
-) -> tuple[list[Shown], list[Shown]]:
-    """Corrections and general statements for the code prompt. Corrections of one person under one key are sorted newest
-    first, within the positions that the ranking gave them. The same words are shown once, with all that they were said
-    of, at their best position and as a correction if they are one."""
+    corrections: Sequence[RetrievedEntry], general: Sequence[RetrievedEntry], teaching: TeachingSettings
+) -> tuple[list[RetrievedEntry], list[RetrievedEntry]]:
+    """Corrections and general statements for the code prompt, each with its ``origin``: who said it, when in relation
+    to the others, how similar its key is, what else the same words were said of, and whether it is a hint.
+
+    Corrections of one person under one key are sorted newest first, within the positions that the ranking gave them.
+    The same words are shown once, with all that they were said of, at their best position and as a correction if they
+    are one.
+    """
     ordered = _newer_first(corrections) if teaching.newer_first else list(corrections)
-    said: dict[str, list[retrieval.Served]] = {}
+    said: dict[str, list[RetrievedEntry]] = {}
     for one in (*ordered, *general):
         said.setdefault(_words(one.text), []).append(one)
     of_keys = [[one for one in same if one.entry.kind == "correction"] for same in said.values()]
@@ -119,9 +112,9 @@ def shown(
     for one in chosen:
         same = said[_words(one.text)]
         origin = _origin(one, same, people, moments) if teaching.competing else _also(one, same)
-        lines.append(Shown(one.key, one.text, origin))
+        lines.append(attrs.evolve(one, origin=origin))
     told = {_words(one.text) for one in chosen}
-    return lines, [Shown(one.key, one.text) for one in general if _words(one.text) not in told]
+    return lines, [one for one in general if _words(one.text) not in told]
 
 
 def _words(text: str) -> str:
@@ -129,7 +122,7 @@ def _words(text: str) -> str:
     return " ".join(text.casefold().split()).rstrip(".!")
 
 
-def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
+def _newer_first(served: Sequence[RetrievedEntry]) -> list[RetrievedEntry]:
     places: dict[tuple[object, tuple[str, ...]], list[int]] = {}
     for place, one in enumerate(served):
         if len(one.provenance.who) == 1:
@@ -143,7 +136,7 @@ def _newer_first(served: Sequence[retrieval.Served]) -> list[retrieval.Served]:
 
 
 def _origin(
-    one: retrieval.Served, same: Sequence[retrieval.Served], people: Sequence[str], moments: Sequence[float]
+    one: RetrievedEntry, same: Sequence[RetrievedEntry], people: Sequence[str], moments: Sequence[float]
 ) -> str:
     """Of all who said the ``same``; the newest time counts. Without names and dates: the model does not need them, and
     recordings are replayed on other days."""
@@ -156,7 +149,7 @@ def _origin(
     return ", ".join(part for part in (who, when, one.alike, _also(one, same), hint) if part)
 
 
-def _also(one: retrieval.Served, same: Sequence[retrieval.Served]) -> str:
+def _also(one: RetrievedEntry, same: Sequence[RetrievedEntry]) -> str:
     """What else the same words were said of."""
     keys = dict.fromkeys("everything" if other.entry.kind == "general" else other.key for other in same)
     others = [key for key in keys if key != one.key]
@@ -166,33 +159,28 @@ def _also(one: retrieval.Served, same: Sequence[retrieval.Served]) -> str:
 # -- in the run's log: entries by their ids ----------------------------------------------------------------------------
 
 
-@attrs.frozen
-class _Found:
-    served: Served
-    cut: tuple[tuple[str, float, str], ...]  # as in ``Retrieved``
+def _keep(found: Retrieval) -> dict[str, Any]:
+    rows = [cattrs.unstructure(one) | {"entry": one.entry.id} for one in found.served]
+    parts = [len(found.corrections), len(found.general), len(found.templates)]
+    cut = [[one.key, one.score, one.rule] for one in found.cut]
+    return {"served": rows, "parts": parts, "sources": list(found.sources), "cut": cut}
 
 
-def _keep(found: _Found) -> dict[str, Any]:
-    served = found.served
-    rows = [cattrs.unstructure(one) | {"entry": one.entry.id} for one in served.every]
-    parts = [len(served.corrections), len(served.general), len(served.templates)]
-    return {"served": rows, "parts": parts, "sources": list(served.sources), "cut": [list(one) for one in found.cut]}
-
-
-def _read(record: dict[str, Any], book: Skillbook) -> _Found:
+def _read(record: dict[str, Any], key: Key, book: Skillbook) -> Retrieval:
     rows = record["served"]
-    types: dict[str, Any] = {field.name: field.type for field in attrs.fields(attrs.resolve_types(retrieval.Served))}
+    types: dict[str, Any] = {field.name: field.type for field in attrs.fields(attrs.resolve_types(RetrievedEntry))}
     every = [
-        retrieval.Served(
+        RetrievedEntry(
             entry, **{name: cattrs.structure(value, types[name]) for name, value in row.items() if name != "entry"}
         )
         for entry, row in zip(entries_of(book, [row["entry"] for row in rows]), rows, strict=True)
     ]
     first, second, _ = record["parts"]
-    served = Served(
+    return Retrieval(
+        key,
         tuple(every[:first]),
         tuple(every[first : first + second]),
         tuple(every[first + second :]),
-        tuple(record["sources"]),
+        tuple(Cut(*cut) for cut in record["cut"]),
+        sources=tuple(record["sources"]),
     )
-    return _Found(served, tuple((key, score, rule) for key, score, rule in record["cut"]))

@@ -18,8 +18,8 @@ from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
 from memo_core.policy.memo_and_baselines import Memory
 from memo_core.policy.model_questions import Questions
-from memo_core.policy.retrieving import Shown
 from memo_core.policy.session import Session
+from memo_core.reading_limits import excerpt, too_long
 from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.name_corrections import UNKNOWN, read_name_corrections, says_only_names
@@ -33,16 +33,24 @@ READ_BACKS = 3  # of one remark: a rewording is noted and read back as well
 
 
 @attrs.frozen
+class NotedText:
+    """A note as a prompt shows it: its key and its text."""
+
+    key: str
+    text: str
+
+
+@attrs.frozen
 class Corrected:
     """A correction of this run, as the next prompts show it: what was tried, what came of it, the person's words and
-    the notes made of them (each with ``key`` and ``text``)."""
+    the notes made of them."""
 
     subtask: str
     code: str
     printed: str
     ended: str
     words: str
-    notes: tuple[Shown, ...] = ()
+    notes: tuple[NotedText, ...] = ()
 
 
 @attrs.frozen(eq=False)
@@ -98,8 +106,11 @@ class Teaching:
         """An attempt, the plan or the whole task was corrected. Their words are kept already; what was
         served counts as used. ``subtasks``: those of the run so far."""
         number = heard.feedback if self._book is not None else 0
-        self._remarks.append(_Remark(judged, heard.words, number, tuple(dict.fromkeys(subtasks))))
-        self._session.emit(FeedbackGiven(number, self._session.who, str(judged.key), heard.words))
+        words = excerpt(heard.words)
+        self._remarks.append(_Remark(judged, words, number, tuple(dict.fromkeys(subtasks))))
+        self._session.emit(FeedbackGiven(number, self._session.who, str(judged.key), words))
+        if unread := too_long(heard.words) if self._book is None or not self._memory.any else "":
+            self._problem(f"what was said of {judged.key}", unread)
         self._correct_names(judged, heard.words, number)
         if self._book is not None and not after_a_stop:
             self._book.note_use(judged.served, success=False, subtask=judged.key)
@@ -122,7 +133,7 @@ class Teaching:
                 one.judged.printed.rstrip("\n"),
                 one.judged.ended or "without an error",
                 one.words,
-                tuple(Shown(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
+                tuple(NotedText(key_label(entry.key), entry.text) for entry in one.entries if self._reads(entry)),
             )
             for one in said
         ]
@@ -148,11 +159,11 @@ class Teaching:
                 return
 
     def _process(self, feedback: Feedback, remark: _Remark | None) -> bool:
-        """Note what was said and read it back; whether a model could be asked."""
+        """Note what was said and read it back; whether a model can be asked about other feedback."""
         for _ in range(READ_BACKS):
             noted = self._processor.process(feedback, None if remark is None else self._circumstances(remark))
             if noted.outcome == "pending":
-                return False
+                return not noted.away
             if remark is None:
                 return True
             remark.entries = noted.entries
@@ -197,7 +208,7 @@ class Teaching:
             return None
         if not notes:
             remark.asked = (remark.words, question)
-        remark.words = f"{remark.words.rstrip()}\n{answer.words.strip()}"
+        remark.words = f"{remark.words.rstrip()}\n{excerpt(answer.words).strip()}"
         return feedback_of(self._raw, answered.feedback)
 
     @property

@@ -12,7 +12,7 @@ from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.books import contents
 from memo_core.evaluation.references import read_references
-from memo_core.evaluation.table import read_table
+from memo_core.evaluation.table import ERRORS, read_table
 from memo_core.runs.factories import book_of, tasks_of
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.study.history import BOOK
@@ -36,6 +36,7 @@ class Findings:
     people: dict[str, Any]
     books: tuple[dict[str, Any], ...]
     rows: tuple[dict[str, Any], ...]
+    errors: tuple[dict[str, Any], ...]  # trials that could not be carried out: in no rate
     references: dict[str, dict[str, Any]]  # by task: reference solution and doing nothing, where measured
 
     def zero_shot(self, **wanted: Any) -> list[dict[str, Any]]:
@@ -94,6 +95,7 @@ def gather(registry: Any, folder: Path) -> Findings:
         people={who: attrs.asdict(told) for who, told in People(study).all().items()},
         books=tuple(contents(folder / "books")),
         rows=tuple(read_table(evaluation)),
+        errors=tuple(read_table(evaluation, ERRORS)),
         references=read_references(evaluation),
     )
 

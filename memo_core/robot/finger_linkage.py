@@ -69,6 +69,8 @@ class FingerLinkage:
     def _couple(self, urdf: Urdf) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Each finger joint's position as a multiple of the first one's, plus an offset."""
         first = self.names[0]
+        # Fingers with a motor each are driven alike, unless the first one is itself a follower.
+        driven = {first} if urdf.joint(first).mimic is not None else set(self.names)
         multipliers, offsets = [], []
         for name in self.names:
             multiplier, offset, at, seen = 1.0, 0.0, name, {name}
@@ -78,7 +80,7 @@ class FingerLinkage:
                 if at in seen:
                     raise InvalidArgument(f"URDF joint {name!r}", "mimics itself, by a circle", "one driven joint")
                 seen.add(at)
-            if at != first and at != name:
+            if at not in driven and at != name:
                 problem = f"mimics {at!r}, but the driven finger joint is {first!r}"
                 raise InvalidArgument(f"URDF joint {name!r}", problem, f"{at!r} as the first of gripper.finger_joints")
             multipliers.append(multiplier)

@@ -7,7 +7,9 @@ continuous and prismatic joints. Lengths in metres, angles in radians, inertias 
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -137,25 +139,21 @@ def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
 
 
 def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
-    """Parse URDF text. ``package://NAME/…`` and relative mesh paths are looked up below ``mesh_folder``, the former
-    also in a folder NAME that it lies in or next to, as in a ROS package.
+    """Parse URDF text. Mesh paths are looked up below ``mesh_folder``, ``package://NAME/…`` also in a folder NAME that
+    it lies in or next to. Those that lead nowhere, such as paths of another machine, fall back on their longest tail
+    that exists there or in a folder above.
 
     Raises ``InvalidArgument`` naming the element that is wrong.
     """
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        if "<xacro:" in text:
-            raise _not_expanded("<xacro:…>") from error
-        raise InvalidArgument("URDF", f"is not well-formed XML ({error})", "a <robot> document") from error
-    if root.tag != "robot":
-        raise InvalidArgument("URDF", f"its root element is <{root.tag}>", "<robot>")
+    root = _parsed(text)
     for element in root.iter():
         if "xacro}" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
             raise _not_expanded(f"<{element.tag.rpartition('}')[2]}>")
     name = root.get("name", "robot")
     named = {str(material.get("name")): _colour(material) for material in root.findall("material")}
     colours = {key: colour for key, colour in named.items() if colour is not None}
+    for tag in ("link", "joint"):
+        _check_names(tag, [element.get("name", "") for element in root.findall(tag)])
     links = {link.name: link for link in (_link(element, colours, mesh_folder) for element in root.findall("link"))}
     joints = [_joint(element) for element in root.findall("joint")]
     children: dict[str, str] = {}
@@ -169,6 +167,8 @@ def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
             raise InvalidArgument(f"URDF link {joint.child!r}", problem, "a tree")
         children[joint.child] = joint.name
     roots = [link for link in links if link not in children]
+    if not links:
+        raise InvalidArgument(f"URDF of {name!r}", "has no links", "a file that xacro expanded with all its arguments")
     if len(roots) != 1:
         raise InvalidArgument(f"URDF of {name!r}", f"has {len(roots)} root links ({', '.join(roots)})", "exactly one")
     known = {joint.name for joint in joints}
@@ -177,6 +177,26 @@ def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
             problem = f"mimics {joint.mimic.joint!r}, which does not exist"
             raise InvalidArgument(f"URDF joint {joint.name!r}", problem, f"one of {', '.join(sorted(known))}")
     return Urdf(name, roots[0], links, _parents_first(roots[0], joints))
+
+
+def _parsed(text: str) -> ElementTree.Element:
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        if "<xacro:" in text:
+            raise _not_expanded("<xacro:…>") from error
+        raise InvalidArgument("URDF", f"is not well-formed XML ({error})", "a <robot> document") from error
+    if root.tag != "robot":
+        raise InvalidArgument("URDF", f"its root element is <{root.tag}>", "<robot>")
+    return root
+
+
+def _check_names(tag: str, names: Sequence[str]) -> None:
+    for number, name in enumerate(names):
+        if not name:
+            raise InvalidArgument(f"URDF <{tag}>", "has no name", 'name="…"')
+        if name in names[:number]:
+            raise InvalidArgument(f"URDF {tag} {name!r}", "is there twice", f"a name for each {tag}")
 
 
 def _not_expanded(where: str) -> InvalidArgument:
@@ -197,9 +217,7 @@ def _parents_first(root: str, joints: list[UrdfJoint]) -> tuple[UrdfJoint, ...]:
 
 
 def _link(element: ElementTree.Element, colours: dict[str, Colour], folder: str | None) -> UrdfLink:
-    name = element.get("name")
-    if not name:
-        raise InvalidArgument("URDF <link>", "has no name", 'name="…"')
+    name = element.get("name", "")
     where = f"URDF link {name!r}"
     # Pinocchio's extension: cylinders named here are capsules of the same straight length.
     capsules = {capsule.get("name") for capsule in element.findall("collision_checking/capsule")}
@@ -211,14 +229,11 @@ def _link(element: ElementTree.Element, colours: dict[str, Colour], folder: str 
         tensor = inertial.find("inertia")
         xx, yy, zz, xy, xz, yz = (_number(where, tensor, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
         inertia = (xx, yy, zz, xy, xz, yz)
-    return UrdfLink(
-        name,
-        mass,
-        centre,
-        inertia,
-        tuple(_shape(where, visual, colours, folder, set()) for visual in element.findall("visual")),
-        tuple(_shape(where, collision, colours, folder, capsules) for collision in element.findall("collision")),
-    )
+    visuals = (_shape(where, visual, colours, folder, set()) for visual in element.findall("visual"))
+    collisions = (_shape(where, collision, colours, folder, capsules) for collision in element.findall("collision"))
+    # Shapes of size 0 0 0 are placeholders.
+    seen, solid = (tuple(shape for shape in shapes if any(shape.size)) for shapes in (visuals, collisions))
+    return UrdfLink(name, mass, centre, inertia, seen, solid)
 
 
 def _shape(
@@ -252,25 +267,98 @@ def _shape(
 def find_mesh(where: str, filename: str, folder: str | None) -> Path:
     """The file that a mesh's ``filename`` means. Raises ``InvalidArgument``, ``where`` naming the link, if there is
     none."""
-    relative = filename.removeprefix("file://")
-    package = relative.removeprefix("package://")
-    candidates = [Path(relative)]
+    named = _named(filename, folder)
+    found = next((path for path in named if path.is_file()), None) or _by_tail(filename, [folder] if folder else [])
+    if found is not None:
+        return found
+    looked = ", ".join(map(str, named[:2]))
     if folder is not None:
-        candidates = [Path(folder) / package, Path(folder) / "/".join(package.split("/")[1:])]
-    in_a_package = folder is not None and Path(folder).is_dir() and relative.startswith("package://")
-    above = _above(package, str(folder)) if in_a_package else []
-    for candidate in (*candidates, *above):
-        if candidate.is_file():
-            return candidate
-    looked = ", ".join(str(candidate) for candidate in candidates)
-    if above:
-        looked += f", and in each folder above in {package.split('/')[0]}"
-    raise InvalidArgument(where, f"mesh {filename!r} not found (looked at {looked})", "a mesh_folder that holds it")
+        *above, _ = _parts(filename)
+        looked += f", and in each folder above in {'/'.join(above)} or the last parts of it" if above else ""
+    right = "a mesh_folder that holds it (memo new robot: --mesh-folder DIR)"
+    raise InvalidArgument(where, f"mesh {filename!r} not found (looked at {looked})", right)
 
 
-def _above(package: str, folder: str) -> list[Path]:
-    """Where ``NAME/…`` may lie, nearest first: in a ROS package NAME that ``folder`` is in or next to."""
-    return [parent / package for parent in Path(folder).resolve().parents]
+@attrs.frozen
+class MeshesFound:
+    """URDF ``text`` whose meshes can be found: ``moved`` are those that lie elsewhere than it said (name, file);
+    ``unseen`` and ``untouched`` name those that lie nowhere, of visuals and of collisions that were left out."""
+
+    text: str
+    moved: tuple[tuple[str, Path], ...] = ()
+    unseen: tuple[str, ...] = ()
+    untouched: tuple[str, ...] = ()
+
+
+def with_meshes_found(text: str, folders: Sequence[str], skip_missing: bool = False) -> MeshesFound:
+    """The URDF with each mesh that does not lie where it says in the first of ``folders`` named by where it lies in any
+    of them. Raises ``InvalidArgument`` for collision meshes that lie nowhere, unless they are to be skipped."""
+    root = _parsed(text)
+    moved: dict[str, Path] = {}
+    missing: dict[str, dict[str, None]] = {"visual": {}, "collision": {}}
+    for link in root.iter("link"):
+        for element in (*link.findall("visual"), *link.findall("collision")):
+            mesh = element.find("geometry/mesh")
+            filename = "" if mesh is None else mesh.get("filename", "")
+            if mesh is None or any(path.is_file() for path in _named(filename, folders[0])):
+                continue
+            found = _by_tail(filename, folders)
+            if found is not None:
+                mesh.set("filename", f"file://{found.resolve()}")
+                moved[filename] = found.resolve()
+                continue
+            missing[element.tag][filename] = None
+            link.remove(element)
+    if missing["collision"] and not skip_missing:
+        raise _meshes_missing(root.get("name", "robot"), list(missing["collision"] | missing["visual"]))
+    changed = bool(moved or missing["visual"] or missing["collision"])
+    text = ElementTree.tostring(root, encoding="unicode") if changed else text
+    return MeshesFound(text, tuple(moved.items()), tuple(missing["visual"]), tuple(missing["collision"]))
+
+
+def _meshes_missing(robot: str, names: Sequence[str]) -> InvalidArgument:
+    by_folder: dict[str, dict[str, None]] = {}
+    for name in names:
+        folder, _, file = name.rpartition("/")
+        by_folder.setdefault(folder.rstrip("/"), {})[file] = None
+    told = "; ".join(f"of {folder}: {', '.join(files)}" for folder, files in by_folder.items())
+    problem = f"meshes are neither there nor near the URDF ({told})"
+    right = (
+        "--mesh-folder DIR for each folder that holds some, or --skip-missing-meshes: no collisions with those parts"
+    )
+    return InvalidArgument(f"URDF of {robot!r}", problem, right)
+
+
+def _named(filename: str, folder: str | None) -> list[Path]:
+    """Places of a mesh whose name is right: that path, or below ``folder``, with or without a package's name, or in a
+    package that the folder is in or next to."""
+    path = _without_scheme(filename)
+    if folder is None or Path(path).is_absolute():
+        return [Path(path)]
+    below = [Path(folder) / path, Path(folder) / "/".join(path.split("/")[1:])]
+    above = Path(folder).resolve().parents if Path(folder).is_dir() else ()
+    return [*below, *(parent / path for parent in above)]
+
+
+def _by_tail(filename: str, folders: Sequence[str]) -> Path | None:
+    """The longest tail of a path that exists in one of ``folders`` or above it."""
+    parts = _parts(filename)
+    near = [Path(folder).resolve() for folder in folders if Path(folder).is_dir()]
+    for start in range(len(parts)):
+        # A bare file name is too little to go by outside the folders themselves.
+        places = [place for one in near for place in ((one, *one.parents) if start < len(parts) - 1 else (one,))]
+        for place in places:
+            if (candidate := place.joinpath(*parts[start:])).is_file():
+                return candidate
+    return None
+
+
+def _parts(filename: str) -> list[str]:
+    return [part for part in _without_scheme(filename).split("/") if part not in ("", ".", "..")]
+
+
+def _without_scheme(filename: str) -> str:
+    return re.sub(r"^(package|file|model)://", "", filename)
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:
@@ -326,7 +414,11 @@ def _colour(material: ElementTree.Element) -> Colour | None:
     colour = material.find("color")
     if colour is None:
         return None
-    r, g, b, a = (float(v) for v in str(colour.get("rgba")).split())
+    try:
+        r, g, b, a = (float(v) for v in str(colour.get("rgba")).split())
+    except ValueError:
+        where = f"URDF material {material.get('name')!r}"
+        raise InvalidArgument(where, f"<color rgba={colour.get('rgba')!r}>", "four numbers") from None
     return (r, g, b, a)
 
 

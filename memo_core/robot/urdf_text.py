@@ -8,8 +8,9 @@ as a cylinder that its link's ``<collision_checking>`` marks as a capsule (Pinoc
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal
+from xml.etree import ElementTree
 
 import attrs
 
@@ -108,6 +109,33 @@ def joint_text(
         f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{numbers(xyz)}" rpy="{numbers(rpy)}"/>{turning}</joint>'
     )
+
+
+def with_fixed(urdf: str, joints: Sequence[str]) -> str:
+    """The URDF text with these joints fixed at position 0."""
+    root = ElementTree.fromstring(urdf)
+    for joint in root.findall("joint"):
+        if joint.get("name") in joints:
+            joint.set("type", "fixed")
+            for follower in joint.findall("mimic"):
+                joint.remove(follower)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def without_links(urdf: str, links: Collection[str], shapeless: Collection[str]) -> str:
+    """The URDF text without these links and the joints that lead to them, and without the shapes of ``shapeless``."""
+    root = ElementTree.fromstring(urdf)
+    for joint in root.findall("joint"):
+        child = joint.find("child")
+        if child is not None and child.get("link") in links:
+            root.remove(joint)
+    for link in root.findall("link"):
+        if link.get("name") in links:
+            root.remove(link)
+        elif link.get("name") in shapeless:
+            for shape in (*link.findall("visual"), *link.findall("collision")):
+                link.remove(shape)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def materials_text(colours: dict[str, str]) -> str:

@@ -16,13 +16,14 @@ from memo_core.robot.urdf import Urdf, UrdfLink
 
 _ANGLE = 4 * math.pi  # rad, the largest limit of a turning joint
 _TURN = 2 * math.pi + 1e-3  # rad, the largest angle of an <origin>
-_SPEED = 25.0  # rad/s of an arm joint
+_SPEED = 30.0  # rad/s of an arm joint; the quickest wrists turn by 26
 _STROKE, _SLIDE = 1.0, 20.0  # m, of a finger, of a slide of the arm
 _LENGTH = 10.0  # m, of all links in a row
 _CENTRE = 5.0  # m from a link's frame to its centre of mass
-_MASS = 200.0  # kg of a link
+_MASS = 200.0  # kg of a link that moves; pedestals are heavier
 # A body of mass m whose points are within a diagonal L has moments of inertia below m L2 / 4.
 _HEAVY_TURNING = 1e3 / 4
+_DOT = 1e-3  # m; a shape smaller than that is a placeholder
 _UNKNOWN = 1.0  # m that a link without primitive shapes may measure
 
 
@@ -41,7 +42,11 @@ def implausible_units(text: str, urdf: Urdf, fingers: Collection[str] = ()) -> t
     if far:
         places = [f"{value:g} m from {name!r}" for name, value in far.items()]
         found.append(f"centres of mass {_some(places)}: probably millimetres; URDF lengths are in m")
-    heavy = {name: link.mass for name, link in urdf.links.items() if link.mass > _MASS}
+    moved: set[str] = set()
+    for joint in urdf.joints:  # parents come first
+        if joint.kind != "fixed" or joint.parent in moved:
+            moved.add(joint.child)
+    heavy = {name: mass for name in urdf.links if name in moved and (mass := urdf.links[name].mass) > _MASS}
     if heavy:
         found.append(f"link {_some(_of(heavy, 'kg'))}: probably grams; URDF masses are in kg")
     found += _inertias(urdf, {*far, *heavy})
@@ -153,7 +158,8 @@ def _size(urdf: Urdf, link: UrdfLink) -> float:
         return _UNKNOWN
     points = np.concatenate(corners)
     onwards = [math.dist((0, 0, 0), joint.origin.position) for joint in urdf.joints if joint.parent == link.name]
-    return max([float(np.linalg.norm(np.ptp(points, axis=0))), *onwards])
+    size = max([float(np.linalg.norm(np.ptp(points, axis=0))), *onwards])
+    return size if size > _DOT else _UNKNOWN
 
 
 def _of(values: dict[str, float], unit: str) -> list[str]:

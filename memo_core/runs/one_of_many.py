@@ -16,6 +16,7 @@ from memo_core.parsing import parse_json
 from memo_core.plugins import Registry
 from memo_core.runlog.log_file import FILE, read_lines
 from memo_core.runlog.log_history import read_history
+from memo_core.runs.carrying_out import NotCarriedOut
 from memo_core.runs.folder import RunFolder
 from memo_core.runs.resuming import CutOff, read_cut_off
 from memo_core.runs.run import RunComponents, perform
@@ -30,11 +31,11 @@ def do_one(
     config: dict[str, Any],
     listener: Callable[[Event], None] | None = None,
 ) -> dict[str, Any]:
-    """The summary of the run in ``folder``, which is done, or resumed, unless it has ended already. A run whose model
-    cannot answer is over, too: it would not answer another time.
+    """The summary of the run in ``folder``, which is done, or resumed, unless it has ended already.
 
-    Raises ``Stopped`` for a run that a person ended, or that broke off at a limit: the same call goes on with it;
-    ``MemoError`` for what keeps it from beginning; ``InvalidArgument`` for a damaged log."""
+    Raises ``NotCarriedOut`` for a run that its model, simulator or robot could not carry out, ``Stopped`` for one that
+    a person ended or that broke off at a limit: the same call goes on with it; ``MemoError`` for what keeps it from
+    beginning; ``InvalidArgument`` for a damaged log."""
     if (ended := summary_of(folder)) is not None:
         return ended
     before = _cut_off(folder)
@@ -42,8 +43,11 @@ def do_one(
     def opened() -> RunFolder:
         return RunFolder(folder, again=before is not None)
 
-    summary = perform(components, task, seed, opened, registry, config, listener, before=before).summary()
-    if summary["resumable"] and not summary["unanswerable"]:
+    report = perform(components, task, seed, opened, registry, config, listener, before=before)
+    summary = report.summary()
+    if report.error is not None:
+        raise NotCarriedOut(str(folder), report.error)
+    if summary["resumable"]:
         raise Stopped(f"{folder}: {summary['problem'] or summary['ended']}")
     return summary
 

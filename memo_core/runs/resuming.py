@@ -17,7 +17,8 @@ from memo_core.runs.folder import nested
 from memo_core.skillbook.book import Skillbook
 
 # What may be another in a later part: limits that were reached, what is filmed.
-MAY_DIFFER = ("run.max_", "run.study_", "run.video")
+# Limits, and how a model is reached: what mends a run that could not be carried out.
+MAY_DIFFER = ("run.max_", "run.study_", "run.video", "run.retr", "llm.timeout_s", "llm.api_base", "llm.api_key_env")
 
 
 @attrs.frozen(eq=False)

@@ -15,7 +15,7 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import Image, LanguageModel, LanguageModelError
+from memo_core.interfaces.llm import Image, LanguageModel
 from memo_core.interfaces.perception import Perception, names_things
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
@@ -35,6 +35,7 @@ from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
 from memo_core.runlog.whole_files import clear_unfinished
 from memo_core.runs.asking import asking
+from memo_core.runs.carrying_out import RunError, run_error
 from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
@@ -75,12 +76,12 @@ class RunReport:
     calls_unpriced: int = 0
     ended_by_person: bool = False
     parts: int = 1  # more than one when it was resumed
-    unanswerable: bool = False  # a model could not answer, and asking it again would not help
+    error: RunError | None = None  # by which it could not be carried out: then it is neither success nor failure
     resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
 
     @property
     def success(self) -> bool:
-        return self.outcome is not None and self.outcome.success
+        return self.error is None and self.outcome is not None and self.outcome.success
 
     @property
     def why(self) -> str:
@@ -96,7 +97,8 @@ class RunReport:
             "instruction": self.instruction,
             "method": self.method,
             "seed": self.seed,
-            "success": None if self.outcome is None else self.outcome.success,
+            "success": None if self.outcome is None or self.error is not None else self.outcome.success,
+            "error": None if self.error is None else attrs.asdict(self.error),
             "reason": self.outcome.reason if self.outcome else "",
             "measures": self.outcome.measures if self.outcome else {},
             "ended": self.result.reason,
@@ -104,7 +106,6 @@ class RunReport:
             "ended_by_person": self.ended_by_person,
             "parts": self.parts,
             "resumable": self.resumable,
-            "unanswerable": self.unanswerable,
             "verdict": self.result.verdict,
             "corrections": self.result.corrections,
             "planning_remarks": self.result.planning_remarks,
@@ -329,12 +330,13 @@ def _perform(
         parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget, folder.add_look)
         supervisor.run(lambda: _work(components, parts, ended, view, on_text))
     except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
-        ended.problem, ended.final = error.told, True
+        ended.problem, ended.error = error.told, run_error(error)
+        ended.final = ended.error is None
     except Stopped:
         ended.problem = "ended by a person"
     except MemoError as error:
         ended.problem = str(error)
-        ended.unanswerable = isinstance(error, LanguageModelError) and not error.retryable
+        ended.error = run_error(error)
     except BaseException as error:
         ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
         if isinstance(error, Exception) and not log.live:
@@ -365,7 +367,7 @@ def _perform(
             calls_unpriced=spent.unpriced,
             ended_by_person=supervisor.ending,
             parts=log.part,
-            unanswerable=ended.unanswerable or (ended.result is not None and ended.result.unanswerable),
+            error=ended.error,
             resumable=not over and log.begun,
         )
         tell(_run_ended(report))
@@ -415,7 +417,7 @@ class _Ended:
     sim_s: float = 0.0
     problem: str = ""
     final: bool = False  # whatever the problem is, going on would not help
-    unanswerable: bool = False  # as in ``RunReport``
+    error: RunError | None = None  # as in ``RunReport``
 
 
 @attrs.frozen(eq=False)
@@ -498,6 +500,7 @@ def _work(
             )
             try:
                 ended.result = components.method.run(session)
+                ended.error = run_error(ended.result.error) if ended.result.error is not None else None
             finally:
                 filmed.close()
                 ended.sim_s = world.time()

@@ -18,6 +18,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.parsing import parse_json
 from memo_core.plugins import Registry
 from memo_core.runlog.log_file import FILE
+from memo_core.runs.carrying_out import RunError, reason_to_stop
 from memo_core.runs.folder import file_name
 from memo_core.runs.run import RunReport, resume_experiment, run_experiment
 
@@ -43,10 +44,12 @@ def sweep(
     resume: Callable[..., RunReport] = resume_experiment,
     **options: Any,
 ) -> Iterator[tuple[int, dict[str, Any], bool]]:
-    """Yield (seed, summary, whether it was there already) as each run ends; ends early when a person ended a run.
+    """Yield (seed, summary, whether it was there already) as each run ends; ends early when a person ended a run, or
+    after errors by which the runs that are left could not be carried out either (``reason_to_stop``).
 
     ``load(seed)`` gives the experiment of a seed; ``options`` are those of ``run_experiment``. Raises ``MemoError`` for
     what keeps a run from beginning."""
+    errors: list[RunError | None] = []
     for seed in seeds:
         path = folder / f"seed-{seed}"
         known = ended_summary(path)
@@ -59,7 +62,8 @@ def sweep(
         else:
             report = run(experiment, registry, folder, folder=path, **options)
         yield seed, report.summary(), False
-        if report.ended_by_person:
+        errors.append(report.error)
+        if report.ended_by_person or reason_to_stop(errors) is not None:
             return
 
 

@@ -11,12 +11,15 @@ from collections.abc import Iterable, Sequence
 
 import attrs
 
+from memo_core.reading_limits import too_long
 from memo_core.scene.graph import Node, SceneGraph
 
 UNKNOWN = "unknown thing"  # what a thing is called of which people only said what it is not
 _UNSURE = 0.3  # most confidence in it
 _SIZE = (0.01, 0.25)  # m, and share, by which the extents of things that look alike may differ
 _LONGEST = 4  # words of a name
+_LONGEST_CLAUSE = 200  # characters of one that is about a name: the patterns below take the square of its length
+_ABOUT_ELSE = "…"  # in place of a longer clause
 
 _THING = (
     r"(?:it|that|this|that one|this one|the thing in (?:the|your) hand|"
@@ -129,9 +132,12 @@ def _unused(name: str, labels: set[str]) -> str:
 
 def _said(words: str, scene: SceneGraph, about: Sequence[str]) -> tuple[list[tuple[Node, str]], int]:
     """The things whose names are corrected, each with the name that it is given or none, and the number of clauses that
-    say something else."""
+    say something else. Words that are too long are not read."""
+    if too_long(words):
+        return [], 1
     text = " ".join(words.lower().replace("\u2019", "'").split())
     clauses = [clause for clause in (_FILLERS.sub("", one) for one in _CLAUSES.split(text)) if clause]
+    clauses = [clause if len(clause) <= _LONGEST_CLAUSE else _ABOUT_ELSE for clause in clauses]
     about = [name.lower() for name in about]
     found: list[tuple[Node, str]] = []
     others, place = 0, 0

@@ -34,7 +34,7 @@ def add_notes(
     added = _insert(database, connection, feedback, items, scene, FEEDBACK, {feedback})
     set_status(connection, feedback, "processed")
     if added:
-        database.next_generation(connection, by_revisions=True)
+        database.next_generation(connection)
     return _stored(connection, added)
 
 
@@ -67,7 +67,7 @@ def add_template(
     [entry] = _stored(connection, [added])
     under = connection.execute(sa.select(_E.key).where(_E.id == added)).scalar_one()
     templates.succeed(connection, under, entry.revision, added)
-    database.next_generation(connection, by_revisions=True)
+    database.next_generation(connection)
     return entry
 
 

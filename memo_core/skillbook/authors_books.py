@@ -15,14 +15,13 @@ from collections import Counter
 from typing import Any
 
 import attrs
-import numpy as np
 
 from memo_core.errors import MemoError
 from memo_core.parsing import parse_json
 from memo_core.skillbook.entries import GLOBAL_KEY
 from memo_core.skillbook.export import FORMAT
 from memo_core.skillbook.keys import Key, NotAKey
-from memo_core.skillbook.safe_pickle import load, looks_like_pickle
+from memo_core.skillbook.safe_pickle import Opaque, load, looks_like_pickle
 
 BOOK = "lorebook"  # all of them count as one book: what stands in two of them is one entry
 _KEYED = re.compile(r"\s*(TEMPLATE\b)?([^()]*\([^()]*\))(.*)", re.DOTALL)
@@ -56,16 +55,16 @@ class Lorebook:
     repeated: int  # the same text under the same key once more
     unread: tuple[str, ...]  # keys that name no action with its objects, the first few
     unread_count: int
-    vectors: tuple[str, ...]  # what the vectors are; they are not used, texts are embedded by this book's own embedder
+    vectors: int  # how many there are; they are not used, texts are embedded by this book's own embedder
 
 
-def format_of(start: bytes, whole: bool) -> str | None:
-    """What a file is by its ``start``, which may be the ``whole`` of it: "memo", a book of MEMO, or "lorebook", a
-    pickle or one JSON object with "metadata" or "vectors". None: neither."""
+def format_of(start: bytes) -> str | None:
+    """The format of a file by its ``start``: "memo", a book of MEMO; "lorebook", a pickle or one JSON object with
+    "metadata" or "vectors"; or None."""
     if not start.strip():
         return "memo"  # there is nothing in it
     if not _begins_json(start):
-        return "lorebook" if looks_like_pickle(start, whole) else None
+        return "lorebook" if looks_like_pickle(start) else None
     text = start.decode(json.detect_encoding(start), "replace").lstrip("\ufeff \t\r\n")
     if not text.startswith("{"):
         return None
@@ -96,7 +95,7 @@ def read_lorebook(data: bytes, who: str, when: float) -> Lorebook:
     if not isinstance(book, dict) or not isinstance(book.get("metadata"), (list, tuple)):
         raise NotALorebook("", 'has no list "metadata"')
     items = book["metadata"]
-    vectors = _vectors(book.get("vectors", ()), len(items))
+    vectors = _count_of_vectors(book.get("vectors", ()), len(items))
     reading = _Reading(who, when)
     for place, item in enumerate(items):
         if not isinstance(item, dict) or not isinstance(item.get("key"), str):
@@ -136,7 +135,7 @@ class _Reading:
         self._counts[kind] += 1
         self._records += self._made(digest, kind, key, text, scene)
 
-    def finished(self, items: int, vectors: tuple[str, ...]) -> Lorebook:
+    def finished(self, items: int, vectors: int) -> Lorebook:
         book = {"record": "book", "format": FORMAT, "book": BOOK}
         return Lorebook(
             records=(book, *self._records),
@@ -216,19 +215,12 @@ def _scene(text: str) -> str:
     return " ".join(text.split())
 
 
-def _vectors(vectors: Any, items: int) -> tuple[str, ...]:
-    """A description of the vectors. Raises ``NotALorebook`` if there is not exactly one per item."""
-    if not isinstance(vectors, (list, tuple)) and not (isinstance(vectors, np.ndarray) and vectors.ndim):
+def _count_of_vectors(vectors: Any, items: int) -> int:
+    """How many vectors there are. Raises ``NotALorebook`` unless there is none, or one for each item."""
+    if isinstance(vectors, Opaque):  # an array
+        return items
+    if not isinstance(vectors, (list, tuple)):
         raise NotALorebook('["vectors"]', f"is a {type(vectors).__name__}, not a list")
     if len(vectors) not in (0, items):
         raise NotALorebook('["vectors"]', f"has {len(vectors)} items, metadata has {items}")
-    shapes = Counter(_shape(row) for row in vectors)
-    return tuple(f"{count} x {shape}" for shape, count in sorted(shapes.items()))
-
-
-def _shape(row: Any) -> str:
-    if isinstance(row, np.ndarray):
-        return f"{row.dtype} {list(row.shape)}"
-    if isinstance(row, (list, tuple)) and any(isinstance(part, np.ndarray) for part in row):
-        return "pair of " + " and ".join(_shape(part) for part in row[:3])
-    return type(row).__name__
+    return len(vectors)

@@ -40,6 +40,7 @@ from memo_core.skillbook.entries import (
     Note,
     ReadBack,
     Stats,
+    spoken,
 )
 from memo_core.skillbook.export import records
 from memo_core.skillbook.feedback_store import checked_name, feedback_by_id, insert_feedback, set_status
@@ -58,22 +59,21 @@ from memo_core.skillbook.import_records import ImportRecords
 from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
 from memo_core.skillbook.key_aliases import NearKeys, join, near_keys
 from memo_core.skillbook.key_embedding import KeyVectors
-from memo_core.skillbook.key_index import KeyIndex
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.keys import Key, as_text
 from memo_core.skillbook.known_copies import Place, PlaceKind, drop_place, note_place, places_of
 from memo_core.skillbook.negative_transfer import Evidence, evidence_of, is_evidence, withhold
 from memo_core.skillbook.origins import origins_of
 from memo_core.skillbook.rebuild_input import RawLog, keep_answer, kept_answer, read_log
-from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever, as_text
+from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever
 from memo_core.skillbook.revising import edit, kept_read_backs, read_back, remove
 from memo_core.skillbook.said_names import said_names
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.stats import stats_of
-from memo_core.skillbook.text_index import Likeness
-from memo_core.skillbook.text_vectors import TextVectors
+from memo_core.skillbook.text_vectors import TextVectors, batched
 from memo_core.skillbook.unclustered import copy_without_clustering, is_clustered
 
 _F, _E = tables.feedback.c, tables.entries.c
+_PREPARED = 1_000  # texts embedded at a time
 
 
 class Skillbook:
@@ -244,20 +244,20 @@ class Skillbook:
             return bulk_adding.add_lessons(self._database, connection, lessons)
 
     def prepare(self, progress: Callable[[float], None] = lambda share: None) -> None:
-        """Compute in advance what the first retrieval would: vectors of all keys, texts' vectors and sketches.
-        ``progress`` is called with the share that is done; results are kept if interrupted. Needs the embedder."""
-        vectors, key_vectors = self._text_vectors(), self._key_vectors()
+        """Embed in advance what the first retrieval would: keys and texts. ``progress`` is called with the share that
+        is done; results are kept if interrupted. Needs the embedder."""
+        key_vectors, vectors = self._key_vectors(), self._text_vectors()
         with self._database.read() as connection:
-            keys = [key for key in queries.keys_by_id(connection).values() if key != GLOBAL_KEY]
-            sizes = queries.group_sizes(connection)
+            rows = queries.valid_entry_rows(connection)
+        keys = list(dict.fromkeys(row.key for row in rows if row.key != GLOBAL_KEY))
         if keys:
             key_vectors.get(keys)
             vectors.get([as_text(key) for key in keys])
-        likeness, done, total = Likeness(self._database, vectors), 0, sum(size for *_, size in sizes)
-        for key, kind, size in sizes:
-            likeness.prepare(kind, key)
-            done += size
-            progress(done / total)
+        done = 0
+        for part in batched(rows, _PREPARED):
+            vectors.get([spoken(row.kind, row.text) for row in part])
+            done += len(part)
+            progress(done / len(rows))
 
     def add_template(
         self, feedback_id: int, key: Key | str, code: str, scene: str = "", derived_from: Iterable[int] = ()
@@ -335,7 +335,7 @@ class Skillbook:
             there = sorted(queries.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
             templates.count_use(connection, there, key, success)
             if not success and templates.elect(self._database, connection, key, "record") is not None:
-                self._database.next_generation(connection, by_revisions=True)
+                self._database.next_generation(connection)
 
     def note_trial(self, entry_id: int, start: str, success: bool, reason: str = "") -> None:
         """Store the result of running a template again in a simulator from ``start``, replacing an earlier trial from
@@ -349,7 +349,7 @@ class Skillbook:
                 return
             key = queries.key_id(connection, self._database.upsert(tables.keys), entry.key)
             templates.elect(self._database, connection, key, "retest")
-            self._database.next_generation(connection, by_revisions=True)
+            self._database.next_generation(connection)
 
     def trials(self, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.Trial]]:
         """The trials of templates, by entry; templates without trials are left out."""
@@ -464,10 +464,8 @@ class Skillbook:
         if not clustered and (unclustered := self._without_clustering()) is not None:
             return unclustered.retrieve(subtask, context)
         if self._retriever is None:
-            key_vectors, vectors = self._key_vectors(), self._text_vectors()
-            likeness = Likeness(self._database, vectors)
             self._retriever = Retriever(
-                self._database, vectors, KeyIndex(key_vectors), key_vectors, self.settings, self._store, likeness
+                self._database, self._text_vectors(), self._key_vectors(), self.settings, self._store
             )
         found = self._retriever.retrieve(_key(subtask), context)
         return self._without_harm(found) if self.settings.notice_harm else found

@@ -23,7 +23,7 @@ _SEEN_AT = (
     sa.select(_S.entry, _F.id)
     .join(tables.feedback, _S.feedback == _F.id)
     .where(_S.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]), _F.scene_graph != sa.literal_column("''"))
-    .order_by(_F.time, _F.id)
+    .order_by(_F.id)
 )
 _SCENES = sa.select(_F.id, _F.scene_graph).where(_F.id.in_([sa.bindparam(name) for name in PLACE_NAMES]))
 _KEPT = 20_000  # structures in memory

@@ -94,7 +94,7 @@ def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence
         }
         for key, (revision, entry) in newest.items():
             templates.succeed(connection, key, revision, entry)
-        database.next_generation(connection, by_revisions=True)
+        database.next_generation(connection)
     return len(entries)
 
 

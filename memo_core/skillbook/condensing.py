@@ -154,7 +154,7 @@ def condense(database: Database, cluster: Cluster, proposal: Condensed, model: s
         if proposal.changes(cluster):
             revision = queries.insert(connection, tables.revisions, key=key, time=now, reason=reason)
             added = _replace(connection, cluster, proposal, revision, key)
-            database.next_generation(connection, by_revisions=True)
+            database.next_generation(connection)
         if cluster.part == cluster.parts and reason != DUPLICATES:
             note_clustered(database, connection, key, _state_now(connection, cluster, key), model)
         stored = queries.entries_by_id(connection, added)

@@ -133,9 +133,7 @@ def _configure_sqlite(raw: sqlite3.Connection, writable: bool) -> None:
     raw.isolation_level = None  # the driver would begin DEFERRED by itself, and late
     cursor = raw.cursor()
     cursor.execute("PRAGMA foreign_keys=ON")
-    # KiB. A large sheet goes through the cache once: in a bigger one every page of it is memory that was never touched
-    # before, which took longer than reading it (the slowest hundredth of a million entries: 10 ms instead of 4).
-    cursor.execute("PRAGMA cache_size=-8192")
+    cursor.execute("PRAGMA cache_size=-8192")  # KiB
     if writable:
         cursor.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
         _switch_to_wal(cursor)

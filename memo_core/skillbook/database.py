@@ -211,16 +211,10 @@ class Database:
         if not changed.rowcount:
             connection.execute(sa.insert(tables.meta).values(name=name, value=value))
 
-    def next_generation(self, connection: sa.Connection, by_revisions: bool = False) -> int:
-        """Count the change that this write transaction makes to what can be retrieved.
-
-        ``by_revisions``: the change is fully described by new revisions, so that a process that knows the previous
-        generation need not read everything again (``memo_core.skillbook.retrieval_cache``).
-        """
+    def next_generation(self, connection: sa.Connection) -> int:
+        """Count the change that this write transaction makes to what can be retrieved."""
         generation = int(self.meta(connection)["generation"]) + 1
         self.set_meta(connection, "generation", str(generation))
-        if not by_revisions:
-            self.set_meta(connection, "uncounted", str(generation))
         return generation
 
     def problems(self) -> list[str]:

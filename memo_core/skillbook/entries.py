@@ -10,6 +10,7 @@ from typing import Literal
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.reading_limits import LONGEST_CODE, LONGEST_WORDS
 from memo_core.skillbook.keys import Key
 
 EntryKind = Literal["correction", "general", "template"]
@@ -99,6 +100,11 @@ class Entry:
     uses: int  # times it was served to code that ran
     confirmed_uses: int  # times that code was approved
     created: float  # s since the epoch
+
+
+def longest_entry(kind: str) -> int:
+    """The most characters of an entry that goes into a prompt."""
+    return LONGEST_CODE if kind == "template" else LONGEST_WORDS
 
 
 def headline(kind: str, text: str) -> str:

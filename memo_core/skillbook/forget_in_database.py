@@ -62,10 +62,6 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     _forget_answers(connection, theirs)
     connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.feedback.in_(theirs)))
     connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.who == who))
-    keys_of_them = sorted({row.key for row in doomed})
-    for start in range(0, len(keys_of_them), _CHUNK):
-        part = keys_of_them[start : start + _CHUNK]
-        connection.execute(sa.delete(tables.sheets).where(tables.sheets.c.key.in_(part)))
     for start in range(0, len(ids), _CHUNK):
         part = ids[start : start + _CHUNK]
         connection.execute(sa.delete(tables.sources).where(_S.entry.in_(part)))

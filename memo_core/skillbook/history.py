@@ -257,7 +257,6 @@ def _part(database: Database, connection: sa.Connection, new: int, joined: list[
         query = sa.select(_K.action, _K.objects, _E.key).join(tables.keys, _E.key == _K.id).where(where)
         there = connection.execute(query).one()
         back = queries.key_id(connection, database.upsert(tables.keys), Key.parse(row.why))
-        connection.execute(sa.delete(tables.sheets).where(tables.sheets.c.key == there.key))
         connection.execute(sa.update(tables.entries).where(where).values(key=back))
         record = (tables.records.c.entry == row.entry, tables.records.c.key == there.key)
         connection.execute(sa.update(tables.records).where(*record).values(key=back))

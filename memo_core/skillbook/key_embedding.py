@@ -10,7 +10,6 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.action_relations import Actions
-from memo_core.skillbook.key_factors import KeyParts, distinct
 from memo_core.skillbook.keys import Key
 from memo_core.skillbook.text_vectors import TextVectors
 
@@ -60,31 +59,8 @@ class KeyVectors:
         found = [self._known[key] for key in keys]
         return np.stack([action for action, _ in found]), np.stack([objects for _, objects in found])
 
-    def parts(self, keys: Sequence[Key]) -> KeyParts:
-        """Keys split into their parts: the same information as ``get``, without a vector per key."""
-        keys = [self._actions.about(key) for key in keys]
-        names = sorted({name for key in keys for name in key.objects})
-        nouns = dict(zip(names, self._vectors.get([self._wording.object.replace("{}", n) for n in names]), strict=True))
-        nowhere = np.zeros_like(nouns[names[0]])
-
-        def verbs(different: list[str]) -> np.ndarray:
-            return self._vectors.get([self._wording.action.replace("{}", verb) for verb in different])
-
-        def things(different: list[tuple[str, ...]]) -> np.ndarray:
-            made = np.stack([np.mean([nouns[name] for name in several], axis=0) for several in different])
-            return made / np.linalg.norm(made, axis=1, keepdims=True)
-
-        def places(different: list[str | None]) -> np.ndarray:
-            return np.stack([nowhere if place is None else nouns[place] for place in different])
-
-        actions, action_of = distinct([self._actions.canonical(key.action) for key in keys], verbs)
-        moved, moved_of = distinct([key.moved for key in keys], things)
-        to, to_of = distinct([key.destination for key in keys], places)
-        length = np.sqrt((moved * moved).sum(axis=1)[moved_of] + (to * to).sum(axis=1)[to_of])
-        return KeyParts(actions, action_of, moved, moved_of, to, to_of, 1 / length)
-
     def _make(self, keys: list[Key]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """The vectors of each key; of one key several times as fast as by its ``parts``."""
+        """The vectors of each key."""
         abouts = [self._actions.about(key) for key in keys]
         verbs = [self._wording.action.replace("{}", self._actions.canonical(about.action)) for about in abouts]
         nouns = [[self._wording.object.replace("{}", name) for name in about.objects] for about in abouts]

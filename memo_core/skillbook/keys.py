@@ -16,6 +16,7 @@ _ARTICLES = frozenset(_WORDS_ARTICLES.split())
 _PREPOSITIONS = frozenset(_WORDS_PREPOSITIONS.split())
 _MAX_OBJECTS = 6
 _MAX_LENGTH = 80
+_MAX_TEXT = 2_000  # characters of a key in any spelling; Unicode's normalisation may take the square of their number
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -58,6 +59,8 @@ class Key:
     def make(cls, action: str, *objects: str, source: str | None = None) -> Key:
         """A key from an action and its objects in any spelling. Raises ``NotAKey``."""
         text = source if source is not None else f"{action}({', '.join(objects)})"
+        if len(text) > _MAX_TEXT:
+            raise NotAKey(text, f"it is longer than {_MAX_TEXT} characters")
         verb = _words(action)
         if not verb:
             raise NotAKey(text, "it names no action")
@@ -84,6 +87,11 @@ class Key:
         return f"{self.action.upper().replace(' ', '_')}({', '.join(self.objects)})"
 
 
+def as_text(key: Key) -> str:
+    """The words of a key, as entries' texts are compared with them."""
+    return " ".join((key.action, *key.objects))
+
+
 def _words(text: str) -> str:
     plain = unicodedata.normalize("NFKC", text).casefold()
     plain = re.sub(r"[_/\s]+", " ", plain)
@@ -94,6 +102,5 @@ def _words(text: str) -> str:
 def _object(text: str, first: bool) -> str:
     words = _words(text).split()
     passed_over = _ARTICLES if first else _ARTICLES | _PREPOSITIONS
-    while len(words) > 1 and words[0] in passed_over:
-        words = words[1:]
-    return " ".join(words)
+    begins = next((place for place, word in enumerate(words) if word not in passed_over), len(words) - 1)
+    return " ".join(words[begins:])

@@ -22,7 +22,7 @@ from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.key_embedding import KeyVectors
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Cut, Retrieval, Served
+from memo_core.skillbook.retrieval import Cut, Retrieval, RetrievedEntry
 from memo_core.skillbook.retrieval_score import key_score
 from memo_core.skillbook.text_vectors import PLACE_NAMES, PLACES, batched, places
 
@@ -81,7 +81,7 @@ def withhold(
         harm.setdefault(one.entry, []).append(one)
     cut: list[Cut] = []
 
-    def stays(served: Served) -> bool:
+    def stays(served: RetrievedEntry) -> bool:
         own = served.entry.key
         if own == query or served.entry.id not in harm:
             return True
@@ -90,7 +90,7 @@ def withhold(
         if not there or mine >= LEAST + STEP * there:
             return True
         rule = f"corrected {there} times more than approved when served for this or a like subtask"
-        cut.append(Cut(served.key, served.score, served.action_cosine, served.objects_cosine, 1, rule))
+        cut.append(Cut(served.key, served.score, rule, served.action_cosine, served.objects_cosine, 1))
         return False
 
     corrections = tuple(filter(stays, found.corrections))
@@ -98,7 +98,7 @@ def withhold(
     return attrs.evolve(found, corrections=_ranked(corrections), templates=_ranked(templates), cut=(*cut, *found.cut))
 
 
-def _ranked(served: Sequence[Served]) -> tuple[Served, ...]:
+def _ranked(served: Sequence[RetrievedEntry]) -> tuple[RetrievedEntry, ...]:
     return tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(served, start=1))
 
 

@@ -1,7 +1,8 @@
-"""The latest feedback of each person: of contradicting notes of one person the newer counts. The similarity of texts
-does not tell whether two notes contradict each other ("pull it straight" is close to "pull it along an arc", and so is
-a note that agrees with it). So contradictions are not detected; instead, what each person said last under the subtask's
-own key is always served, before what the same person said earlier under that key.
+"""The latest feedback of each person: of contradicting notes of one person the newer counts.
+
+The similarity of texts does not tell whether two notes contradict each other ("pull it straight" is close to "pull it
+along an arc", and so is a note that agrees with it). So contradictions are not detected; instead, the last words of
+each person under the subtask's own key are always retrieved, before what the same person said earlier under that key.
 """
 
 from __future__ import annotations
@@ -9,18 +10,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol, TypeVar
 
-import numpy as np
 import sqlalchemy as sa
 
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
-from memo_core.skillbook.provenance import Provenance
-from memo_core.skillbook.term_lists import within
-from memo_core.skillbook.text_vectors import PLACE_NAMES, places
+from memo_core.skillbook.provenance import Provenance, said_at
 
-LATEST = 300  # corrections that are looked through: under a larger key, who spoke before these is ranked as usual
+LATEST = 300  # corrections that are looked through; under a larger key, earlier speakers are ranked as usual
 
 
 class _HasEntry(Protocol):
@@ -30,71 +28,61 @@ class _HasEntry(Protocol):
 
 _WithEntry = TypeVar("_WithEntry", bound=_HasEntry)
 _E, _F, _S = tables.entries.c, tables.feedback.c, tables.sources.c
-_MINE = (
-    sa.select(_E.id)
-    .where(
-        _E.key.in_([sa.bindparam(name) for name in PLACE_NAMES]),
-        _E.kind == sa.bindparam("kind"),
-        _E.superseded_by.is_(None),
-    )
-    .order_by(_E.id.desc())
-    .limit(sa.literal_column(str(LATEST)))
-    .offset(sa.literal_column("0"))
-    .subquery()
-)
-_SAID = (
-    sa.select(_MINE.c.id, _F.who, _F.time, _F.id.label("feedback"))
-    .join(tables.sources, _S.entry == _MINE.c.id)
-    .join(tables.feedback, _S.feedback == _F.id)
-)
 
 
-def newest_of_people(database: Database, keys: Sequence[int], most: int) -> list[int]:
-    """``newest_of`` the corrections under some keys, at most ``PLACES``, from the book."""
-    rows = database.fetch(_SAID, {"kind": "correction"} | places(list(keys)))
-    if not rows:
-        return []
-    entries, who, when, feedback = (np.array(column) for column in zip(*rows, strict=True))
-    return newest_of(entries, np.unique(who, return_inverse=True)[1], when, feedback, most)
+def newest_of_people(database: Database, connection: sa.Connection, keys: Sequence[int], most: int) -> list[int]:
+    """Corrections made of each person's last words under some keys, the latest speaker's first.
 
+    Args:
+        database: the book.
+        connection: a connection to it.
+        keys: ids of the keys that mean the subtask itself.
+        most: if there are more, only one correction per remark, so that every person is represented.
 
-def newest_of(entries: np.ndarray, who: np.ndarray, when: np.ndarray, feedback: np.ndarray, most: int) -> list[int]:
-    """The corrections that were made of what each person said last, the latest speakers' first. If they would exceed
-    ``most``, one correction per remark, so that every person is represented.
-
-    Of shape (n,), for each correction and each feedback that it was made of: ids of both, the number of the person who
-    gave the feedback, and when.
+    Returns:
+        Ids of entries.
     """
-    if not len(entries):
-        return []
-    order = np.lexsort((feedback, when, who))
-    last = order[np.append(np.diff(who[order]) != 0, True)]
-    last = feedback[last[np.lexsort((feedback[last], when[last]))[::-1]]]
-    made: dict[int, list[int]] = {number: [] for number in last.tolist()}
-    mine = within(feedback, np.sort(last))
-    for entry, number in zip(entries[mine].tolist(), feedback[mine].tolist(), strict=True):
-        made[number].append(entry)
+    latest = (
+        sa.select(_E.id)
+        .where(_E.key.in_(keys), _E.kind == "correction", _E.superseded_by.is_(None))
+        .order_by(_E.id.desc())
+        .limit(LATEST)
+        .subquery()
+    )
+    query = (
+        sa.select(latest.c.id, _F.who, _F.id, _F.time)
+        .join(tables.sources, _S.entry == latest.c.id)
+        .join(tables.feedback, _S.feedback == _F.id)
+    )
+    rows = connection.execute(query).all()
+    at = said_at(database, connection, {feedback: when for _, _, feedback, when in rows})
+    last: dict[str, int] = {}  # a person's last feedback, the latest speaker's last
+    made: dict[int, list[int]] = {}
+    for entry, who, feedback, _ in sorted(rows, key=lambda row: (at[row[2]], row[2])):
+        last.pop(who, None)
+        last[who] = feedback
+        made.setdefault(feedback, []).append(entry)
     found: dict[int, None] = {}
-    for several in made.values():
-        new = sorted(set(several) - found.keys(), reverse=True)
+    for feedback in reversed(last.values()):
+        new = sorted(set(made[feedback]) - found.keys(), reverse=True)
         found |= dict.fromkeys(new if len(found) + len(new) <= most else new[:1])
     return list(found)
 
 
-def newest_before_older(served: Sequence[_WithEntry], known: Mapping[int, Provenance]) -> list[_WithEntry]:
+def newest_before_older(retrieved: Sequence[_WithEntry], known: Mapping[int, Provenance]) -> list[_WithEntry]:
     """Sort the entries of one person under one key newest first, within the positions that these entries have. Entries
     merged from several people's words keep their positions. ``known``: provenance by entry."""
     places_of: dict[tuple[Key, str], list[int]] = {}
-    for place, one in enumerate(served):
+    for place, one in enumerate(retrieved):
         who = known[one.entry.id].who if one.entry.id in known else ()
         if len(who) == 1:
             places_of.setdefault((one.entry.key, who[0]), []).append(place)
-    ordered = list(served)
+    ordered = list(retrieved)
     for held in places_of.values():
         if len(held) == 1:
             continue
-        last = max(known[served[place].entry.id].when for place in held)
-        mine = sorted((served[place] for place in held), key=lambda one: known[one.entry.id].when < last)
+        last = max(known[retrieved[place].entry.id].when for place in held)
+        mine = sorted((retrieved[place] for place in held), key=lambda one: known[one.entry.id].when < last)
         for place, one in zip(held, mine, strict=True):
             ordered[place] = one
     return ordered

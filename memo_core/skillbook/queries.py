@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -12,7 +12,6 @@ import sqlalchemy as sa
 
 from memo_core.parsing import parse_json
 from memo_core.skillbook import tables
-from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback
 from memo_core.skillbook.keys import Key
 
@@ -20,15 +19,8 @@ _E, _K = tables.entries.c, tables.keys.c
 _COLUMNS = [_E[field.name] for field in attrs.fields(Entry)]
 _ENTRY = sa.select(*_COLUMNS, _K.action, _K.objects).join(tables.keys, _E.key == _K.id)
 _BY_ID = _ENTRY.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
-_PLACES = (32, 48, 64, 96, 128)  # numbers of entries that a prepared statement reads
 _CHUNK = 500
 _BATCH = 1_000  # rows of a whole book that are in memory at a time
-_PLACE_NAMES = {size: [f"id{n}" for n in range(size)] for size in _PLACES}
-_GENERATION = sa.select(tables.meta.c.value).where(tables.meta.c.name == sa.literal_column("'generation'"))
-_SERVED = {
-    size: sa.select(_GENERATION.scalar_subquery(), *_COLUMNS).where(_E.id.in_([sa.bindparam(name) for name in names]))
-    for size, names in _PLACE_NAMES.items()
-}
 _VALID = (
     sa.select(_E.id, _E.kind, _E.key, _E.text, _K.action, _K.objects)
     .join(tables.keys, _E.key == _K.id)
@@ -64,27 +56,6 @@ def objects_text(key: Key) -> str:
 def entry_of(row: Sequence[Any]) -> Entry:
     """From a row of ``_ENTRY``: the entry's fields, then the key's action and objects."""
     return Entry(row[0], row[1], key_of(row[-2], row[-1]), *row[3:-2])
-
-
-def generation_of(database: Database) -> int:
-    """The book's generation."""
-    return int(database.fetch(_GENERATION, {})[0][0])
-
-
-def served_rows(database: Database, ids: Sequence[int], keys: Mapping[int, Key]) -> tuple[int, dict[int, Entry]]:
-    """The book's generation and entries by id, as one statement and so of one state of the book. ``keys`` are those
-    that the caller knows, by id; entries under other keys are left out. The statement has one of a few numbers of
-    parameters, padded with the first id, so that it is prepared only once.
-    """
-    size = next((size for size in _PLACES if len(ids) <= size), 0)
-    if not size or not ids:
-        with database.read() as connection:
-            return int(connection.execute(_GENERATION).scalar_one()), entries_by_id(connection, ids)
-    filled = [*ids, *[ids[0]] * (size - len(ids))]
-    found = database.fetch(_SERVED[size], dict(zip(_PLACE_NAMES[size], filled, strict=True)))
-    return (int(found[0][0]) if found else -1), {
-        row[1]: Entry(row[1], row[2], keys[row[3]], *row[4:]) for row in found if row[3] in keys
-    }
 
 
 def entries_by_id(connection: sa.Connection, ids: Sequence[int]) -> dict[int, Entry]:

@@ -13,7 +13,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.skillbook import tables
 from memo_core.skillbook.database import Database
 
-_DERIVED = ("vectors", "sheets", "clusterings")  # are made anew
+_DERIVED = ("vectors", "clusterings")  # are made anew
 _IN_A_ROW = 10_000  # rows that cannot be read one after the other: beyond is the end
 
 

@@ -24,7 +24,6 @@ def reembed(url: str, embedder: Embedder) -> int:
             texts = sorted({spoken(row.kind, row.text) for row in queries.valid_entry_rows(connection)})
         with database.write() as connection:
             connection.execute(sa.delete(tables.vectors))
-            connection.execute(sa.delete(tables.sheets))
             database.set_meta(connection, "embedder", embedder.name)
             database.set_meta(connection, "dimension", str(embedder.dimension))
             database.set_meta(connection, "reembedded", str(database.next_generation(connection)))

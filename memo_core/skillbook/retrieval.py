@@ -1,320 +1,378 @@
-"""Retrieval: which entries a subtask is served, in which order, and what was cut by which rule.
+"""Retrieval: the entries for a subtask, in two stages.
 
-Keys are compared by r(q, v), all of them and exactly. What was found (``memo_core.skillbook.finding``) is scored here
-(``memo_core.skillbook.retrieval_score``). An entry whose action undoes the subtask's is not served, however it was
-found, but for a remark about gripping.
+1. *Candidates.* All keys are scored, exactly, by r(q, v). Candidates are the entries under the nearest keys, the
+   entries whose texts the vector store proposes, what each person said last under the subtask's own key, and remarks
+   about gripping made at the opposite action (for actions that take hold of something). Their scores s(q, e) come from
+   one formula (``memo_core.skillbook.retrieval_score``); an entry whose action undoes the subtask's is in no other way
+   a candidate.
+2. *Ranking.* The best few dozen of each kind are ranked again by how the things they were taught on are built, then by
+   confirmed uses and recency.
 """
 
 from __future__ import annotations
 
 import threading
-from math import isnan, nan
-from typing import NamedTuple
+from collections import Counter
+from collections.abc import Sequence
 
 import attrs
 import numpy as np
+import sqlalchemy as sa
 
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.skillbook import queries, shared_terms
 from memo_core.skillbook.built_alike import BuiltAlike
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import Entry
-from memo_core.skillbook.finding import Finder
-from memo_core.skillbook.finding_by_key import FinderByKey
+from memo_core.skillbook.entries import Entry, spoken
 from memo_core.skillbook.key_embedding import KeyVectors
-from memo_core.skillbook.key_index import KeyIndex
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.newest import newest_before_older
+from memo_core.skillbook.key_index import BookKeys, KeyScores, Row, entries_among, entries_under, read_keys
+from memo_core.skillbook.keys import Key, as_text
+from memo_core.skillbook.newest import newest_before_older, newest_of_people
 from memo_core.skillbook.provenance import Provenance, provenance_of
-from memo_core.skillbook.queries import generation_of, served_rows
-from memo_core.skillbook.question import Question, as_text
-from memo_core.skillbook.retrieval_cache import KINDS, Contents, read_contents
-from memo_core.skillbook.retrieval_result import ALIKE, Cut, Retrieval, Served, alike
-from memo_core.skillbook.retrieval_score import TIE, Candidates
+from memo_core.skillbook.retrieval_result import ALIKE, Cut, Retrieval, RetrievedEntry, alike
+from memo_core.skillbook.retrieval_score import TIE, Terms, entry_score, key_score, may_be_retrieved
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
-from memo_core.skillbook.shared_terms import Terms
-from memo_core.skillbook.speakers import Speakers
-from memo_core.skillbook.text_index import Likeness
+from memo_core.skillbook.text_search import TextSearch
 from memo_core.skillbook.text_vectors import TextVectors
 
-__all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "Retriever", "Served", "as_text"]
+__all__ = ["ALIKE", "Cut", "Retrieval", "RetrievalSettings", "RetrievedEntry", "Retriever", "as_text"]
 
-_SHOWN = 5  # near misses that are reported, of each rule
-_FIRST = 32  # nearest keys that near misses are looked for among
+KINDS = ("correction", "template")  # kinds of entries under keys of their own
+UNDER_KEYS = 200  # candidates of each kind under the nearest keys
+BY_TEXT = 200  # candidates that the vector store proposes
+_OPPOSITE_KEYS = 12  # keys of the opposite action whose remarks about gripping are candidates
+_RANKED = 3  # times as many entries are ranked in the second stage as are retrieved
+_NEAR_MISSES = 5  # keys that are reported as cut, of each rule,
+_AMONG_NEAREST = 32  # among so many of the nearest
 
 
-class _Ranked(NamedTuple):
-    """An entry that is served unless others come first, and the terms of its score."""
+@attrs.frozen(eq=False)
+class _Query:
+    """A subtask, ready to be compared."""
 
-    entry: Entry
-    score: float
-    action_cosine: float
-    objects_cosine: float
-    similar: float
-    key_score: float = 0.0
-    overlap: float = 0.0
-    passes: bool = True
-    built: float = nan
-    exchanged: float = 0.0
-    must: bool = False
+    key: Key
+    context: SubtaskContext
+    words: np.ndarray  # unit vector of its words, float32 (d,)
+    terms: shared_terms.Wanted
+    scores: KeyScores
+    opposite: np.ndarray  # whether each key's action undoes the subtask's, bool (n,)
+
+
+@attrs.frozen(eq=False)
+class _Found:
+    """The candidates of one generation of the book."""
+
+    rows: list[Row]
+    last_words: frozenset[int]  # entries made of what each person said last: always retrieved
+    about_gripping: frozenset[int]  # entries under keys of the opposite action
 
 
 class Retriever:
-    """Serves subtasks from one book. Keeps a derived index that follows the database's generation."""
+    """Retrieves entries from one book."""
 
     def __init__(
         self,
         database: Database,
         vectors: TextVectors,
-        index: KeyIndex,
         key_vectors: KeyVectors,
         settings: RetrievalSettings,
         store: VectorStore | None,
-        likeness: Likeness,
     ) -> None:
         self._database = database
         self._vectors = vectors
-        self._likeness = likeness
-        self._index = index
         self._key_vectors = key_vectors
         self._settings = settings
         self._actions = settings.actions
-        self._terms = Terms(self._actions)
-        self._by_key = FinderByKey(database, vectors, settings, likeness)
-        self._speakers = Speakers(database)  # followed by the finder
-        self._finder: Finder | None = None  # where texts count
-        if settings.ranking == "key-and-text":
-            self._finder = Finder(database, vectors, settings, self._terms, store, likeness, self._speakers)
+        self._terms = shared_terms.Terms(self._actions)
+        self._texts = TextSearch(database, vectors, store)
         self._built = BuiltAlike(database)
-        self._state: Contents | None = None  # what the book is taken to be
-        self._last: Contents | None = None  # what it was when it was last read
-        self._lock = threading.Lock()  # one that was given up may still be at work on the index
+        self._keys: BookKeys | None = None
+        self._lock = threading.Lock()  # an abandoned retrieval may still be at work
 
     def retrieve(self, subtask: Key, context: SubtaskContext | None = None) -> Retrieval:
-        """Entries for a subtask; ``context`` is what a look at the scene adds to its name.
+        """Entries for a subtask.
 
-        Raises ``SkillbookError``, ``BackendUnavailable``.
+        Args:
+            subtask: action and objects, as planned.
+            context: what the scene shows of the objects.
+
+        Raises:
+            SkillbookError: if the book cannot be read.
+            BackendUnavailable: if embedder or vector store cannot be used.
         """
         with self._lock:
             while True:
-                state = self._state or self._load()
-                found = self._retrieve(subtask, context or SubtaskContext(), state)
-                if found is not None:
-                    return found
-                self._state = None  # the book has changed meanwhile
+                keys = self._keys or read_keys(self._database, self._vectors, self._key_vectors)
+                query = self._query(subtask, context or SubtaskContext(), keys)
+                proposed = self._proposed(query, keys)
+                with self._database.read() as connection:
+                    current = int(self._database.meta(connection)["generation"]) == keys.generation
+                    found = self._candidates(connection, query, keys, proposed) if current else None
+                if found is None:
+                    self._keys = None  # the book has changed meanwhile
+                    continue
+                self._keys = keys
+                return self._result(subtask, query, keys, found)
 
-    def _retrieve(self, subtask: Key, context: SubtaskContext, state: Contents) -> Retrieval | None:
-        """None when ``state`` is not the database's state any more."""
-        if generation_of(self._database) != state.generation:
-            return None  # before anything is done in vain, and a store that others bring up to date is asked
-        question = self._question(subtask, context, state)
-        found = self._candidates(question, state)
-        general = self._best_general(question.meant, state)
-        wanted = [*(int(i) for one in found.values() for i in one.ids), *general]
-        generation, rows = served_rows(self._database, wanted, state.by_id)
-        if generation != state.generation:
-            return None
-        ranked = {kind: self._ranked(kind, found[kind], rows, question, state) for kind in KINDS}
-        ranked["general"] = self._general(general, rows, question)
-        served = self._served(question.key, ranked)
-        return Retrieval(
-            subtask,
-            served["correction"],
-            served["general"],
-            served["template"],
-            self._cut(question, served, state),
-            state.generation,
-        )
+    def _query(self, subtask: Key, context: SubtaskContext, keys: BookKeys) -> _Query:
+        key = keys.aliases.get(str(subtask), subtask)
+        actions, objects = self._key_vectors.get([key])
+        words = self._vectors.get([as_text(key)])[0]
+        terms = self._terms.of_subtask(key, context)
+        if not keys.keys:
+            nothing = np.zeros(0)
+            empty = KeyScores(nothing, nothing, nothing, nothing, nothing)
+            return _Query(key, context, words, terms, empty, nothing.astype(bool))
+        scores = keys.score(actions[0], objects[0], self._settings.weights)
+        return _Query(key, context, words, terms, scores, keys.opposite(key.action, self._actions))
 
-    def _candidates(self, question: Question, state: Contents) -> dict[str, Candidates]:
-        """By kind, the entries that may be served."""
-        if self._finder is None:
-            return {kind: self._by_key.candidates(kind, question, state) for kind in KINDS}
-        return self._finder.candidates(question, state)
+    def _proposed(self, query: _Query, keys: BookKeys) -> np.ndarray:
+        """Ids of the entries whose texts are most similar to the subtask's words; none where r(q, v) decides alone."""
+        if self._settings.ranking == "key":
+            return np.zeros(0, np.int64)
+        return self._texts.nearest(query.words, BY_TEXT, keys)
 
-    def _load(self) -> Contents:
-        contents, changed = read_contents(self._database, self._actions, self._last)
-        self._likeness.forget(changed)
-        if self._last is None or contents.ids is not self._last.ids or contents.book != self._last.book:
-            self._index.load(dict(zip(contents.ids, contents.keys, strict=True)), contents.book)
-        if self._finder is not None:
-            self._finder.follow(contents, changed)
-        self._state = self._last = contents
-        return contents
+    # -- stage 1: candidates -------------------------------------------------------------------------------------------
+    def _candidates(self, connection: sa.Connection, query: _Query, keys: BookKeys, proposed: np.ndarray) -> _Found:
+        """Active entries that may be retrieved, each once."""
+        settings, by_key = self._settings, query.scores.best_first
+        near = by_key[~query.opposite[by_key]]
+        listed = [row for kind in KINDS if settings.limit(kind) for row in _under(connection, kind, keys, near)]
+        if keys.global_id is not None and settings.general:
+            listed += entries_under(connection, "general", np.array([keys.global_id]), UNDER_KEYS)
+        undoing = set(keys.ids[query.opposite].tolist())
+        listed += [row for row in entries_among(connection, proposed) if row.key not in undoing]
+        gripping = self._about_gripping(connection, query, keys)
+        last: list[int] = []
+        if settings.newest and settings.corrections:
+            own = keys.ids[(query.scores.scores >= 1 - TIE) & ~query.opposite]
+            last = newest_of_people(self._database, connection, own.tolist(), settings.corrections)
+            listed += entries_among(connection, np.array(last, np.int64))
+        rows = {row.id: row for row in (*gripping, *listed)}
+        return _Found([*rows.values()], frozenset(last), frozenset(row.id for row in gripping))
 
-    def _question(self, subtask: Key, context: SubtaskContext, state: Contents) -> Question:
-        query = state.aliases.get(str(subtask), subtask)
-        actions, objects = self._key_vectors.get([query])
-        scores = self._index.score(actions[0], objects[0], self._settings.weights)
-        opposite = state.opposite_rows(query.action, self._actions)
-        return Question(
-            query,
-            context,
-            self._vectors.get([as_text(query)])[0],
-            scores,
-            opposite,
-            ~opposite & (scores.scores >= self._settings.cut - TIE),
-            self._terms.of_subtask(query, context),
-        )
-
-    def _best_general(self, meant: np.ndarray, state: Contents) -> dict[int, float]:
-        if state.everywhere is None or not self._settings.general:
-            return {}
-        ids, similar = self._likeness.nearest_of_all("general", state.everywhere, meant, self._settings.general)
-        order = np.lexsort((ids, -similar))
-        return {int(ids[i]): float(similar[i]) for i in order}
-
-    # -- ranking -------------------------------------------------------------------------------------------------------
-    def _ranked(
-        self, kind: str, found: Candidates, rows: dict[int, Entry], question: Question, state: Contents
-    ) -> list[_Ranked]:
-        """The best of the candidates, by score, likeness of the text, confirmed uses and recency. Templates that fail
-        when they are run again in a simulator come after those that do not."""
-        ids = found.ids.tolist()
-        if not rows.keys() >= set(ids):  # of a damaged book
-            found = found.only(np.array([entry in rows for entry in ids]))
-            ids = found.ids.tolist()
-        if not ids:
+    def _about_gripping(self, connection: sa.Connection, query: _Query, keys: BookKeys) -> list[Row]:
+        """Remarks about how to hold a thing, made at an action that undoes this one: how hard to grip is often noticed
+        only when a thing is put down."""
+        settings = self._settings
+        if settings.ranking == "key" or not settings.corrections:
             return []
-        if self._settings.ranking == "key-and-text" and self._settings.built_weight:
-            known = self._built.of(question.context, [rows[entry] for entry in ids])
-            if known:
-                found = attrs.evolve(found, built=np.array([known.get(entry, np.nan) for entry in ids]))
-        ordered = _ties_by_use(_in_order(found, rows, self._settings))
-        if kind == "template" and state.failing:
-            ordered.sort(key=lambda one: one.entry.id in state.failing)
-        return _first(ordered, self._settings.limit(kind))
+        if not self._terms.grips(query.key.action, query.context):
+            return []
+        by_moved = np.argsort(-query.scores.moved_cosines, kind="stable")
+        undoing = by_moved[query.opposite[by_moved]][:_OPPOSITE_KEYS]
+        rows = _under(connection, "correction", keys, undoing)
+        return [row for row in rows if self._terms.about_gripping(row.text)]
 
-    def _general(self, found: dict[int, float], rows: dict[int, Entry], question: Question) -> list[_Ranked]:
-        """Those like enough to the subtask; half as like is enough for one that shares a term with it, and one that
-        names no action or part ("be slow near people") holds everywhere."""
+    def _best(self, kind: str, query: _Query, keys: BookKeys, found: _Found) -> list[RetrievedEntry]:
+        """The best few dozen candidates of a kind by score, and all that must be retrieved; not in order."""
+        rows = [row for row in found.rows if row.kind == kind]
+        limit = self._settings.limit(kind)
+        if not rows or not limit:
+            return []
+        action, objects, terms = self._compared(rows, query, keys, found)
+        scores = entry_score(terms, self._settings)
+        must = np.array([row.id in found.last_words for row in rows])
+        allowed = must | may_be_retrieved(terms, scores, self._settings, min(self._settings.fill, limit))
+        order = np.lexsort((-terms.text, -np.round(scores, 6)))
+        order = order[allowed[order]]
+        best = [n for place, n in enumerate(order.tolist()) if place < _RANKED * limit or must[n]]
+        entries = self._entries([rows[n].id for n in best])
+        return [
+            RetrievedEntry(
+                entries[rows[n].id],
+                0,
+                float(scores[n]),
+                float(action[n]),
+                float(objects[n]),
+                float(terms.text[n]),
+                float(terms.key[n]),
+                float(terms.overlap[n]),
+                passes=bool(terms.key[n] >= self._settings.cut - TIE),
+                exchanged=float(terms.exchanged[n]),
+            )
+            for n in best
+            if rows[n].id in entries
+        ]
+
+    def _compared(
+        self, rows: Sequence[Row], query: _Query, keys: BookKeys, found: _Found
+    ) -> tuple[np.ndarray, np.ndarray, Terms]:
+        """Action cosines, object cosines and the terms of s(q, e) of some candidates. A remark about gripping counts as
+        made at gripping what was moved."""
+        scores, at = query.scores, np.array([keys.row_of[row.key] for row in rows])
+        gripping = np.array([row.id in found.about_gripping for row in rows])
+        action = np.where(gripping, 1.0, scores.action_cosines[at])
+        objects = np.where(gripping, scores.moved_cosines[at], scores.objects_cosines[at])
+        texts = [spoken(row.kind, row.text) for row in rows]
+        overlap = np.zeros(len(rows))
+        if self._settings.ranking == "key-and-text":
+            overlap = np.array([self._terms.overlap(query.terms, text) for text in texts])
+        terms = Terms(
+            key_score(action, objects, *self._settings.weights),
+            np.vecdot(self._vectors.get(texts), query.words).astype(np.float64),
+            np.vecdot(keys.words[at], query.words).astype(np.float64),
+            overlap,
+            scores.exchanged[at],
+        )
+        return action, objects, terms
+
+    def _best_general(self, query: _Query, found: _Found) -> list[RetrievedEntry]:
+        """General statements like enough to the subtask, best first; half as like is enough for one that shares a term
+        with it, and one that names no action or part ("be slow near people") holds everywhere."""
+        rows = [row for row in found.rows if row.kind == "general" and row.text]
+        if not rows:
+            return []
+        similar = np.vecdot(self._vectors.get([row.text for row in rows]), query.words).astype(np.float64)
+        nearest = np.lexsort(([row.id for row in rows], -similar))[: self._settings.general].tolist()
         floor, terms = self._settings.general_floor - TIE, self._terms
-        half = min(floor, floor / 2)
 
-        def relevant(text: str, similar: float) -> bool:
-            near = similar >= floor or (similar >= half and terms.overlap(question.terms, text) > 0)
-            return near or not terms.particular(text)
+        def relevant(text: str, likeness: float) -> bool:
+            shares_a_term = likeness >= min(floor, floor / 2) and terms.overlap(query.terms, text) > 0
+            return likeness >= floor or shares_a_term or not terms.particular(text)
 
-        there = [(rows[entry], similar) for entry, similar in found.items() if entry in rows and rows[entry].text]
-        chosen = [_Ranked(one, similar, 0.0, 0.0, similar) for one, similar in there if relevant(one.text, similar)]
-        return _ties_by_use(chosen)[: self._settings.general]
+        entries = self._entries([rows[n].id for n in nearest])
+        chosen = [(rows[n], float(similar[n])) for n in nearest if relevant(rows[n].text, float(similar[n]))]
+        found_entries = [
+            RetrievedEntry(entries[row.id], 0, likeness, 0.0, 0.0, likeness)
+            for row, likeness in chosen
+            if row.id in entries
+        ]
+        return _ties_by_use(found_entries)
 
-    def _served(self, query: Key, ranked: dict[str, list[_Ranked]]) -> dict[str, tuple[Served, ...]]:
-        """With who said each, when, how alike its key is, and its place."""
-        known = self._provenance({kind: [one.entry.id for one in some] for kind, some in ranked.items()})
+    def _entries(self, ids: Sequence[int]) -> dict[int, Entry]:
+        with self._database.read() as connection:
+            return queries.entries_by_id(connection, ids)
+
+    # -- stage 2: ranking ----------------------------------------------------------------------------------------------
+    def _ranked(
+        self, kind: str, best: list[RetrievedEntry], query: _Query, keys: BookKeys, last: frozenset[int]
+    ) -> list[RetrievedEntry]:
+        """The entries of a kind that are retrieved, in order. Templates that fail when they are run again in a
+        simulator come after those that do not."""
+        ranked = _ties_by_use(sorted(self._by_structure(best, query), key=_by_score))
+        if kind == "template":
+            ranked.sort(key=lambda one: one.entry.id in keys.failing)
+        return _first(ranked, self._settings.limit(kind), last)
+
+    def _by_structure(self, best: list[RetrievedEntry], query: _Query) -> list[RetrievedEntry]:
+        """Entries with w_b (b(q, e) - 0.5) added to their scores, where b in [0, 1] says how alike the things are
+        built; where the scene of one entry is not known, b is the mean of the others'."""
+        weight = self._settings.built_weight
+        if self._settings.ranking == "key" or not weight:
+            return best
+        known = self._built.of(query.context, [one.entry for one in best])
+        if not known:
+            return best
+        mean = sum(known.values()) / len(known)
+        return [
+            attrs.evolve(
+                one,
+                built=known.get(one.entry.id),
+                score=one.score + weight * (known.get(one.entry.id, mean) - 0.5),
+            )
+            for one in best
+        ]
+
+    def _result(self, subtask: Key, query: _Query, keys: BookKeys, found: _Found) -> Retrieval:
+        ranked = {
+            kind: self._ranked(kind, self._best(kind, query, keys, found), query, keys, found.last_words)
+            for kind in KINDS
+        }
+        ranked["general"] = self._best_general(query, found)
+        known = provenance_of(self._database, [one.entry.id for some in ranked.values() for one in some])
         if self._settings.newest:
             ranked["correction"] = newest_before_older(ranked["correction"], known)
-        keys = {one.entry.key for some in ranked.values() for one in some}
-        likeness = {key: alike(query, key, self._actions) if key.objects else "" for key in keys}
-        unknown = Provenance()
-        return {
-            kind: tuple(
-                Served(
-                    one.entry,
-                    rank,
-                    one.score,
-                    one.action_cosine,
-                    one.objects_cosine,
-                    one.similar,
-                    one.key_score,
-                    one.overlap,
-                    known.get(one.entry.id, unknown),
-                    one.passes,
-                    None if isnan(one.built) else one.built,
-                    one.exchanged,
-                    likeness[one.entry.key],
+        corrections, templates, general = (
+            tuple(
+                attrs.evolve(
+                    one,
+                    rank=rank,
+                    provenance=known.get(one.entry.id, Provenance()),
+                    alike=alike(query.key, one.entry.key, self._actions) if one.entry.key.objects else "",
                 )
                 for rank, one in enumerate(some, start=1)
             )
-            for kind, some in ranked.items()
-        }
-
-    def _provenance(self, entries: dict[str, list[int]]) -> dict[int, Provenance]:
-        """Of entries by kind."""
-        if self._finder is None:
-            return provenance_of(self._database, [entry for some in entries.values() for entry in some])
-        known = self._speakers.provenance([*entries["correction"], *entries["general"]])
-        return known | provenance_of(self._database, entries["template"])
-
-    # -- what was not served -------------------------------------------------------------------------------------------
-    def _cut(self, question: Question, served: dict[str, tuple[Served, ...]], state: Contents) -> tuple[Cut, ...]:
-        """Of the nearest keys those that nothing, or not everything, was served of."""
-        rows = question.scores.best_first(_FIRST)
-        place_of = {state.keys[row]: place for place, row in enumerate(rows.tolist())}
-        left = {kind: state.sizes[kind][rows].tolist() for kind in KINDS}
-        nothing = [True] * len(rows)
-        for kind in KINDS:
-            for key in [one.entry.key for one in served[kind]]:
-                if (place := place_of.get(key)) is not None:
-                    left[kind][place] -= 1
-                    nothing[place] = False
-        passing = (question.scores.scores[rows] >= self._settings.cut - TIE).tolist()
-        opposite = question.opposite[rows].tolist()
-        rules: list[tuple[int, int, str]] = []  # place among the rows, entries, rule
-        for n in [n for n in range(len(rows)) if nothing[n] and (opposite[n] or not passing[n])][:_SHOWN]:
-            rule = "opposite action" if opposite[n] else f"below the cut {self._settings.cut:g}"
-            rules.append((n, sum(left[kind][n] for kind in KINDS), rule))
-        for kind in KINDS:
-            limit = self._settings.limit(kind)
-            if len(served[kind]) >= limit:
-                beyond = [n for n in range(len(rows)) if left[kind][n] and passing[n] and not opposite[n]]
-                rules += [(n, left[kind][n], f"beyond the first {limit} {kind}s") for n in beyond[:_SHOWN]]
-        scores = question.scores
-        return tuple(
-            Cut(
-                state.labels[row],
-                float(scores.scores[row]),
-                float(scores.action_cosines[row]),
-                float(scores.objects_cosines[row]),
-                entries,
-                rule,
-            )
-            for row, entries, rule in ((int(rows[n]), entries, rule) for n, entries, rule in rules)
+            for some in ranked.values()
         )
+        cut = self._cut(query, keys, {"correction": corrections, "template": templates})
+        return Retrieval(subtask, corrections, general, templates, cut, keys.generation)
+
+    # -- what was cut --------------------------------------------------------------------------------------------------
+    def _cut(self, query: _Query, keys: BookKeys, retrieved: dict[str, tuple[RetrievedEntry, ...]]) -> tuple[Cut, ...]:
+        """The nearest keys of which nothing, or not everything, was retrieved."""
+        nothing: list[Cut] = []
+        beyond: dict[str, list[Cut]] = {kind: [] for kind in KINDS}
+        taken = {kind: Counter(one.entry.key for one in some) for kind, some in retrieved.items()}
+        for row in query.scores.best_first[:_AMONG_NEAREST].tolist():
+            key, passes, undoes = (
+                keys.keys[row],
+                query.scores.scores[row] >= self._settings.cut - TIE,
+                query.opposite[row],
+            )
+            left = {kind: int(keys.sizes[kind][row]) - taken[kind][key] for kind in KINDS}
+            if (undoes or not passes) and not any(taken[kind][key] for kind in KINDS):
+                rule = "opposite action" if undoes else f"below the cut {self._settings.cut:g}"
+                nothing.append(_cut_key(keys, query.scores, row, sum(left.values()), rule))
+            for kind in KINDS:
+                limit = self._settings.limit(kind)
+                if left[kind] and passes and not undoes and len(retrieved[kind]) >= limit:
+                    beyond[kind].append(
+                        _cut_key(keys, query.scores, row, left[kind], f"beyond the first {limit} {kind}s")
+                    )
+        return tuple(cut for some in (nothing, *beyond.values()) for cut in some[:_NEAR_MISSES])
 
 
-def _in_order(found: Candidates, rows: dict[int, Entry], settings: RetrievalSettings) -> list[_Ranked]:
-    """Candidates by score, those that are level by the likeness of their texts."""
-    scores = found.scores(settings)
-    order = np.lexsort((-found.similar, -np.round(scores, 6)))
-    columns = (
-        scores,
-        found.action_cosines,
-        found.objects_cosines,
-        found.similar,
-        found.key_scores,
-        found.overlap,
-        found.passing(settings),
-        found.built,
-        found.exchanged,
-        found.must,
+def _cut_key(keys: BookKeys, scores: KeyScores, row: int, entries: int, rule: str) -> Cut:
+    key, action, objects = (
+        float(column[row]) for column in (scores.scores, scores.action_cosines, scores.objects_cosines)
     )
-    entries = [rows[entry] for entry in found.ids[order].tolist()]
-    return [_Ranked(*one) for one in zip(entries, *(column[order].tolist() for column in columns), strict=True)]
+    return Cut(str(keys.keys[row]), key, rule, action, objects, entries)
 
 
-def _first(ranked: list[_Ranked], limit: int) -> list[_Ranked]:
-    """The first so many; those that must be served take the places of the last others."""
-    left = max(0, limit - sum(one.must for one in ranked))
-    first: list[_Ranked] = []
+def _under(connection: sa.Connection, kind: str, keys: BookKeys, rows: np.ndarray) -> list[Row]:
+    """``UNDER_KEYS`` entries of a kind under the first of some keys (rows of ``keys``, nearest first); of the last key
+    that fits in part, the newest."""
+    sizes = keys.sizes[kind][rows]
+    rows, sizes = rows[sizes > 0], sizes[sizes > 0]
+    before = np.cumsum(sizes) - sizes
+    whole = rows[before + sizes <= UNDER_KEYS]
+    partly = rows[(before < UNDER_KEYS) & (before + sizes > UNDER_KEYS)]
+    found = entries_under(connection, kind, keys.ids[whole], UNDER_KEYS) if len(whole) else []
+    if len(partly):
+        found += entries_under(connection, kind, keys.ids[partly], UNDER_KEYS - len(found))
+    return found
+
+
+def _by_score(one: RetrievedEntry) -> tuple[float, float]:
+    return (-round(one.score, 6), -one.text_similarity)
+
+
+def _first(ranked: list[RetrievedEntry], limit: int, must: frozenset[int]) -> list[RetrievedEntry]:
+    """The first ``limit`` entries; those that must be retrieved take the places of the last others."""
+    left = max(0, limit - sum(one.entry.id in must for one in ranked))
+    first: list[RetrievedEntry] = []
     for one in ranked:
-        left -= not one.must
-        if one.must or left >= 0:
+        left -= one.entry.id not in must
+        if one.entry.id in must or left >= 0:
             first.append(one)
     return first
 
 
-def _ties_by_use(ranked: list[_Ranked]) -> list[_Ranked]:
-    """Entries in order of score and likeness; those that tie in both by confirmed uses, then the newest."""
-    found: list[_Ranked] = []
-    tied: list[_Ranked] = []
+def _ties_by_use(ranked: list[RetrievedEntry]) -> list[RetrievedEntry]:
+    """Entries in order of score and likeness; ties in both by confirmed uses, then the newest."""
+    found: list[RetrievedEntry] = []
+    tied: list[RetrievedEntry] = []
     for one in ranked:
-        if tied and (abs(tied[0].score - one.score) >= TIE or abs(tied[0].similar - one.similar) >= TIE):
+        if tied and (
+            abs(tied[0].score - one.score) >= TIE or abs(tied[0].text_similarity - one.text_similarity) >= TIE
+        ):
             found += sorted(tied, key=_by_use)
             tied = []
         tied.append(one)
     return found + sorted(tied, key=_by_use)
 
 
-def _by_use(one: _Ranked) -> tuple[float, ...]:
+def _by_use(one: RetrievedEntry) -> tuple[float, ...]:
     return (-one.entry.confirmed_uses, -one.entry.created, -one.entry.id)

@@ -1,4 +1,4 @@
-"""What retrieval answers, as values: what was served with each term of its score, and what was cut by which rule."""
+"""The result of a retrieval: entries with each term of their scores, and what was cut by which rule."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ def alike(subtask: Key, key: Key, actions: Actions) -> str:
 
 
 @attrs.frozen
-class Served:
-    """An entry that was served: its place (1 is first) and each term of its score. General statements have no cosines
-    of their own, their score is their text's similarity to the subtask.
+class RetrievedEntry:
+    """An entry with each term of its score: what retrieval ranks, the run logs and the prompt shows.
 
-    ``passes`` tells the two ways of being served apart. True: the entry's key passes the cut (``retrieval.cut``), it is
-    about this subtask or one like it, and is meant to be followed; so are general statements. False: it is only a hint,
-    served beside the others, or because there are none, for what its text says or as the nearest there is: it may be of
-    use and may as well be about something else. ``alike`` says in words what the key has in common with the subtask.
+    ``passes`` tells the two ways of being retrieved apart. True: the entry's key passes the cut (``retrieval.cut``), it
+    is about this subtask or one like it, and is meant to be followed; so are general statements. False: it is a hint,
+    retrieved for what its text says or as the nearest there is, and may be about something else. General statements
+    have no key cosines; their score is their text's similarity to the subtask.
     """
 
     entry: Entry
-    rank: int
+    rank: int  # 1 is first
     score: float  # what it is ranked by: r, or s with ``retrieval.ranking: key-and-text``
     action_cosine: float
     objects_cosine: float
@@ -41,10 +40,11 @@ class Served:
     key_score: float = 0.0  # r(q, v); 0 for general statements
     overlap: float = 0.0  # share of the subtask's terms that the text has; 0 where r alone decides
     provenance: Provenance = Provenance()  # who said it, when, and of which subtask
-    passes: bool = True  # whether its key passes the cut; False: a hint from something else, see above
-    built: float | None = None  # how alike the things are built, 0 to 1; None: not known, or not compared
-    exchanged: float = 0.0  # how far its key has the subtask's objects in exchanged roles; words count so much less
-    alike: str = ""  # how the key compares with the subtask, in words: one of ``ALIKE``; "" for general statements
+    passes: bool = True
+    built: float | None = None  # how alike the things are built, in [0, 1]; None: not known, or not compared
+    exchanged: float = 0.0  # x(q, v): how far its key has the subtask's objects in exchanged roles
+    alike: str = ""  # how its key compares with the subtask, one of ``ALIKE``; "" for general statements
+    origin: str = ""  # how the prompt introduces it
 
     @property
     def key(self) -> str:
@@ -62,30 +62,36 @@ class Served:
 
 @attrs.frozen
 class Cut:
-    """A key whose entries were not, or not all, served, and the rule that kept them out."""
+    """A key whose entries were not, or not all, retrieved, and the rule that kept them out."""
 
     key: str
     score: float  # r
-    action_cosine: float
-    objects_cosine: float
-    entries: int
     rule: str  # "opposite action", "below the cut 0.85", "beyond the first 20 corrections"
+    action_cosine: float = 0.0
+    objects_cosine: float = 0.0
+    entries: int = 0
 
 
 @attrs.frozen
 class Retrieval:
-    """What one subtask is served."""
+    """What is retrieved for one subtask."""
 
     query: Key
-    corrections: tuple[Served, ...]
-    general: tuple[Served, ...]
-    templates: tuple[Served, ...]
-    cut: tuple[Cut, ...]  # nearest first
-    generation: int
+    corrections: tuple[RetrievedEntry, ...] = ()
+    general: tuple[RetrievedEntry, ...] = ()
+    templates: tuple[RetrievedEntry, ...] = ()
+    cut: tuple[Cut, ...] = ()  # nearest first
+    generation: int = 0  # of the book
+    sources: tuple[int, ...] = ()  # feedback that the entries derive from
 
     @property
-    def served(self) -> tuple[Served, ...]:
+    def served(self) -> tuple[RetrievedEntry, ...]:
+        """All entries: corrections, general statements, templates."""
         return self.corrections + self.general + self.templates
+
+    @property
+    def entry_ids(self) -> tuple[int, ...]:
+        return tuple(one.entry.id for one in self.served)
 
     def event(self) -> events.Retrieved:
         return events.Retrieved(

@@ -1,8 +1,7 @@
-"""The scores that decide what is served: r(q, v) of keys, and of entries r together with what they say."""
+"""The scores of retrieval: r(q, v) compares keys, s(q, e) also counts what an entry says."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TypeVar
 
 import attrs
@@ -16,108 +15,60 @@ TIE = 1e-6  # float32 cosines of equal texts differ by rounding
 
 
 def key_score(action_cosine: Cosine, objects_cosine: Cosine, lambda_action: float, lambda_objects: float) -> Cosine:
-    """r(q, v) of keys from their cosines, numbers or arrays of shape (n,); λ1 = ``lambda_action`` and
-    λ2 = ``lambda_objects`` are above 0."""
+    """Similarity r(q, v) of a subtask q and a key v (paper, Sec. IV-B).
+
+    Args:
+        action_cosine: cos(q_act, v_act), a number or an array of shape (n,).
+        objects_cosine: cos(q_obj, v_obj), of the same shape.
+        lambda_action: λ1 > 0.
+        lambda_objects: λ2 > 0.
+
+    Returns:
+        The weighted mean of both, in [-1, 1].
+    """
     return (lambda_action * action_cosine + lambda_objects * objects_cosine) / (lambda_action + lambda_objects)
 
 
 @attrs.frozen(eq=False)
-class Candidates:
-    """Entries with the terms of their scores, one value an entry, shape (n,)."""
+class Terms:
+    """The terms of s(q, e) of n entries, arrays of shape (n,)."""
 
-    ids: np.ndarray  # int64, each once
-    key_scores: np.ndarray  # r, float64
-    action_cosines: np.ndarray
-    objects_cosines: np.ndarray
-    similar: np.ndarray  # cosine of the text and the subtask's words
-    key_similar: np.ndarray  # cosine of the key's words and the subtask's
-    overlap: np.ndarray  # share of the subtask's terms that the text has
-    must: np.ndarray  # bool, served whatever the score
-    exchanged: np.ndarray  # how far the key has the subtask's objects in exchanged roles, 0 to 1
-    built: np.ndarray = attrs.field()  # likeness of the things as they are built, 0 to 1; nan: not known
-
-    @built.default
-    def _not_known(self) -> np.ndarray:
-        return np.full(len(self.ids), np.nan)
-
-    @classmethod
-    def none(cls) -> Candidates:
-        none = np.zeros(0)
-        return cls(none.astype(np.int64), none, none, none, none, none, none, none.astype(bool), none)
-
-    @classmethod
-    def appended(cls, several: Sequence[Candidates]) -> Candidates:
-        """All of them, one after the other."""
-        if len(several) == 1:
-            return several[0]
-        return cls(*[np.concatenate(column) for column in zip(*(one._columns for one in several), strict=True)])
-
-    def only(self, chosen: np.ndarray) -> Candidates:
-        return Candidates(*[column[chosen] for column in self._columns])
-
-    @property
-    def _columns(self) -> tuple[np.ndarray, ...]:
-        return (
-            self.ids,
-            self.key_scores,
-            self.action_cosines,
-            self.objects_cosines,
-            self.similar,
-            self.key_similar,
-            self.overlap,
-            self.must,
-            self.exchanged,
-            self.built,
-        )
+    key: np.ndarray  # r(q, v) of the entry's key
+    text: np.ndarray  # cos(q, e): subtask's words and entry's text
+    key_words: np.ndarray  # cos(q, v): subtask's words and the key's
+    overlap: np.ndarray  # share of the subtask's terms that the text has, in [0, 1]
+    exchanged: np.ndarray  # x(q, v) in [0, 1]
 
     @property
     def likeness(self) -> np.ndarray:
-        """Of the subtask's words to the entry's, text and key."""
-        return (self.similar + self.key_similar) / 2
-
-    def scores(self, settings: RetrievalSettings) -> np.ndarray:
-        """What they are ranked by."""
-        if settings.ranking == "key":
-            return self.key_scores
-        by_text, by_terms = settings.text_weight, settings.overlap_weight
-        said = (by_text * self.likeness + by_terms * self.overlap) * (1 - self.exchanged)
-        said += (1 - by_text - by_terms) * self.key_scores
-        known = self.built[~np.isnan(self.built)]
-        if not len(known):
-            return said
-        return said + settings.built_weight * (np.where(np.isnan(self.built), known.mean(), self.built) - 0.5)
-
-    def passing(self, settings: RetrievalSettings) -> np.ndarray:
-        """Whose key passes the cut, bool."""
-        return np.asarray(self.key_scores >= settings.cut - TIE)
-
-    def served(self, settings: RetrievalSettings, room: int, scores: np.ndarray | None = None) -> np.ndarray:
-        """Which of them may be served, bool: those whose key passes the cut; and beside them, while fewer than
-        ``room`` pass, those whose score is near the best one's and whose text shares a term with the subtask or is
-        like it. ``scores``: theirs, where they are known."""
-        passing = self.passing(settings)
-        if settings.ranking == "key" or passing.all():
-            return passing | self.must
-        scores = self.scores(settings) if scores is None else scores
-        speaking = (self.overlap > 0) | (self.likeness >= settings.text_floor)
-        beside = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
-        chosen = passing | self.must
-        left = max(0, room - int(passing.sum()))
-        chosen[beside[np.argsort(-scores[beside], kind="stable")[:left]]] = True
-        return chosen
+        """Mean cosine of the subtask's words with the entry's text and with its key."""
+        return (self.text + self.key_words) / 2
 
 
-def best(scores: np.ndarray, similar: np.ndarray, count: int, must: np.ndarray) -> np.ndarray:
-    """Places of those that ``must`` be there, and of the others of the ``count`` best by score and then likeness and of
-    all that tie with the last of these, in no order."""
-    others = np.flatnonzero(~must)
-    if len(others) <= count:
-        return np.arange(len(scores))
-    if count < 1:
-        return np.flatnonzero(must)
-    ranked, near = scores[others], similar[others]
-    last = np.lexsort((-near, -np.round(ranked, 6)))[count - 1]  # keys of one synonym group differ by rounding only
-    level = np.abs(ranked - ranked[last]) <= TIE
-    chosen = must.copy()
-    chosen[others] = (ranked > ranked[last] + TIE) | (level & (near > near[last] - TIE))
-    return np.flatnonzero(chosen)
+def entry_score(terms: Terms, settings: RetrievalSettings) -> np.ndarray:
+    """What entries are ranked by: r(q, v) with ``ranking: key``, else
+
+        s(q, e) = (1 - w_t - w_o) r(q, v) + (1 - x(q, v)) (w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)).
+
+    Returns:
+        Scores of shape (n,).
+    """
+    if settings.ranking == "key":
+        return terms.key
+    by_text, by_terms = settings.text_weight, settings.overlap_weight
+    said = by_text * terms.likeness + by_terms * terms.overlap
+    return (1 - by_text - by_terms) * terms.key + (1 - terms.exchanged) * said
+
+
+def may_be_retrieved(terms: Terms, scores: np.ndarray, settings: RetrievalSettings, room: int) -> np.ndarray:
+    """Which entries may be retrieved, bool (n,): those whose key passes the cut, and with ``ranking: key-and-text`` as
+    hints, while fewer than ``room`` pass, the best others whose score is within ``reach`` of the best one's and whose
+    text shares a term with the subtask or is like it."""
+    passing = terms.key >= settings.cut - TIE
+    if settings.ranking == "key" or passing.all():
+        return passing
+    speaking = (terms.overlap > 0) | (terms.likeness >= settings.text_floor)
+    hints = np.flatnonzero(~passing & speaking & (scores >= scores.max() - settings.reach))
+    allowed = passing.copy()
+    allowed[hints[np.argsort(-scores[hints], kind="stable")[: max(0, room - int(passing.sum()))]]] = True
+    return allowed

@@ -17,7 +17,7 @@ from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook import queries, tables
 from memo_core.skillbook.adding_entries import EDIT
 from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, ReadBack, key_label
+from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack, ReadBack, key_label, longest_entry
 from memo_core.skillbook.superseding import supersede
 
 _F, _E, _S, _B = tables.feedback.c, tables.entries.c, tables.sources.c, tables.read_backs.c
@@ -51,11 +51,14 @@ def read_back(
 
 def edit(database: Database, connection: sa.Connection, entry: Entry, text: str, who: str) -> int | None:
     """Replace an entry's text. Returns the new entry's id, or None if the text is the same. Raises ``InvalidArgument``
-    for an empty text, a superseded entry, or a template that is not a function.
+    for an empty text, one that is too long, a superseded entry, or a template that is not a function.
     """
     _check_valid(entry)
     if entry.text == text:
         return None
+    if len(text) > longest_entry(entry.kind):
+        problem = f"{len(text)} characters are too many for a prompt"
+        raise InvalidArgument("text", problem, f"a {entry.kind} of at most {longest_entry(entry.kind)} characters")
     if entry.kind == "template":
         _check_function(text)
     [added] = _change(database, connection, entry, ReadBack(entry.id, "reworded", text), f"edit of {entry.id}", who)
@@ -120,7 +123,7 @@ def _apply(
             added.append(successor)
         why = "struck" if successor is None else f"reworded as {successor}"
         supersede(connection, revision, entry.id, why, successor)
-    database.next_generation(connection, by_revisions=True)
+    database.next_generation(connection)
     return added
 
 

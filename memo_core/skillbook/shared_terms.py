@@ -14,7 +14,6 @@ from memo_core.skillbook.keys import Key
 from memo_core.skillbook.scene_context import SubtaskContext
 
 GRIP = "~grip"  # the term of everything that says how a thing is held
-RELEASE = "~release"  # where texts are kept as numbers (``memo_core.skillbook.term_lists``): of those that ``releases``
 _SEEN, GRIPPED, _ATTRIBUTE = 0.5, 0.5, 0.25  # weights beside the 1 of what the subtask names
 _WORDS_STOP = """
 a about after an and are as at be before but by do don't for from if in into is isn't it its no not of off on onto or

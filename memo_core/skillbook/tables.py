@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 5  # 2 to 5 have other caches, more tables and other indexes than those before, and nothing else:
+SCHEMA_VERSION = 6  # 2 to 6 have other caches, more tables and other indexes than those before, and nothing else:
 # opening an older book for writing makes them, after a backup (memo_core.skillbook.database)
 
 metadata = sa.MetaData()
@@ -93,7 +93,7 @@ retired_entries = (
     )
 )
 FORMER_INDEXES = ("ix_entries_superseded_by",)  # of schema versions 1 and 2
-FORMER_TABLES = ("sketches",)  # of schema version 3, a cache
+FORMER_TABLES = ("sketches", "sheets")  # caches of schema versions 3 to 5
 
 sources = sa.Table(  # which feedback an entry derives from, for `forget`
     "sources",
@@ -108,15 +108,6 @@ vectors = sa.Table(  # a cache; the digest of the text, so that no words are kep
     sa.Column("embedder", sa.String(200), primary_key=True),
     sa.Column("digest", sa.String(64), primary_key=True),
     sa.Column("vector", sa.LargeBinary, nullable=False),  # float32, little endian
-)
-
-sheets = sa.Table(  # a cache: the vectors of one key's texts, rounded, on one page (memo_core.skillbook.text_index)
-    "sheets",
-    metadata,
-    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True, autoincrement=False),
-    sa.Column("kind", sa.String(20), primary_key=True),
-    sa.Column("entries", sa.LargeBinary, nullable=False),  # their ids, int64, little endian; all are under this key
-    sa.Column("sketches", sa.LargeBinary, nullable=False),
 )
 
 changes = sa.Table(  # what a revision did to entries that it did not bring in itself

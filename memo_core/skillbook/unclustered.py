@@ -13,7 +13,7 @@ from memo_core.skillbook.export import IMPORTED
 from memo_core.skillbook.text_vectors import batched
 
 _E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
-_DERIVED = ("vectors", "sheets")  # tables that are not copied
+_DERIVED = ("vectors",)  # tables that are not copied
 _CHUNK = 500
 
 

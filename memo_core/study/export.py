@@ -20,7 +20,7 @@ from memo_core.study.people import People
 from memo_core.study.study import histories_of, journals_of
 
 PERSONAL = {
-    "e-mail address": re.compile(r"[\w.+-]+@[\w-]+\.\w+"),
+    "e-mail address": re.compile(r"(?<![\w.+-])[\w.+-]+@[\w-]+\.\w+"),
     "telephone or other long number": re.compile(r"\+?\d[\d ()/-]{5,}\d"),
     "web address": re.compile(r"https?://|www\."),
     "says who somebody is": re.compile(

@@ -12,11 +12,12 @@ import attrs
 
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.plugins import Registry
+from memo_core.runs.carrying_out import Halted, NotCarriedOut
 from memo_core.runs.sections import SECTIONS
 from memo_core.runs.worker_processes import in_processes
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.consent import Reception
-from memo_core.study.history import Teaching, teach
+from memo_core.study.history import History, Teaching, teach
 from memo_core.study.participants import Load
 from memo_core.study.people import People
 from memo_core.study.settings import StudySettings
@@ -56,7 +57,16 @@ def run_study(
         return
     teaching = Teaching(load, registry, consent, People(folder), reception, report, sessions=sessions)
     for history in histories:
+        _teach(history, teaching)
+
+
+def _teach(history: History, teaching: Teaching) -> None:
+    """As ``teach``. Raises ``Halted`` when a run could not be carried out: the study is paused, the run counts for
+    nothing and is gone on with."""
+    try:
         teach(history, teaching)
+    except NotCarriedOut as error:
+        raise Halted("runs", error.error) from error
 
 
 def _all_simulated(load: Load) -> bool:
@@ -90,7 +100,7 @@ def _one_history(folder: Path, sessions: int | None, number: int) -> tuple[int, 
         consent = check(load, experiment)
         teaching = Teaching(load, registry, consent, People(folder), report=lines.append, sessions=sessions)
         try:
-            teach(histories_of(experiment, folder)[number], teaching)
+            _teach(histories_of(experiment, folder)[number], teaching)
         except MemoError as error:
             failed.append(Failed(str(error)))
 

@@ -22,12 +22,14 @@ from memo_core.interfaces.teacher import (
     Teacher,
     Verdict,
 )
+from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.scene.graph import Node
-from memo_core.teachers.answers import NO, YES, Meaning, meaning_of
+from memo_core.teachers.answers import NO, NO_ELSEWHERE, YES, YES_ELSEWHERE, Meaning, bare, in_other_words, meaning_of
 from memo_core.teachers.typed_line import TypedLine
 
 Answer = TypeVar("Answer")
-EXPLAINED = """Answer in your own words; a pasted text of several paragraphs is one answer.
+EXPLAINED = f"""Answer in your own words; a pasted text of several paragraphs is one answer. At most {LONGEST_WORDS}
+characters are read; a longer text is stored and set aside.
   y                     it worked (so does "great job, thanks!")
   s                     say nothing: it stays open whether it worked
   what was wrong        e.g. "no, pull the handle in an arc"; it is noted, and the subtask is tried again
@@ -112,7 +114,7 @@ class TerminalTeacher(Teacher):
             words = typed.strip()
             meaning = meaning_of(words)
             if meaning == "unsure":
-                meaning = self._asked_back(words)
+                meaning, words = self._asked_back(words)
             if meaning == "approve":
                 return Verdict("approve")
             if meaning == "silent":
@@ -120,26 +122,28 @@ class TerminalTeacher(Teacher):
             if meaning == "explain":
                 _say(*about, EXPLAINED)
             if meaning == "correct":
-                planned = words.lower().startswith("plan:")
+                planned = words[: len("plan:")].lower() == "plan:"
                 told = words[len("plan:") :].strip() if planned else words
                 if told:
                     return Verdict("correct", told, planned)
 
-    def _asked_back(self, words: str) -> Meaning:
-        """Whether praise that says more is an approval nevertheless; "empty" if unclear, so that it is asked again."""
-        asked: tuple[str, ...] = (f'"{words}": is it fine as it is, or is something to be done differently?',)
+    def _asked_back(self, words: str) -> tuple[Meaning, str]:
+        """The meaning of an answer that may be an approval, as the person explains it, and the words to go by: these,
+        or those said instead."""
         while True:
-            typed = self._line.ask(*asked, "[y = it is fine, c = that was a correction]")
-            asked = ()
+            typed = self._line.ask(
+                f'"{words}": is it fine as it is, or is something to be done differently?',
+                "[y = it is fine, c = that was a correction, or say it in other words]",
+            )
             if typed is None:
-                return _ended("silent", "it stays open whether it worked")
-            answer = typed.strip().lower()
-            if answer in YES | {"fine"}:
-                return "approve"
-            if answer in NO | {"c", "correction", "differently"}:
-                return "correct"
-            if answer:
-                return "empty"
+                return _ended("silent", "it stays open whether it worked"), words
+            if bare(typed) in YES | YES_ELSEWHERE | {"fine"}:
+                return "approve", words
+            if bare(typed) in NO | NO_ELSEWHERE | {"c", "correction", "differently"}:
+                return "correct", words
+            words = typed.strip() or words
+            if (meaning := meaning_of(typed)) not in ("unsure", "empty"):
+                return meaning, words
 
     # -- what was made of the words ------------------------------------------------------------------------------------
     @property
@@ -158,20 +162,29 @@ class TerminalTeacher(Teacher):
             asked = []
             if typed is None:
                 return _ended(ReadBack("accepted"), "the notes are kept as they are")
-            words = typed.strip()
-            if meaning_of(words) in ("approve", "silent"):
-                return ReadBack("accepted")
-            struck = _struck(words, len(noted.notes))
-            if struck is not None:
-                return ReadBack("struck", struck=struck)
-            if re.fullmatch(r"x[\d\s,]+", words.lower()):
-                _say(f"There are notes 1 to {len(noted.notes)}.")
-            elif words.lower() in NO | {"wrong"}:
-                _say("What did you mean?")
-            elif meaning_of(words) == "explain":
-                _say(f'This was made of your words "{noted.words}" and is used from now on, also by other tasks.')
-            elif words:
-                return ReadBack("reworded", words)
+            if (reaction := self._reaction(typed.strip(), noted)) is not None:
+                return reaction
+
+    def _reaction(self, words: str, noted: Noted) -> ReadBack | None:
+        """What an answer to a read-back stands for; None where the person has to be asked again."""
+        short = bare(words)
+        struck = _struck(short, len(noted.notes))
+        if struck is not None:
+            return ReadBack("struck", struck=struck)
+        if re.fullmatch(r"x[\d\s,]+", short):
+            _say(f"There are notes 1 to {len(noted.notes)}.")
+            return None
+        if short in NO | NO_ELSEWHERE | {"wrong"}:
+            _say("What did you mean?")
+            return None
+        meaning = meaning_of(words)
+        if meaning == "unsure":
+            meaning, words = self._asked_back(words)
+        if meaning == "explain":
+            _say(f'This was made of your words "{noted.words}" and is used from now on, also by other tasks.')
+        if meaning in ("approve", "silent"):
+            return ReadBack("accepted")
+        return ReadBack("reworded", words) if meaning == "correct" else None
 
     def _nothing_learnt(self, noted: Noted) -> ReadBack:
         question = noted.question or "What should I do differently?"
@@ -180,14 +193,13 @@ class TerminalTeacher(Teacher):
             typed = self._line.ask(asked, "[y = yes, s = never mind, or say it in other words]")
             if typed is None:
                 return _ended(ReadBack("accepted"), "nothing is noted")
-            if meaning_of(typed) == "silent":
+            meaning = "approve" if bare(typed) in YES_ELSEWHERE else meaning_of(typed)
+            if meaning == "silent":
                 return ReadBack("accepted")
-            if (
-                meaning_of(typed) == "approve"
-            ):  # an answer where the question proposes something; once, lest it goes round
+            if meaning == "approve":  # an answer where the question proposes something; once, lest it goes round
                 answered = not noted.question or noted.words.rstrip().endswith("\nyes")
                 return ReadBack("accepted") if answered else ReadBack("reworded", "yes")
-            if meaning_of(typed) not in ("empty", "explain"):
+            if meaning not in ("empty", "explain") and bare(typed) not in NO_ELSEWHERE:
                 return ReadBack("reworded", typed.strip())
 
     # -- hardware ------------------------------------------------------------------------------------------------------
@@ -205,11 +217,11 @@ class TerminalTeacher(Teacher):
             if typed is None:
                 return _ended(Verdict("silent"), "the program is not released")
             words = typed.strip()
-            if words.lower() in YES | {"release", "release it"}:
+            if bare(words) in YES | {"release", "release it"}:
                 return Verdict("approve")
-            if words.lower() in NO | {"s"}:
+            if bare(words) in NO | {"s"}:
                 return Verdict("silent")
-            if len(words.split()) > 1:
+            if len(words.split(maxsplit=1)) > 1 and not in_other_words(words):
                 return Verdict("correct", words)
 
     def put_back(self, episode: Episode) -> bool:
@@ -241,10 +253,9 @@ class TerminalTeacher(Teacher):
             asked = ()
             if typed is None:
                 return _ended(False, "taken as no")
-            answer = typed.strip().lower()
-            if answer in YES | {"done"}:
+            if bare(typed) in YES | {"done"}:
                 return True
-            if answer in NO | {"cannot", "can't"}:
+            if bare(typed) in NO | {"cannot", "can't"}:
                 return False
 
 

@@ -17,6 +17,7 @@ import sys
 from typing import Any
 
 from memo_core.errors import InvalidArgument
+from memo_core.reading_limits import too_long
 
 _PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
 _ANY_BYTE = "surrogateescape"
@@ -60,6 +61,9 @@ class TypedLine:
 
     def _asked(self, question: tuple[str, ...], prompt: str) -> str | None:
         draft = self._typed_ahead()  # before the question is shown: what comes after it is the answer, however soon
+        if too_long(draft):
+            print(f"({len(draft)} characters typed before the question are not taken)", file=sys.stderr)
+            draft = ""
         print(*question, sep="\n", file=sys.stderr, flush=True)
         if self._session is None:
             if draft:
@@ -89,7 +93,7 @@ class TypedLine:
 
         terminal = sys.stdin.fileno()
         kept = termios.tcgetattr(terminal)
-        found = b""
+        found = bytearray()
         try:
             tty.setcbreak(terminal, termios.TCSANOW)  # else an unfinished line stays out of reach
             while select.select([terminal], [], [], 0)[0]:

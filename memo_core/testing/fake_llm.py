@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 
-Line = str | Callable[[Request], str] | BaseException
+Line = str | Answer | Callable[[Request], str] | BaseException
 
 
 class ScriptedModel(LanguageModel):
-    """Answers each phase with the next line of its script: a text, a function of the request, or an error to raise.
+    """Answers each phase with the next line of its script: a text, an ``Answer``, a function of the request, or an
+    error to raise.
 
     A script that has run out is a ``LanguageModelError``. ``delay_s`` is slept through without looking at
     ``cancelled``, as a network call would be; ``asked`` keeps every request; ``called`` is set when a call begins.
@@ -50,6 +51,8 @@ class ScriptedModel(LanguageModel):
         time.sleep(self.delay_s)
         if isinstance(line, BaseException):
             raise line
+        if isinstance(line, Answer):
+            return line
         text = line if isinstance(line, str) else line(request)
         words = sum(len(message.text.split()) for message in request.messages)
         return Answer(text, usage=Usage(words, len(text.split()), 0.001 * words), model="scripted-1")

@@ -12,10 +12,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import get_args
 
 import attrs
 
-from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Message, Request, Usage
+from memo_core.interfaces.llm import Answer, Cause, LanguageModel, LanguageModelError, Message, Request, Usage
 from memo_core.policy.prompting import messages
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
@@ -182,6 +183,18 @@ def nothing_asked_is_an_error(make: Make) -> None:
             raise AssertionError(f"{type(error).__name__} instead of LanguageModelError: {error}") from error
         else:
             raise AssertionError("a request without messages was answered")
+
+
+@rule
+def errors_have_a_cause_that_is_known(make: Make) -> None:
+    """``LanguageModelError.cause`` is one of ``Cause``; with a refused key or no credit, nothing is retryable."""
+    with _Open(make) as model:
+        for request in (question(), Request("plan", ())):
+            try:
+                model.answer(request)
+            except LanguageModelError as error:
+                assert error.cause in get_args(Cause), f"cause {error.cause!r}; known are {', '.join(get_args(Cause))}"
+                assert not (error.retryable and error.cause in ("access", "quota")), f"{error.cause} is retryable"
 
 
 # -- with questions that the backend can answer ------------------------------------------------------------------------

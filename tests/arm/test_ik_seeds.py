@@ -9,14 +9,13 @@ import pytest
 from arms import six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from memo_benchmarks.planning import bench_planning, hard_motions
 from memo_franka.description import panda
 
 from memo_core.arm.ik_seeds import Seeds, seeds_of
 from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
-from memo_core.cli.main import main
 from memo_core.errors import Stopped
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from tests.support.planning import bench_planning, hard_motions
 
 
 def six_with_a_sliding_first_joint():
@@ -138,9 +137,3 @@ def test_the_planning_bench_plans_every_motion_and_finds_what_blind_starts_find(
     assert measured["near_reached"] >= measured["blind_reached"] == measured["poses"]
     assert measured["covered"] > 0.9
     assert measured["ratio"] > 1.5
-
-
-def test_the_planning_bench_is_a_command(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(("bench", "planning", "--help"))
-    assert ended.value.code == 0 and "--json" in capsys.readouterr().out

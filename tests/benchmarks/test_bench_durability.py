@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import sqlite3
-import subprocess
 import sys
 
 import pytest
-from memo_benchmarks import disturbed_runs, kills, signals, soak
+from memo_benchmarks import kills, signals
 from memo_benchmarks.disturbed_runs import came_to, part, unpaid_or_twice
 from memo_benchmarks.kills import bench_kills
 from memo_benchmarks.resume import bench_resume
 from memo_benchmarks.signals import Trial, bench_signals
-from memo_benchmarks.soak import bench_soak
 
 from memo_core.errors import InvalidArgument
 
@@ -70,42 +67,6 @@ def test_tokens_that_are_forgotten_or_paid_twice_would_be_noticed(run):
     with (run / "asked").open("a") as asked:
         asked.write("a question\n")
     assert any("answers lost" in fault for fault in unpaid_or_twice(run, 0))
-
-
-def test_a_minute_of_soak_in_short(monkeypatch):
-    monkeypatch.setattr(soak, "ACTS", {"clustering": 1, "broken answers": 1})
-    monkeypatch.setattr(soak, "MODELS", ("scripted",))
-    found = bench_soak(0.0, seed=2)
-    assert found["faults"] == [] and found["kept"] and sum(found["acts"].values()) == 1
-    assert {row["what"] for row in found["measured"]} >= {"anonymous_mib", "file_handles", "processes", "files"}
-    assert disturbed_runs.MODELS == ("offline", "scripted")
-
-
-def test_a_process_that_ran_before_is_no_fault_of_the_acts(monkeypatch):
-    monkeypatch.setattr(soak, "ACTS", {"clustering": 1})
-    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as before:
-        try:
-            found = bench_soak(0.0, seed=2)
-            assert found["faults"] == [] and before.poll() is None
-        finally:
-            before.kill()
-
-
-def test_memory_that_is_held_is_told_apart_from_memory_that_malloc_keeps_for_later():
-    give_back = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if give_back is not None:
-        give_back(0)  # what tests before this one left free would be taken again, and nothing would grow
-    before = soak.memory_mib()
-    held = [b"x" * 100_000 for _ in range(640)]  # below the size from which malloc maps each piece by itself
-    with_it = soak.memory_mib()
-    assert (
-        with_it["anonymous_mib"] - before["anonymous_mib"] > 20 and with_it["resident_mib"] >= with_it["anonymous_mib"]
-    )
-    if "malloc_in_use_mib" not in with_it:
-        return  # another C library
-    assert with_it["malloc_in_use_mib"] - before["malloc_in_use_mib"] > 50
-    held.clear()
-    assert soak.memory_mib()["malloc_in_use_mib"] - before["malloc_in_use_mib"] < 20
 
 
 @pytest.fixture

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from memo_benchmarks.fuzz.child import faults_of, run
-from memo_benchmarks.fuzz.example_book import write_example
-from memo_benchmarks.fuzz.stand_ins import stood_in
+
+from tests.support.commands import faults_of, run
+from tests.support.example_book import write_example
+from tests.support.stand_ins import stood_in
 
 BOOK = ["--book", "book.db"]
 NOT_UTF8 = "\udcff"  # how Python spells a byte of an argument that is not UTF-8

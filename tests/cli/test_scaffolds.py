@@ -23,7 +23,7 @@ from memo_core.arm.facing import facing
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.cli import app, scaffolds
 from memo_core.cli.options import load
-from memo_core.cli.scaffolds import SCAFFOLDS, rendered, write_scaffold
+from memo_core.cli.scaffolds import SCAFFOLDS, RobotSource, rendered, write_scaffold
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.backend import KINDS
 from memo_core.plugins import Registry
@@ -199,12 +199,108 @@ def test_a_new_robot_can_be_mounted(site, monkeypatch):
     assert base_pose(load(None, chosen[:1])[1].create("robot")).position == (0.0, 0.0, 0.0)
 
 
-def test_a_xacro_file_is_to_be_expanded_first(tmp_path):
+def test_a_xacro_file_is_to_be_expanded_first_where_nothing_that_can_is_installed(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)
     file = tmp_path / "arm.urdf.xacro"
     file.write_text("<robot name='r'/>")
-    with pytest.raises(InvalidArgument, match=r"expand it first: xacro arm\.urdf\.xacro > arm\.urdf"):
+    told = r"expand it first: xacro arm\.urdf\.xacro > arm\.urdf.*pip install 'memo-core\[xacro\]'"
+    with pytest.raises(InvalidArgument, match=told):
         write_scaffold("robot", "lab-arm", tmp_path / "arm", file)
     assert not (tmp_path / "arm").exists()
+
+
+def _xacro_package(folder: Path) -> Path:
+    """A description of the six-joint arm as ROS packages are laid out: arguments, an include from a package beside."""
+    macro = six_joint_arm().urdf.replace('<robot name="six">', "").replace("</robot>", "")
+    macro = macro.replace('upper="3"', 'upper="${most}"')
+    head = '<?xml version="1.0"?><robot name="six" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    files = {
+        "arm_macros/urdf/arm.xacro": f'{head}<xacro:macro name="arm" params="most">{macro}</xacro:macro></robot>',
+        "arm_description/package.xml": "<package><name>arm_description</name></package>",
+        "arm_description/urdf/limits.xacro": f'{head}<xacro:property name="quarter" value="1.5"/></robot>',
+        "arm_description/urdf/arm.urdf.xacro": f'{head}<xacro:arg name="kind" default="none"/>'
+        '<xacro:include filename="$(find arm_macros)/urdf/arm.xacro"/><xacro:include filename="limits.xacro"/>'
+        "<xacro:if value=\"${'$(arg kind)' == 'arm'}\"><xacro:arm most=\"$(arg most)\"/></xacro:if></robot>",
+    }
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder / "arm_description" / "urdf" / "arm.urdf.xacro"
+
+
+def test_a_xacro_file_is_expanded_with_its_arguments_and_the_packages_near_it(tmp_path):
+    pytest.importorskip("xacrodoc", reason="the extra `xacro` is not installed")
+    file = _xacro_package(tmp_path / "src")
+    where = ["--folder", str(tmp_path / "arm"), "--urdf", str(file)]
+    made = memo("new", "robot", "lab-arm", "kind:=arm", "most:=2.5", *where, "--json")
+    assert made.returncode == 0, made.stderr
+    written = (tmp_path / "arm" / "memo_lab_arm" / "lab-arm.urdf").read_text()
+    assert 'upper="2.5"' in written and "xacro:" not in written.replace("xmlns:xacro", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("kind:=arm",), "Undefined substitution argument most.*declares kind"),
+        (("most:=1",), "without links"),
+        (("kind:=arm", "most:=high"), "high"),
+        (("most=1",), "KEY:=VALUE"),
+    ],
+)
+def test_a_xacro_file_that_cannot_be_expanded_is_one_line(arguments, said, tmp_path):
+    pytest.importorskip("xacrodoc", reason="the extra `xacro` is not installed")
+    file = _xacro_package(tmp_path / "src")
+    done = memo("new", "robot", "lab-arm", *arguments, "--folder", str(tmp_path / "arm"), "--urdf", str(file))
+    assert done.returncode == 2 and re.search(said, done.stderr.splitlines()[-1]), done.stderr
+    assert "Traceback" not in done.stderr and not (tmp_path / "arm").exists()
+
+
+def test_a_package_that_a_xacro_file_needs_is_named_and_found_where_it_is_said_to_be(tmp_path):
+    pytest.importorskip("xacrodoc", reason="the extra `xacro` is not installed")
+    file = _xacro_package(tmp_path / "src")
+    (tmp_path / "src" / "arm_macros").rename(tmp_path / "elsewhere")
+    with pytest.raises(InvalidArgument, match=r"needs the ROS package 'arm_macros'.*--mesh-folder"):
+        write_scaffold("robot", "lab-arm", tmp_path / "arm", RobotSource(file, {"kind": "arm", "most": "2"}))
+    (tmp_path / "elsewhere").rename(tmp_path / "arm_macros_moved")
+    (tmp_path / "arm_macros_moved" / "package.xml").write_text("<package><name> arm_macros </name></package>")
+    source = RobotSource(file, {"kind": "arm", "most": "2"}, (tmp_path / "arm_macros_moved",))
+    assert write_scaffold("robot", "lab-arm", tmp_path / "arm", source).files
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--urdf", "arm.urdf", "kind:=arm"), "is no xacro"),
+        (("kind:=arm",), "there is none"),
+        (("--mesh-folder", "."), "there is none"),
+        (("--urdf", "arm.urdf", "--mesh-folder", "nowhere"), "is no folder"),
+    ],
+)
+def test_what_says_more_about_a_urdf_needs_one_that_it_fits(more, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(six_joint_arm().urdf)
+    done = memo("new", "robot", "lab-arm", "--folder", "arm", *more)
+    assert done.returncode == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not Path("arm").exists()
+
+
+def test_meshes_of_another_machine_are_found_in_several_folders_and_it_is_told(tmp_path):
+    for folder in ("one/visual", "two/visual"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "one/visual/a.stl").write_bytes(b"\0" * 80 + (0).to_bytes(4, "little"))
+    (tmp_path / "two/visual/b.stl").write_bytes(b"\0" * 80 + (0).to_bytes(4, "little"))
+    shape = '<visual><geometry><mesh filename="file:///ws/arm/visual/{}.stl"/></geometry></visual></link>'
+    urdf = six_joint_arm().urdf.replace("</link>", shape.format("a"), 1)
+    head, tail = urdf.split(shape.format("a"))
+    urdf = head + shape.format("a") + tail.replace("</link>", shape.format("b"), 1)
+    (tmp_path / "arm.urdf").write_text(urdf)
+    folders = ["--mesh-folder", str(tmp_path / "one"), "--mesh-folder", str(tmp_path / "two")]
+    where = ["--folder", str(tmp_path / "arm"), "--urdf", str(tmp_path / "arm.urdf")]
+    told = json.loads(memo("new", "robot", "lab-arm", *where, *folders, "--json").stdout)["notes"]
+    for folder in ("one", "two"):
+        assert f"meshes of file:///ws/arm/visual found in {tmp_path.resolve() / folder / 'visual'}" in told
+    written = (tmp_path / "arm" / "memo_lab_arm" / "lab-arm.urdf").read_text()
+    assert str(tmp_path.resolve() / "one" / "visual" / "a.stl") in written
 
 
 @pytest.mark.parametrize(

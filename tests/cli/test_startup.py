@@ -41,7 +41,7 @@ def test_looking_around_imports_nothing_heavy(arguments):
 
 def test_checking_a_config_imports_nothing_heavy(tmp_path):
     file = tmp_path / "experiment.yaml"
-    file.write_text("seed: 1\nretrieval: {cut: 0.9}\n")
+    file.write_text("seed: 1\nretrieval: {cut: 0.9}\nllm: {backend: litellm, model: openai/gpt-5}\n")
     code, modules = loaded_by("config", "check", str(file))
     assert code == 0
     assert not modules & set(HEAVY)

@@ -15,6 +15,7 @@ import pytest
 from memo_franka.description import panda
 
 from memo_core.arm.inverse_kinematics import Kinematics
+from memo_core.cli import robot_link
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.environment.commissioning import Commissioning, tool_of
 from memo_core.environment.hardware import HardwareEnvironment, HardwareSettings
@@ -391,3 +392,10 @@ def test_a_driver_may_be_configured_beside_its_robot(person, tmp_path):
     with pytest.raises(ConfigErrors, match=r"robot\.adress.*address"):
         experiment(registry, tmp_path, "robot.adress=10.1.1.1")
     assert HardwareSettings().release == "ask"
+
+
+@pytest.mark.parametrize(("typed", "agreed"), [(["ja", "y!"], True), (["hm", "no!"], False), ([""], False)])
+def test_a_robot_goes_on_after_a_plain_yes_only_and_asks_again_after_anything_else(monkeypatch, typed, agreed):
+    answers = iter(typed)
+    monkeypatch.setattr("typer.prompt", lambda question, default, **_: next(answers) or default)
+    assert robot_link.agreed("Go on? [y/n]") is agreed

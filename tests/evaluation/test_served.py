@@ -65,7 +65,7 @@ def test_the_same_book_with_other_ids_names_and_dates_serves_the_same(book, ques
     [
         SAID[:1],
         [SAID[0], ("B", 200.0, "Grasp the bar at its end.")],
-        [(SAID[0][0], 300.0, SAID[0][2]), SAID[1]],  # the order in time is in the prompt
+        SAID[::-1],  # the order in which they were said is in the prompt
         [SAID[0], ("A", 200.0, SAID[1][2])],  # as is whether one person said both
     ],
 )

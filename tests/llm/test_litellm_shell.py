@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from memo_llm.litellm.library import quiet_litellm
+from memo_llm.litellm.providers import KEYS, known_providers
 from rich.console import Console
 
 from memo_core.config import ConfigErrors, load_experiment
@@ -136,3 +138,98 @@ def test_what_a_study_spent_can_be_asked_for(tmp_path: Path):
     assert shown.returncode == 0 and "0.5000" in shown.stdout and "together" in shown.stdout
     missing = memo("budget", str(tmp_path / "other"))
     assert missing.returncode == 2 and "does not exist" in missing.stderr
+
+
+CHECKED = [
+    ("model: gpt/foo", "llm.model: litellm knows no provider 'gpt'; did you mean 'openai'?"),
+    ("model: opnai/gpt-5", "llm.model: litellm knows no provider 'opnai'; did you mean 'openai'?"),
+    ("model: 'localhost:8000'", "llm.model: 'localhost:8000' is an address, which belongs in api_base"),
+    ("model: http://10.0.0.7:8000/v1", "llm.model: 'http://10.0.0.7:8000/v1' is an address"),
+    ("model: gpu-box:8000/v1", "llm.model: 'gpu-box:8000/v1' is an address"),
+    ("model: openai/x, api_base: 'localhost:8000'", "llm.api_base: 'localhost:8000' is not the address of a server"),
+    ("model: openai/x, api_base: 127.0.0.1/v1", "expected http:// or https://"),
+    ("model: openai/x, api_base: 'http://localhost:port/v1'", "llm.api_base: 'http://localhost:port/v1'"),
+    ("model: openai/x, api_base: 'ftp://localhost/v1'", "llm.api_base: 'ftp://localhost/v1'"),
+    ("model: openai/x, api_base: 'ana:hunter22@localhost'", "llm.api_base: an address with a password"),
+]
+
+
+@pytest.mark.parametrize(("section", "said"), CHECKED)
+def test_a_model_or_address_that_means_nothing_is_a_mistake_of_the_file_with_its_line(section, said, tmp_path):
+    file = tmp_path / "lab.yaml"
+    file.write_text(f"seed: 1\nllm: {{backend: litellm, {section}}}\n")
+    with pytest.raises(ConfigErrors) as raised:
+        load_experiment(Registry(), file, [], SECTIONS)
+    [issue] = raised.value.issues
+    assert issue.origin.line == 2 and said in str(issue) and "expected" in issue.problem
+    assert "hunter22" not in str(issue)
+
+
+def test_an_embedder_is_checked_like_a_language_model(tmp_path):
+    file = tmp_path / "lab.yaml"
+    file.write_text("embedder: {backend: litellm, model: 'localhost:8000', api_base: 'localhost:8000'}\n")
+    with pytest.raises(ConfigErrors) as raised:
+        load_experiment(Registry(), file, [], SECTIONS)
+    assert {issue.path for issue in raised.value.issues} == {"embedder.model", "embedder.api_base"}
+
+
+@pytest.mark.parametrize("model", ["ollama_chat/qwen3:8b", "openrouter/openai/gpt-5", "hosted_vllm/Qwen/Qwen3-8B"])
+@pytest.mark.parametrize("base", ["http://127.0.0.1:8000/v1", "https://[::1]:8000", "https://lab.local/a/v1?x=1"])
+def test_models_and_addresses_that_work_are_in_order(model, base):
+    load_experiment(Registry(), None, ["llm.backend=litellm", f"llm.model={model}", f"llm.api_base={base}"], SECTIONS)
+
+
+@pytest.mark.parametrize(
+    ("section", "variable"),
+    [
+        ("llm: {backend: litellm, model: openai/gpt-5}", "OPENAI_API_KEY"),
+        ("llm: {backend: litellm, model: gemini/x}", "GEMINI_API_KEY"),
+        ("llm: {backend: litellm, model: openai/x, api_base: 'http://h/v1', api_key_env: LAB_KEY}", "LAB_KEY"),
+        ("clustering: {llm: {backend: litellm, model: anthropic/x}}", "ANTHROPIC_API_KEY"),
+    ],
+)
+def test_a_missing_key_is_said_when_a_file_is_checked_and_before_anything_is_run(section, variable, tmp_path):
+    file = tmp_path / "lab.yaml"
+    file.write_text(f"task: stack-the-cubes\n{section}\n")
+    none = {"OPENAI_API_KEY": "", "GEMINI_API_KEY": "", "GOOGLE_API_KEY": "", "ANTHROPIC_API_KEY": "", "LAB_KEY": ""}
+    done = memo("config", "check", str(file), **none)
+    assert done.returncode == 0 and "in order, but it cannot be run here yet" in done.stdout
+    assert f"export {variable}=…" in done.stderr
+    told = json.loads(memo("config", "check", str(file), "--json", **none).stdout)
+    assert told["valid"] and variable in told["missing"][0]
+    there = memo("config", "check", str(file), **{**none, variable: "k" * 20})
+    assert there.stdout.endswith("in order\n") and not there.stderr
+    if section.startswith("llm"):
+        run = memo("run", str(file), "--out", str(tmp_path / "runs"), **none)
+        assert run.returncode == 1 and f"export {variable}=…" in run.stderr and not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("variable", [None, "GOOGLE_API_KEY"])
+def test_any_variable_that_may_hold_a_key_is_enough(variable, monkeypatch):
+    for name in ("GEMINI_API_KEY", "GOOGLE_API_KEY"):
+        monkeypatch.delenv(name, raising=False)
+    if variable:
+        monkeypatch.setenv(variable, "k" * 20)
+    chosen = load_experiment(Registry(), None, ["llm.backend=litellm", "llm.model=gemini/x"], SECTIONS).choice("llm")
+    assert (chosen.unavailable() is None) == bool(variable)
+
+
+def test_what_is_known_of_providers_without_litellm_is_what_litellm_knows():
+    litellm = quiet_litellm()
+    named = {str(getattr(provider, "value", provider)) for provider in litellm.provider_list}
+    assert named <= known_providers()
+    from litellm.llms.openai_like.json_loader import JSONProviderRegistry
+
+    assert all(JSONProviderRegistry.exists(provider) for provider in known_providers() - named)
+
+
+@pytest.mark.parametrize("provider", KEYS)
+def test_the_variables_of_keys_are_those_that_litellm_reads(provider, monkeypatch):
+    litellm = quiet_litellm()
+    for name in KEYS[provider]:
+        monkeypatch.delenv(name, raising=False)
+    assert KEYS[provider][0] in litellm.validate_environment(f"{provider}/x")["missing_keys"]
+    for name in KEYS[provider]:
+        with monkeypatch.context() as one:
+            one.setenv(name, "k" * 20)
+            assert not litellm.validate_environment(f"{provider}/x")["missing_keys"]

@@ -25,6 +25,8 @@ from memo_core.llm.ledger import Ledger, LedgerError, read_ledger
 from memo_core.llm.spending import Spent
 from memo_core.policy.settings import RunSettings
 from memo_core.redaction import Redactor
+from memo_core.runlog.log_file import FILE, read_lines
+from memo_core.runlog.log_history import read_history
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of
 from memo_core.stop_switch import StopSwitch
@@ -129,6 +131,37 @@ def test_an_answer_that_is_only_text_is_told_as_the_plugins_mistake():
     said = r"llm 'scripted' cannot be used: its answer() returned str, not an Answer(text, …) (a bug in its plugin)"
     assert str(raised.value) == said
     assert bench.budget.under_way == 0 and len(bench.kept) == 1
+
+
+def calls_in(folder: Path, script, resumed: bool = False) -> ModelCalls:
+    """Calls whose log is in a folder."""
+    log = RunLog(folder, read_history(folder, read_lines(folder).records) if resumed else None)
+    log.begin({"run": "run-1", "task": "open the door"}, {})
+    model = ScriptedModel({"plan": script})
+    return ModelCalls(model, StopSwitch(), log, lambda event: None, Budget(), Retrying(0, 0.0))
+
+
+@pytest.mark.parametrize("killed", ["after the log knew", "before the log knew"])
+@pytest.mark.parametrize("known", [True, False], ids=["kept with its cause", "kept by an earlier version"])
+def test_a_resumed_run_sees_the_same_error(killed, known, tmp_path):
+    error = LanguageModelError("scripted", "no credit", False, 7.0, Usage(5, 1), "quota")
+    with pytest.raises(LanguageModelError):
+        calls_in(tmp_path, [error]).answer(QUESTION)
+    if killed == "before the log knew":
+        lines = (tmp_path / FILE).read_text().splitlines(keepends=True)
+        end = next(number for number, line in enumerate(lines) if '"end": "ask a model"' in line)
+        (tmp_path / FILE).write_text("".join(lines[:end]))
+    [file] = (tmp_path / "calls").iterdir()
+    kept = json.loads(file.read_text())
+    if not known:
+        kept.pop("error")
+        file.write_text(json.dumps(kept))
+    with pytest.raises(LanguageModelError, match="no credit") as again:
+        calls_in(tmp_path, ["never asked"], resumed=True).answer(QUESTION)
+    assert again.value.usage == error.usage and not again.value.retryable
+    if known or killed == "after the log knew":
+        assert str(again.value) == str(error)
+        assert (again.value.cause, again.value.retry_after_s) == (error.cause, error.retry_after_s)
 
 
 def test_it_is_asked_again_so_often_and_no_more():

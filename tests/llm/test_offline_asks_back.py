@@ -6,6 +6,8 @@ import json
 
 import attrs
 import pytest
+from memo_llm.offline.feedback import TOO_LONG
+from memo_llm.offline.prompt import LONGEST_READ
 from memo_llm.offline.questions import OFFERS
 from memo_llm.plugin import memo_language_models
 from offline_prompts import MODEL, box_with_door, plan, request, scene, thing
@@ -263,3 +265,32 @@ def test_what_is_said_looking_back_is_noted_for_the_subtask_it_is_about():
     assert "elsewhere" not in of_placing("2 cm lower")
     unclear = of_placing("you should have opened the thingummy of the whatsit")
     assert "elsewhere" not in unclear and unclear["unclear"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["nein, zieh den Griff in einem Bogen", "non, tire la poignée en arc de cercle", "no, tira del asa en arco",
+     "нет, тяни ручку по дуге", "いや、もっとゆっくり", "langsamer", "plus doucement", "más despacio por favor"],
+)  # fmt: skip
+def test_another_language_is_told_what_reads_it_and_teaches_nothing(words):
+    answer = said(words)
+    assert not answer["corrections"] and not answer["general"]
+    assert "English only" in answer["unclear"] and "llm.backend=litellm" in answer["unclear"]
+
+
+@pytest.mark.parametrize("words", ["slwoer", "dont squeeze", "pull it in an arc", "no, pull in an arc!", "lower"])
+def test_english_in_a_hurry_is_read_as_english(words):
+    assert said(words)["corrections"]
+
+
+@pytest.mark.parametrize("mark", ["!", "!!!", "."])
+@pytest.mark.parametrize("words", ["no", "stop", "pull it in an arc", "lower", "that was wrong"])
+def test_an_exclamation_mark_changes_nothing_of_what_is_understood(words, mark):
+    marked, plain = said(words + mark), said(words)
+    assert (marked["corrections"], bool(marked["unclear"])) == (plain["corrections"], bool(plain["unclear"]))
+
+
+def test_a_remark_that_is_too_long_for_this_reader_is_asked_about_and_its_short_answer_understood():
+    long = "no, pull the handle around in an arc, and mind the edge " * 40
+    assert f"at most {LONGEST_READ} characters" in said(long)["unclear"]
+    assert said(f"{long}\n(asked back: {TOO_LONG})\npull it in an arc")["corrections"]

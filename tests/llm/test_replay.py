@@ -68,12 +68,34 @@ def test_one_question_asked_twice_gets_its_answers_in_their_order_and_then_the_l
 
 
 def test_an_error_comes_back_in_its_place(tmp_path):
-    error = LanguageModelError("scripted", "slow down", retryable=True)
+    error = LanguageModelError("scripted", "slow down", retryable=True, cause="busy")
     record(tmp_path / "r.jsonl", {"code": [error, "now"]}, [question("same")] * 2)
     again = player(tmp_path / "r.jsonl")
     with pytest.raises(LanguageModelError, match="slow down") as raised:
         again.answer(question("same"))
-    assert raised.value.retryable and again.answer(question("same")).text == "now"
+    assert raised.value.retryable and raised.value.cause == "busy"
+    assert again.answer(question("same")).text == "now"
+
+
+def test_an_answer_that_was_withheld_comes_back_with_the_reason(tmp_path):
+    withheld = Answer("", "refusal", note="the provider's content filter withheld the answer")
+    record(tmp_path / "r.jsonl", {"code": [withheld]}, [question("same")])
+    again = player(tmp_path / "r.jsonl").answer(question("same"))
+    assert (again.finish, again.note) == (withheld.finish, withheld.note)
+
+
+def test_a_recording_of_an_earlier_version_is_played(tmp_path):
+    file = tmp_path / "r.jsonl"
+    record(file, {"code": ["one", LanguageModelError("scripted", "no")]}, [question("first"), question("second")])
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    lines[1]["answer"].pop("note")
+    lines[2]["error"].pop("cause")
+    file.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    again = player(file)
+    assert again.answer(question("first")).text == "one"
+    with pytest.raises(LanguageModelError) as raised:
+        again.answer(question("second"))
+    assert raised.value.cause == ""
 
 
 def test_a_call_that_was_given_up_is_kept_and_answered_with_last(tmp_path):

@@ -367,6 +367,11 @@ class Chatty(Echo):
         return super().answer(request) if request.messages else Answer("What would you like to know?")
 
 
+class Inventive(Echo):
+    def answer(self, request, on_text=None, cancelled=None):
+        raise LanguageModelError(self.name, "it is one of those days", cause="mood")
+
+
 class OpensOnce(Echo):
     opened = False
 
@@ -386,6 +391,7 @@ WRONG_MODELS = {
     "answers_from_two_threads": OneAtATime,
     "closes_twice_and_opens_again": OpensOnce,
     "nothing_asked_is_an_error": Chatty,
+    "errors_have_a_cause_that_is_known": Inventive,
 }
 
 

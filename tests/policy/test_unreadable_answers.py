@@ -8,6 +8,7 @@ import pytest
 from loop_setup import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import EntryStored, Problem
+from memo_core.interfaces.llm import Answer, LanguageModelError
 from memo_core.llm.readers import Unreadable
 from memo_core.policy.feedback_processing import FeedbackProcessor, retry
 from memo_core.policy.model_questions import Questions
@@ -88,6 +89,68 @@ def test_words_that_teach_nothing_are_set_aside_at_once_with_what_would_have_to_
     assert kept.words == SAID and "what was wrong about the grasp" in kept.reason
     assert len(last(bench, "feedback")) == 1
     assert not book.entries("correction")
+
+
+FILTER = "the provider's content filter withheld the answer (SAFETY); other words or another llm.model may help"
+LIMIT = "the answer was cut off at the limit of tokens; raise llm.max_answer_tokens (77)"
+BLOCKED = LanguageModelError("scripted", "refuses the question: SAFETY", cause="refusal")
+WITHHELD = [
+    (Answer("", "refusal", note=FILTER), FILTER, "refusal"),
+    (Answer("half", "length", note=LIMIT), LIMIT, "length"),
+    (Answer("", "refusal"), "a content filter refuses to answer", "refusal"),
+    (Answer("", "length"), "cut off at the limit of tokens", "length"),
+    (BLOCKED, "refuses the question: SAFETY", "refusal"),
+]
+
+
+@pytest.mark.parametrize(("withheld", "why", "cause"), WITHHELD)
+def test_a_plan_that_is_withheld_ends_the_run_with_the_reason_in_words_for_people(sandbox, book, withheld, why, cause):
+    bench = Bench(sandbox, book, {"plan": [withheld] * 3}, None)
+    with pytest.raises(Unreadable) as raised:
+        bench.run()
+    assert raised.value.cause == cause and "scripted" in raised.value.told and why in raised.value.told
+    assert "answer more briefly" not in str(raised.value) and "nothing here is dangerous" not in str(raised.value)
+    assert len(bench.llm.asked) == (1 if withheld is BLOCKED else 3), "a blocked question stays blocked"
+
+
+@pytest.mark.parametrize(("withheld", "why", "cause"), WITHHELD)
+def test_code_that_is_withheld_ends_its_subtask_with_the_reason(sandbox, book, withheld, why, cause):
+    bench = Bench(sandbox, book, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [withheld] * 3}, [YES])
+    [subtask] = bench.run().subtasks
+    assert subtask.status == "unobserved" and why in subtask.problem
+
+
+@pytest.mark.parametrize(("withheld", "why", "cause"), WITHHELD)
+def test_words_whose_notes_are_withheld_are_set_aside_with_the_reason(sandbox, book, withheld, why, cause):
+    script = {
+        "plan": ["PICK_UP(red cube)", "DONE"],
+        "code": [BESIDE, GRASP],
+        "feedback": [withheld] * 3,
+        "template": [TEMPLATE],
+    }
+    bench = Bench(sandbox, book, script, [NO, YES])
+    assert bench.run().subtasks[0].status == "approved", "the run goes on"
+    [kept] = book.pending_feedback(parked=True)
+    assert kept.words == SAID and kept.status == "parked" and why in kept.reason
+    assert any(why in event.message for event in bench.of(Problem))
+
+
+@pytest.mark.parametrize(("withheld", "why", "cause"), WITHHELD)
+def test_a_template_that_is_withheld_is_told_with_the_reason(sandbox, book, withheld, why, cause):
+    script = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP], "template": [withheld] * 3}
+    bench = Bench(sandbox, book, script, [YES])
+    assert bench.run().subtasks[0].status == "approved"
+    assert any(why in event.message for event in bench.of(Problem))
+
+
+def test_a_model_is_asked_again_after_a_withheld_answer_without_an_empty_message(sandbox, book):
+    script = {"plan": [Answer("", "refusal"), Answer("half", "length"), "DONE"]}
+    bench = Bench(sandbox, book, script, None)
+    bench.run()
+    roles = [message.role for message in bench.llm.asked[2].messages]
+    assert roles == ["system", "user", "user", "assistant", "user"]
+    assert "it is a refusal" in bench.llm.asked[1].messages[-1].text
+    assert "answer more briefly" in bench.llm.asked[2].messages[-1].text
 
 
 def test_which_prompt_a_question_was_made_from_is_with_it(sandbox, book):

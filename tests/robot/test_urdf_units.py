@@ -75,3 +75,16 @@ def test_a_turning_joint_without_limit_is_refused_with_what_to_write():
     text = re.sub(r'(<limit lower="-3" upper="3") velocity="[^"]+"', r"\1", RIGHT, count=1)
     with pytest.raises(InvalidArgument, match=r"joint 'joint1': its <limit> has no velocity"):
         describe_urdf(text)
+
+
+def test_a_heavy_pedestal_a_quick_wrist_and_a_placeholder_are_plausible():
+    text = RIGHT.replace('<link name="base"/>', '<link name="base"><inertial><mass value="400"/>' + INERTIA)
+    text = text.replace('velocity="1.5"', 'velocity="26.2"')
+    dot = '<visual><geometry><box size="0 0 0"/></geometry></visual><inertial><mass value="0.0001"/>'
+    text = text.replace('<link name="tool"/>', f'<link name="tool">{dot}{INERTIA.replace("10", "1e-8")}')
+    assert implausible_units(text, read_urdf(text), FINGERS) == ()
+    moving = text.replace('<mass value="1"/>', '<mass value="400"/>', 1)
+    assert "probably grams" in implausible_units(moving, read_urdf(moving), FINGERS)[0]
+
+
+INERTIA = '<inertia ixx="10" iyy="10" izz="10" ixy="0" ixz="0" iyz="0"/></inertial></link>'

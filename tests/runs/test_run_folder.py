@@ -150,7 +150,8 @@ def test_a_model_that_fails_ends_the_run_with_the_reason_and_everything_saved(ex
     report = do(experiment, registry, tmp_path, script)
     assert "no such model" in report.problem
     summary = json.loads((report.folder / "summary.json").read_text())
-    assert summary["problem"] == report.problem and summary["success"] is False
+    assert summary["problem"] == report.problem and summary["success"] is None, "neither success nor failure"
+    assert summary["error"] == {"cause": "llm", "problem": report.problem, "persistent": False}
     assert lines_of(report.folder)[-1]["event"] == "RunEnded"
 
 

@@ -14,6 +14,7 @@ import pytest
 import memo_core as memo
 from memo_core.errors import InvalidArgument
 from memo_core.runs import sweep as sweeping
+from memo_core.runs.carrying_out import RunError
 from memo_core.runs.sweep import sweep, sweep_folder
 
 QUICK = ("teacher.backend=silent", "skillbook.read_only=true", "run.video=off")
@@ -27,6 +28,7 @@ class Report:
     success: bool = True
     resumable: bool = False
     ended_by_person: bool = False
+    error: RunError | None = None
 
     def summary(self) -> dict:
         return attrs.asdict(self)
@@ -124,3 +126,13 @@ def test_the_command_runs_each_seed_and_prints_a_table_and_again_only_the_table(
 def test_what_does_not_go_with_many_seeds_is_named(other, tmp_path):
     done = command("--task", "stack-the-cubes", "--seeds", "0-1", *other, folder=tmp_path)
     assert done.returncode == 2 and "--seeds" in done.stderr
+
+
+def test_an_error_that_persists_ends_the_sweep_and_one_that_may_heal_is_done_again(tmp_path):
+    busy = Report(0, success=False, resumable=True, error=RunError("busy", "overloaded"))
+    dead = Report(1, success=False, resumable=True, error=RunError("access", "no key", persistent=True))
+    runs = Runs(busy, dead)
+    assert swept(runs, tmp_path) == [(0, False), (1, False)]
+    again = Runs()
+    assert swept(again, tmp_path) == [(0, False), (1, False), (2, False)]
+    assert (again.begun, again.resumed) == ([2], [0, 1])

@@ -6,9 +6,10 @@ import contextlib
 import sqlite3
 
 import pytest
-from memo_benchmarks.fuzz.child import faults_of, run
-from memo_benchmarks.fuzz.example_book import write_example
-from memo_benchmarks.fuzz.stand_ins import stood_in
+
+from tests.support.commands import faults_of, run
+from tests.support.example_book import write_example
+from tests.support.stand_ins import stood_in
 
 NULL_WORDS = """
 PRAGMA writable_schema = ON;

@@ -343,7 +343,7 @@ def test_a_lorebook_is_read(pairs: bool) -> None:
     read = read_lorebook(lorebook(ITEMS, pairs), "authors", 1e9)
     assert (read.corrections, read.general, read.templates) == (3, 1, 1)
     assert (read.keys, read.spellings, read.empty, read.repeated, read.unread) == (2, 4, 2, 1, ("LIFT cube",))
-    assert read.vectors == (("9 x pair of float32 [4] and float32 [4]",) if pairs else ("9 x float32 [4]",))
+    assert read.vectors == 9
     with new_book() as book:
         assert book.merge(read.records, "authors").entries == 5
         assert not book.merge(read_lorebook(lorebook(ITEMS[::-1]), "authors", 2e9).records, "authors").changed
@@ -394,7 +394,8 @@ def test_export_and_import_from_the_shell(tmp_path: Path) -> None:
     said = json.loads(memo("import", tmp_path / "authors.pkl", "--from", "lorebook", "--book", other, "--json"))
     assert said["entries"] == 5 and said["read"]["unread_count"] == 1
     hostile = tmp_path / "hostile.pkl"
-    hostile.write_bytes(b"cos\nsystem\n(S'touch " + str(tmp_path / "ran").encode() + b"'\ntR.")
+    touch = str(tmp_path / "ran").encode()
+    hostile.write_bytes(b"\x80\x02cos\nsystem\n(U" + bytes([len(touch) + 6]) + b"touch " + touch + b"tR.")
     assert "it asks for os.system" in memo("import", hostile, "--from", "lorebook", "--book", other, code=1)
     assert not (tmp_path / "ran").exists()
     assert "it asks for os.system" in memo("import", hostile, "--book", other, code=1), "the format is recognised"
@@ -411,8 +412,9 @@ FILES = {
     "indented": (json.dumps({"vectors": [], "metadata": [ITEM]}, indent=2).encode(), 0, "read 1 items"),
     "with a mark of UTF-8": (b"\xef\xbb\xbf" + json.dumps({"metadata": [ITEM]}).encode(), 0, "read 1 items"),
     "UTF-16": (json.dumps({"metadata": [ITEM]}).encode("utf-16"), 0, "read 1 items"),
-    "a pickle of text": (pickle.dumps({"metadata": [ITEM], "vectors": []}, 0), 0, "read 1 items"),
-    "a large pickle of text": (pickle.dumps({"metadata": [ITEM] + [{"key": "x" * 99_999}]}, 0), 0, "read 2 items"),
+    "a pickle": (pickle.dumps({"metadata": [ITEM], "vectors": []}, 2), 0, "read 1 items"),
+    "a large pickle": (pickle.dumps({"metadata": [ITEM] + [{"key": "x" * 99_999}]}), 0, "read 2 items"),
+    "a pickle of text": (pickle.dumps({"metadata": [ITEM]}, 0), 2, "is no export of a book; expected"),
     "JSON cut off": (b'{"vectors": [], "metadata": [{"key": "OPEN(jar)', 1, "is no JSON"),
     "another JSON": (b'{"metadata": {"key": "OPEN(jar)"}}', 1, 'has no list "metadata"'),
     "a list": (json.dumps([ITEM]).encode(), 2, "is no export of a book; expected"),
@@ -483,4 +485,4 @@ def test_a_file_is_read_a_line_at_a_time_and_memory_holds_little_of_it(tmp_path:
 
 def test_unsafe_is_an_error_of_ours() -> None:
     with pytest.raises(UnsafePickle):
-        read_lorebook(b"cos\nsystem\n.", "x", 0.0)
+        read_lorebook(b"\x80\x02cos\nsystem\n.", "x", 0.0)

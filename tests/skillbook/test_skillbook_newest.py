@@ -112,3 +112,23 @@ def test_the_context_names_what_the_scene_shows_of_a_thing_in_other_words() -> N
     assert SubtaskContext.of(Key.parse("OPEN(nightstand drawer)"), seen).attributes == ("white",)
     assert SubtaskContext.of(Key.parse("PLAN(put the cake on the nightstand)"), seen).attributes == ("white",)
     assert SubtaskContext.of(Key.parse("OPEN(oven)"), seen) == SubtaskContext(holding=False, structures=(None,))
+
+
+@pytest.mark.parametrize("ranking", ["key", "key-and-text"])
+@pytest.mark.parametrize("back", [0.0, 3600.0])
+def test_of_one_persons_remarks_the_later_one_counts_when_the_clock_stands_still_or_goes_back(
+    ranking: str, back: float
+) -> None:
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings(ranking=ranking)) as book:
+        say(book, "ann", 5000.0, "Pull the drawer open from the side.")
+        say(book, "ann", 5000.0 - back, LATEST)
+        found = book.retrieve(KEY).corrections
+        assert found[0].text == LATEST and found[0].provenance.when > found[1].provenance.when
+
+
+def test_between_books_time_decides_what_was_said_later() -> None:
+    with Skillbook("sqlite://", FakeEmbedder()) as other, Skillbook("sqlite://", FakeEmbedder()) as book:
+        say(other, "ann", 100.0, "Pull the drawer open from the side.")
+        say(book, "ann", 5000.0, LATEST)
+        book.merge(other.export(), "another laboratory")
+        assert book.retrieve(KEY).corrections[0].text == LATEST

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from memo_core.cli.study import AtTerminal
 from memo_core.errors import InvalidArgument
-from memo_core.study.consent import MUST_SAY, check_for_people, read_consent
+from memo_core.study.consent import MUST_SAY, Demographics, check_for_people, read_consent
 from memo_core.study.settings import Participant
 
 
@@ -40,3 +41,20 @@ def test_a_text_that_does_not_say_how_to_withdraw_is_refused(tmp_path):
 def test_a_name_is_no_id(name):
     with pytest.raises(InvalidArgument, match="may be a name"):
         Participant(name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "agrees"),
+    [(["I agree!"], True), (["'I agree'"], True), (["", "ja", "yes", "i agree."], True), (["no!"], False)],
+)
+def test_only_the_words_of_consent_are_consent_and_others_are_asked_back(monkeypatch, typed, agrees):
+    monkeypatch.setattr("builtins.input", lambda question, lines=iter(typed): next(lines))
+    assert AtTerminal().agrees("P01", "You may withdraw.") is agrees
+
+
+def test_an_age_is_asked_for_until_it_is_a_number_or_left_open(monkeypatch, capsys):
+    typed = iter(["abc", "-3", "9" * 5000, "30!", "f", "", "none"])
+    monkeypatch.setattr("builtins.input", lambda question: next(typed))
+    told = AtTerminal().about("P01", Demographics())
+    assert (told.age, told.gender, told.robots, told.language_models) == (30, "f", None, "none")
+    assert "a whole number of years" in capsys.readouterr().err

@@ -13,6 +13,7 @@ import pytest
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Arrangement, Program
+from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.teachers.answers import meaning_of
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 from memo_core.testing.teacher import episodes, noted, proposals, task_episodes
@@ -137,6 +138,59 @@ def test_praise_that_says_more_is_asked_back(monkeypatch, capsys, words):
     assert typing(monkeypatch, words, "y").judge(episodes()[0]).kind == "approve"
     assert typing(monkeypatch, words, "c").judge(episodes()[0]).words == words
     assert "is it fine as it is" in capsys.readouterr().err
+
+
+IN_OTHER_WORDS = [
+    "ja", "oui", "👍", "👍🏽", "ye", "yup", "sí", "да", "はい", "d'accord", "Ja!", "muy bien", "nein", "нет", "hm",
+    "!", "👎👎",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", IN_OTHER_WORDS)
+def test_a_yes_or_no_in_other_words_is_asked_back_and_never_a_correction_by_itself(monkeypatch, words):
+    episode = episodes()[0]
+    assert typing(monkeypatch, words, "y").judge(episode).kind == "approve"
+    assert typing(monkeypatch, words).judge(episode).kind == "silent"
+    assert typing(monkeypatch, words, "pull it in an arc").judge(episode).words == "pull it in an arc"
+    assert typing(monkeypatch, words, "y").judge_task(task_episodes()[0]).kind == "approve"
+    assert typing(monkeypatch, words, "y", plans=True).judge_plan(proposals()[0]).kind == "approve"
+    reaction = typing(monkeypatch, words, "y").read_back(noted()[0])
+    assert (reaction.kind, reaction.words) == ("accepted", "")
+    assert typing(monkeypatch, words, "y").permit(PROGRAM).kind == "approve"
+    assert typing(monkeypatch, words, "y").put_back(episode) is True
+
+
+@pytest.mark.parametrize("words", ["lower", "slower", "gently", "stop", "2 cm lower", "go up", "tiefer bitte, ja da"])
+def test_a_short_correction_is_taken_without_asking_back(monkeypatch, words):
+    assert typing(monkeypatch, words).judge(episodes()[0]).words == words
+
+
+@pytest.mark.parametrize("mark", ["!", "!!", ".", " !"])
+def test_an_exclamation_mark_changes_nothing(monkeypatch, mark):
+    episode = episodes()[0]
+    for words in ("y", "yes", "ok", "s", "no", "stop", "?", "nothing", "right"):
+        assert meaning_of(words + mark) == meaning_of(words), words
+    assert typing(monkeypatch, "y" + mark).put_back(episode) and typing(monkeypatch, "done" + mark).put_back(episode)
+    assert not typing(monkeypatch, "no" + mark).put_back(episode)
+    assert typing(monkeypatch, "yes" + mark).permit(PROGRAM).kind == "approve"
+    assert typing(monkeypatch, "n" + mark).permit(PROGRAM).kind == "silent"
+    assert typing(monkeypatch, "x" + mark).read_back(noted()[0]).kind == "struck"
+    assert typing(monkeypatch, "no" + mark, "y").read_back(noted()[0]).kind == "accepted"
+
+
+def test_the_help_says_how_much_is_read(monkeypatch, capsys):
+    typing(monkeypatch, "?", "y").judge(episodes()[0])
+    assert f"At most {LONGEST_WORDS}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("unit", ["a b ", "👍", "x", "y", ", ", "yes ", "'", "plan: "])
+def test_words_of_any_length_arrive_as_they_were_typed(monkeypatch, unit):
+    words = (unit * 1_000_000).strip()
+    verdict = typing(monkeypatch, words).judge(episodes()[0])
+    told = words.removeprefix("plan:").strip()
+    assert (verdict.kind, verdict.words == told) == ("correct", True)
+    assert typing(monkeypatch, words).read_back(noted()[0]).words == words
+    assert typing(monkeypatch, words, "n").put_back(episodes()[0]) is False
 
 
 def test_empty_asks_again_and_a_question_mark_explains(monkeypatch, capsys):

@@ -5,14 +5,18 @@ from __future__ import annotations
 import ast
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterator, Sequence
+
+from memo_core.reading_limits import LONGEST_CODE
 
 PYTHON = ("", "python", "py", "python3", "python2", "tool_code", "robot", "monty")
 MOST_PARAGRAPHS = 40  # of an answer without a fence
-MOST_CHARACTERS = 60_000  # of one that is looked through for code
+MOST_BLOCKS = 40  # of one with fences; the last count
+MOST_ACCENTS = 30  # combining characters in a row
 
 _FENCE = re.compile(
-    r"^(?P<indent>[ \t>]*)(?P<fence>`{3,}|~{3,})[ \t]*(?P<tongue>[\w+-]*)[^\n]*\n(?P<body>.*?)"
+    r"^(?P<indent>[ \t>]*+)(?P<fence>`{3,}+|~{3,}+)[ \t]*+(?P<tongue>[\w+-]*+)[^\n]*+\n(?P<body>.*?)"
     r"(?:^[ \t>]*(?P=fence)[`~]*[ \t]*$|(?P<open>\Z))",
     re.DOTALL | re.MULTILINE,
 )
@@ -27,9 +31,9 @@ def code_blocks(text: str) -> list[str]:
     if not blocks:
         others = [_bare(body) for _, body in fences]
         blocks = [block for block in others if calls_something(block)]
-    if not blocks and len(text) <= MOST_CHARACTERS:
+    if not blocks and len(text) <= LONGEST_CODE:
         blocks = list(_unfenced(text))
-    return blocks
+    return blocks[-MOST_BLOCKS:]
 
 
 def left_open(text: str) -> bool:
@@ -38,7 +42,11 @@ def left_open(text: str) -> bool:
 
 
 def syntax_problem(code: str) -> str:
-    """Where and why code does not parse, with the line itself; "" if it parses."""
+    """Where and why code does not parse, with the line itself, or that it is too long; "" if it parses."""
+    if len(code) > LONGEST_CODE:
+        return f"the code has {len(code)} characters; at most {LONGEST_CODE}"
+    if _stacks_accents(code):
+        return f"more than {MOST_ACCENTS} accents stand on one character"
     try:
         ast.parse(code)
     except SyntaxError as error:
@@ -49,6 +57,16 @@ def syntax_problem(code: str) -> str:
     except (ValueError, RecursionError, MemoryError) as error:
         return f"it does not parse: {error or type(error).__name__}"
     return ""
+
+
+def _stacks_accents(code: str) -> bool:
+    """Whether a character carries so many accents that Python would take the square of their number to parse it."""
+    row = 0
+    for character in "" if code.isascii() else code:
+        row = row + 1 if unicodedata.combining(character) else 0
+        if row > MOST_ACCENTS:
+            return True
+    return False
 
 
 def calls_something(code: str) -> bool:

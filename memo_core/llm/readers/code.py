@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from memo_core.llm.readers.blocks import calls_something, code_blocks, left_open, syntax_problem
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
 
-MAX_CODE = 40_000  # characters
 WANTED = "answer with one Python code block that holds the whole code"
 
 
@@ -57,8 +56,6 @@ def _defined(code: str) -> set[str]:
 
 
 def _problem(code: str) -> str:
-    if len(code) > MAX_CODE:
-        return f"the code has {len(code)} characters; at most {MAX_CODE}"
     problem = syntax_problem(code)
     if problem:
         return problem

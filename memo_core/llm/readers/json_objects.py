@@ -10,6 +10,9 @@ from typing import Any
 
 MOST = 50  # braces that are tried as the beginning of an object
 LAST = 5  # closing braces that are tried as its end
+LONGEST_DEVIATION = 40_000  # characters of an object that is no strict JSON
+_COMMENT = re.compile(r"/\*.*?(?:\*/|\Z)", re.DOTALL)
+_KEY = re.compile(r"([{,]\s*+)([A-Za-z_]++(?: +[A-Za-z_]+)*+)\s*+:")
 _QUOTES = str.maketrans({"\u201c": '"', "\u201d": '"', "\u201e": '"', "\u2018": "'", "\u2019": "'"})
 
 
@@ -29,11 +32,16 @@ def json_objects(text: str) -> Iterator[dict[str, Any]]:
 
 
 def _within(value: Any) -> Iterator[dict[str, Any]]:
-    for item in value.values() if isinstance(value, dict) else value:
-        if isinstance(item, dict):
-            yield item
-        if isinstance(item, (dict, list)):
-            yield from _within(item)
+    left = [iter(value.values())]  # no recursion: an answer may be nested as deeply as Python allows
+    while left:
+        for item in left[-1]:
+            if isinstance(item, dict):
+                yield item
+            if isinstance(item, (dict, list)):
+                left.append(iter(item.values() if isinstance(item, dict) else item))
+                break
+        else:
+            left.pop()
 
 
 def _object_at(text: str, at: int) -> tuple[dict[str, Any] | None, int]:
@@ -44,7 +52,7 @@ def _object_at(text: str, at: int) -> tuple[dict[str, Any] | None, int]:
     except (ValueError, RecursionError):
         pass
     for end in _closings(text, at):
-        value = _lenient(text[at:end])
+        value = _lenient(text[at:end]) if end - at <= LONGEST_DEVIATION else None
         if value is not None:
             return value, end
     return None, at + 1
@@ -74,8 +82,8 @@ def _closings(text: str, at: int) -> Iterator[int]:
 
 def _lenient(fragment: str) -> dict[str, Any] | None:
     uncommented = re.sub(r"(^|[,\[{])([ \t]*)(?://|#)[^\n]*", r"\1", fragment, flags=re.MULTILINE)
-    uncommented = re.sub(r"/\*.*?\*/", "", uncommented, flags=re.DOTALL)
-    keyed = re.sub(r"([{,]\s*)([A-Za-z_][A-Za-z_ ]*?)\s*:", r'\1"\2":', uncommented)
+    uncommented = _COMMENT.sub("", uncommented)
+    keyed = _KEY.sub(r'\1"\2":', uncommented)
     for attempt in dict.fromkeys((fragment, uncommented, keyed)):
         for spelling in dict.fromkeys((attempt, attempt.translate(_QUOTES))):
             value = _parsed(spelling)

@@ -73,7 +73,7 @@ def _elsewhere(found: dict[str, Any], subtasks: Sequence[Key], text: str) -> tup
         if not isinstance(given.get("subtask"), str) or not isinstance(note, str):
             problem = f'"elsewhere" must be a list of {{"subtask": "\u2026", "note": "\u2026"}}, not of {item!r:.60}'
             raise Unreadable("feedback", problem, text)
-        if _NOTHING.fullmatch(note):
+        if _says_nothing(note):
             continue
         try:
             key = Key.parse(given["subtask"])
@@ -114,7 +114,11 @@ def _named(value: dict[str, Any]) -> dict[str, Any]:
 def _unclear(found: dict[str, Any]) -> str:
     value = found.get("unclear")
     said = " ".join(value.split())[:MAX_NOTE] if isinstance(value, str) else ""
-    return "" if _NOTHING.fullmatch(said) else said
+    return "" if _says_nothing(said) else said
+
+
+def _says_nothing(note: str) -> bool:
+    return len(note) <= MAX_NOTE and _NOTHING.fullmatch(note) is not None
 
 
 def _strings(found: dict[str, Any], name: str, text: str) -> tuple[str, ...]:
@@ -129,7 +133,7 @@ def _strings(found: dict[str, Any], name: str, text: str) -> tuple[str, ...]:
         if not isinstance(item, str):
             raise Unreadable("feedback", f'"{name}" must be a list of strings, not of {item!r:.60}; {WANTED}', text)
         note = " ".join(item.split())
-        if not _NOTHING.fullmatch(note):
+        if not _says_nothing(note):
             notes.append(note)
     if len(notes) > MAX_NOTES:
         raise Unreadable("feedback", f'"{name}" has {len(notes)} notes; at most {MAX_NOTES}', text)

@@ -18,8 +18,11 @@ NOT_IN_A_TABLE = frozenset(("table", "floor", "robot", "arm", "hand", "gripper")
 MOST_NAMES = 12  # listed in a complaint
 
 _DONE = re.compile(r"[\"'\[(<]*done(?:\(\s*\))?[\"'\])>]*[.!]?", re.IGNORECASE)
-_NOT_DONE = re.compile(r"\b(?:not|n't|never|until|unless|before|when|once|if|or)\b[^.;]*\bDONE\b")
-_CALL = re.compile(r"([A-Za-z][A-Za-z_]*(?:[ -][A-Za-z_]+){0,3})[ \t]*\(([^()\n]+)\)")
+_SAYS_DONE = re.compile(r"\bDONE\b")
+_NOT_YET = re.compile(r"\b(?:not|n't|never|until|unless|before|when|once|if|or)\b")
+_CALL = re.compile(r"(?<![A-Za-z_])_*+([A-Za-z][A-Za-z_]*+(?:[ -][A-Za-z_]++){0,3})[ \t]*+\(([^()\n]++)\)")
+_LONGEST_ACTION = 200  # characters
+_LONGEST_NORMALISED = 2_000  # characters of a line; Unicode's normalisation may take the square of its length
 _BETWEEN = re.compile(r"[\s,;.|&>+-]*(?:(?:->|=>|\u2192|then|and|next|DONE)[\s,;.|&>+-]*)*", re.IGNORECASE)
 _LEAD = re.compile(
     r"^(?:the )?(?:next |current |following )?(?:sub-?task|step|action|plan|answer|output)s?\b[^:(]{0,30}:\s*", re.I
@@ -65,14 +68,24 @@ def _first_subtask(said: str, text: str) -> Key | None:
                 return _key(call, whole=False)
             except NotAKey as error:
                 problem = str(error) if problem.startswith("it names") else problem
-        if re.search(r"\bDONE\b", line) and not _NOT_DONE.search(line):
+        if _SAYS_DONE.search(line) and not _not_done(line):
             return None
     raise missing("plan", problem, text, WANTED)
 
 
+def _not_done(line: str) -> bool:
+    """Whether a part of a sentence says something like "not DONE"."""
+    for part in re.split("[.;]", line):
+        said = [match.start() for match in _SAYS_DONE.finditer(part)]
+        if said and _NOT_YET.search(part, 0, said[-1]):
+            return True
+    return False
+
+
 def _bare_line(line: str) -> str:
     """A line without bullets, numbering, emphasis and a lead-in such as ``Next subtask:``."""
-    bare = unicodedata.normalize("NFKC", line).replace("**", "").replace("`", "")
+    bare = unicodedata.normalize("NFKC", line) if len(line) <= _LONGEST_NORMALISED else line
+    bare = bare.replace("**", "").replace("`", "")
     bare = re.sub(r"^\s*(?:[-*+>#]+|\(?\d+[.):])\s+", "", bare).strip()
     bare = _LEAD.sub("", bare)
     return bare.strip("*_ \t")
@@ -86,6 +99,8 @@ def _key(call: re.Match[str], whole: bool) -> Key:
     """The subtask in a call expression. Within a sentence (not ``whole``) its action must be in capitals or a known
     verb, because the words before it may belong to the sentence. Raises ``NotAKey``."""
     action, inner = call.groups()
+    if len(action) > _LONGEST_ACTION:
+        raise NotAKey(call.group()[:_LONGEST_ACTION], "its action is no verb")
     if not whole and not _is_shouted(action):
         shouted = re.search(r"[A-Z][A-Z_]+(?:[ -][A-Z_]+)*$", action)
         action = shouted.group() if shouted else _known_verb(action, call.group())

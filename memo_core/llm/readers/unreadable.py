@@ -7,6 +7,7 @@ import re
 import attrs
 
 from memo_core.errors import MemoError
+from memo_core.interfaces.llm import Cause
 
 _THOUGHT = re.compile(
     r"<(think|thinking|thought|thoughts|reasoning|scratchpad)>.*?(?:</\1>|\Z)", re.DOTALL | re.IGNORECASE
@@ -20,18 +21,22 @@ _DECLINES = re.compile(
 
 @attrs.define(auto_exc=True, eq=False)
 class Unreadable(MemoError):
-    """An answer that does not have the requested form. ``problem`` is told to the model when it is asked again."""
+    """An answer that does not have the requested form. ``problem`` is told to the model when it is asked again.
+    ``cause``: the answer was withheld (``refusal``) or cut off (``length``), and ``problem`` says so to people."""
 
     phase: str
     problem: str
     text: str = ""
+    cause: Cause = ""
 
     def __str__(self) -> str:
         return f"the answer of phase {self.phase!r} cannot be used: {self.problem}"
 
     @property
     def told(self) -> str:
-        """The same for people: the model's answer, without the required form."""
+        """The same for people: why there is no answer, or the model's answer, without the required form."""
+        if self.cause:
+            return str(self)
         answer = " ".join(self.text.split())
         shown = repr(answer if len(answer) <= 120 else answer[:119] + "…") if answer else "nothing"
         wanted = "names no subtask that can be done here" if self.phase == "plan" else "cannot be used"

@@ -6,7 +6,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.config.provider_fields import api_base, api_key_env
+from memo_core.config.provider_fields import api_base, api_key_env, provider_model
 
 
 @attrs.frozen
@@ -28,7 +28,7 @@ class LiteLLMEmbedderSettings:
     """Embeddings of a provider, or of a server of one's own. docs/language-models.md shows some."""
 
     model: str = attrs.field(
-        validator=attrs.validators.matches_re(r"[^/\s]+/\S.*"),
+        validator=provider_model("provider/model, such as openai/text-embedding-3-small or ollama/nomic-embed-text"),
         metadata={
             "help": "provider/model, as litellm calls them: openai/text-embedding-3-small, ollama/nomic-embed-text"
         },

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
+from memo_llm.litellm.providers import KEYS
 from memo_llm.replay.settings import ReplaySettings
 from memo_llm.settings import LiteLLMSettings, OfflineSettings
 
@@ -26,6 +28,15 @@ def _litellm(settings: Any) -> Any:
     from memo_llm.litellm.model import LiteLLMModel
 
     return LiteLLMModel(settings)
+
+
+def _key_of(settings: LiteLLMSettings) -> Needs:
+    """The key that these settings need; a server of one's own needs none unless they name one."""
+    provider = settings.model.partition("/")[0]
+    may_hold = () if settings.api_base else KEYS.get(provider, ())
+    may_hold = (settings.api_key_env,) if settings.api_key_env else may_hold
+    held = [name for name in may_hold if os.environ.get(name)]
+    return Needs(keys=(*held, *may_hold)[:1])
 
 
 @hookimpl
@@ -54,6 +65,7 @@ def memo_language_models() -> list[Backend]:
             summary="any provider: Gemini, OpenAI, Anthropic, Ollama, vLLM, OpenAI-compatible servers",
             factory=_litellm,
             config=LiteLLMSettings,
+            needs_of=_key_of,
             needs=Needs(
                 modules={"litellm": "litellm"},
                 optional_keys=("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY"),

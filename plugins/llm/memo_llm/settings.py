@@ -6,8 +6,9 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.config.provider_fields import api_base, api_key_env
-from memo_core.errors import InvalidArgument
+from memo_core.config.provider_fields import api_base, api_key_env, provider_model
+from memo_core.errors import InvalidArgument, close_match
+from memo_llm.litellm.providers import known_providers
 
 # Said elsewhere in the section, or decided by MEMO, or secret.
 _NOT_OPTIONS = {
@@ -45,14 +46,20 @@ def _free_options(_: Any, __: Any, options: dict[str, Any]) -> None:
             raise InvalidArgument("options", f"{name!r} may not be given here", place or "other options")
 
 
-def _provider_and_model(_: Any, __: Any, model: str) -> None:
-    provider, _slash, name = model.partition("/")
-    if not (provider.strip() and name.strip()):
-        raise InvalidArgument(
-            "model",
-            f"{model!r} names no provider",
-            "provider/model, such as gemini/gemini-3-flash-preview or openai/gpt-5",
-        )
+_MODEL = (
+    "provider/model, such as gemini/gemini-3-flash-preview or openai/gpt-5; for any server that speaks OpenAI's "
+    "protocol openai/MODEL with its address in api_base"
+)
+
+
+_MAKERS = {"claude": "anthropic", "google": "gemini", "gpt": "openai", "grok": "xai"}  # of models called like that
+
+
+def _known_provider(_: Any, field: attrs.Attribute[str], model: str) -> None:
+    provider, known = model.partition("/")[0], known_providers()
+    if known and provider not in known:
+        meant = close_match(_MAKERS.get(provider.lower(), provider), known)
+        raise InvalidArgument(field.name, f"litellm knows no provider {provider!r}{meant}", _MODEL)
 
 
 _not_negative = attrs.validators.optional(attrs.validators.ge(0.0))
@@ -63,7 +70,7 @@ class LiteLLMSettings:
     """Settings of the ``litellm`` backend. docs/language-models.md shows the providers."""
 
     model: str = attrs.field(
-        validator=_provider_and_model,
+        validator=[provider_model(_MODEL), _known_provider],
         metadata={
             "help": "provider/model, as litellm calls them: gemini/gemini-3-flash-preview, openai/…, ollama_chat/…"
         },

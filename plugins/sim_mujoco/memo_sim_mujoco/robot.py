@@ -7,13 +7,12 @@ from typing import Any
 
 import mujoco
 
-from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.description import Geom, Material
-from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, add_shape, surface
+from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, add_mesh, add_shape, surface
 
 _log = logging.getLogger("memo.mujoco")
 FINGER_TENDON = "robot/fingers"
@@ -23,6 +22,7 @@ FINGER_ARMATURE = 0.4
 FINGER_LEVER = 0.05  # m, typical length of a hinged finger: its drive's inertia is that of a slide at this distance
 FINGER_STIFFNESS = 8000.0  # N/m of opening
 FINGER_DAMPING = 90.0  # N s/m of opening, critical for two fingers of 0.5 kg
+_LEAST_INERTIA = 1e-9  # kg m2; MuJoCo refuses links of none
 _LINK_COLOUR = (0.8, 0.8, 0.82, 1.0)
 
 
@@ -91,16 +91,16 @@ def _add_link(
     if joint is not None and joint.kind != "fixed":
         _add_joint(body, joint, robot)
     for shape in _seen(link):
-        look = _geom(shape, _LINK_COLOUR)
-        add_shape(spec, body, look, f"robot link {link.name!r}", contype=0, conaffinity=0, group=2, mass=0.0)
+        _add_shape(spec, body, shape, _LINK_COLOUR, link.name, contype=0, conaffinity=0, group=2, mass=0.0)
     pad = link.name in robot.gripper.pads
     material = Material(friction=robot.gripper.pad_friction, torsional=0.01) if pad else Material(friction=0.5)
     for shape in link.collisions:
-        add_shape(
+        _add_shape(
             spec,
             body,
-            _geom(shape, (0.2, 0.6, 0.9, 0.4)),
-            f"robot link {link.name!r}",
+            shape,
+            (0.2, 0.6, 0.9, 0.4),
+            link.name,
             contype=bits[0],
             conaffinity=bits[1],
             group=3,
@@ -211,14 +211,21 @@ def _seen(link: UrdfLink) -> tuple[UrdfShape, ...]:
     return link.collisions if unreadable or not link.visuals else link.visuals
 
 
-def _geom(shape: UrdfShape, colour: tuple[float, float, float, float]) -> Geom:
-    if shape.shape == "mesh":
-        if len(set(shape.size)) != 1:
-            raise InvalidArgument(
-                "URDF", f"mesh {shape.mesh!r} is scaled by {shape.size}", "the same scale on all axes"
-            )
-        return Geom("mesh", shape.size[:1], shape.pose, shape.colour or colour, mesh=shape.mesh)
-    return Geom(shape.shape, shape.size, shape.pose, shape.colour or colour)
+def _add_shape(
+    spec: mujoco.MjSpec,
+    body: Any,
+    shape: UrdfShape,
+    colour: tuple[float, float, float, float],
+    link: str,
+    **more: Any,
+) -> None:
+    where, pose, colour = f"robot link {link!r}", shape.pose, shape.colour or colour
+    if shape.shape != "mesh":
+        add_shape(spec, body, Geom(shape.shape, shape.size, pose, colour), where, **more)
+        return
+    name = add_mesh(spec, shape.mesh, shape.size, where)
+    at = {"pos": pose.position, "quat": pose.orientation, "rgba": colour}
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **at, **more)
 
 
 def _turned(link: UrdfLink) -> tuple[float, ...]:
@@ -227,4 +234,12 @@ def _turned(link: UrdfLink) -> tuple[float, ...]:
     xx, yy, zz, xy, xz, yz = link.inertia
     rotation = link.centre.rotation
     tensor = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
+    moments, axes = np.linalg.eigh(tensor)
+    possible = np.maximum(moments, _LEAST_INERTIA)
+    lacking = possible[2] - possible[0] - possible[1]
+    if lacking > 1e-6 * possible[2]:  # no body has a moment beyond the sum of the others
+        possible[:2] += 0.501 * lacking
+    if not np.array_equal(possible, moments):
+        _log.info("%s states the moments of inertia %s, taken as %s", link.name, moments, possible)
+        tensor = axes @ np.diag(possible) @ axes.T
     return (tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2])

@@ -9,6 +9,7 @@ from typing import Any
 
 import mujoco
 
+from memo_core.arm.meshes import mesh_vertices
 from memo_core.errors import InvalidArgument
 from memo_core.scene.building import FLOOR_DEPTH, check_scene, check_size, default_table, joined_pairs, masses
 from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription
@@ -83,7 +84,7 @@ def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: 
     elif geom.shape in ("cylinder", "capsule"):
         size[1] /= 2
     elif geom.shape == "mesh":
-        more["meshname"] = _add_mesh(spec, geom.mesh, (geom.size[0],) * 3, where)
+        more["meshname"] = add_mesh(spec, geom.mesh, (geom.size[0],) * 3, where)
     parent.add_geom(
         type=_SHAPES[geom.shape],
         size=size,
@@ -94,12 +95,16 @@ def add_shape(spec: mujoco.MjSpec, parent: Any, geom: Geom, where: str, **more: 
     )
 
 
-def _add_mesh(spec: mujoco.MjSpec, file: str | None, scale: tuple[float, ...], where: str) -> str:
-    if file is None or Path(file).suffix.lower() not in MESH_FILES or not Path(file).is_file():
+def add_mesh(spec: mujoco.MjSpec, file: str | None, scale: tuple[float, ...], where: str) -> str:
+    """The name of a mesh of an MjSpec, which is added unless it is there. MuJoCo collides the convex hull."""
+    if file is None or not Path(file).is_file():
         raise InvalidArgument(where, f"mesh {file!r} cannot be read", "an existing .stl or .obj file")
     name = f"{file}*{scale}"
     if all(mesh.name != name for mesh in spec.meshes):
-        spec.add_mesh(name=name, file=str(Path(file).resolve()), scale=scale)
+        if Path(file).suffix.lower() in MESH_FILES:
+            spec.add_mesh(name=name, file=str(Path(file).resolve()), scale=scale)
+        else:
+            spec.add_mesh(name=name, uservert=mesh_vertices(file, scale, where).ravel().tolist())
     return name
 
 
@@ -162,7 +167,7 @@ def _add_latch(spec: mujoco.MjSpec, number: int, latch: Latch) -> None:
 def mesh_volume(file: str) -> float:
     """The volume that a mesh file encloses (m3)."""
     probe = mujoco.MjSpec()
-    name = _add_mesh(probe, file, (1.0, 1.0, 1.0), f"mesh {file!r}")
+    name = add_mesh(probe, file, (1.0, 1.0, 1.0), f"mesh {file!r}")
     probe.worldbody.add_body().add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, density=1.0)
     return float(probe.compile().body_mass[1])
 

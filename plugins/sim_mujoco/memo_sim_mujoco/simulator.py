@@ -188,6 +188,9 @@ class MujocoSimulator(Simulator):
             found.append(Contact(names[one], names[other], tuple(position), float(force[0])))
         return tuple(found)
 
+    def family(self, body: str) -> frozenset[str]:
+        return frozenset(self._world.body_names[number] for number in self._families[body])
+
     def pressing(self, body: str) -> float:
         # Mechanisms ask every tick: only what touches the robot is worth a force.
         data = self.data

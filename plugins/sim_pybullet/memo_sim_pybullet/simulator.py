@@ -157,6 +157,9 @@ class PybulletSimulator(Simulator):
             return everything
         return tuple(one for one in everything if one.first in wanted or one.second in wanted)
 
+    def family(self, body: str) -> frozenset[str]:
+        return self._families[body]
+
     def _all_contacts(self) -> tuple[Contact, ...]:
         if self._contacts is None:
             names = self._world.names

@@ -169,7 +169,7 @@ def _shapes(link: UrdfLink) -> Iterator[Geom]:
 
 def _geom(shape: UrdfShape) -> Geom:
     if shape.shape == "mesh":
-        return Geom("mesh", shape.size[:1], shape.pose, shape.colour or _LINK_COLOUR, mesh=shape.mesh)
+        return Geom("mesh", shape.size, shape.pose, shape.colour or _LINK_COLOUR, mesh=shape.mesh)
     return Geom(shape.shape, shape.size, shape.pose, shape.colour or _LINK_COLOUR)
 
 
@@ -289,7 +289,7 @@ def _shape(element: ElementTree.Element, geom: Geom) -> None:
     elif geom.shape == "sphere":
         ElementTree.SubElement(geometry, "sphere", radius=size[0])
     elif geom.shape == "mesh":
-        ElementTree.SubElement(geometry, "mesh", filename=str(geom.mesh), scale=" ".join(size * 3))
+        ElementTree.SubElement(geometry, "mesh", filename=str(geom.mesh), scale=" ".join((size * 3)[:3]))
     else:
         ElementTree.SubElement(geometry, geom.shape, radius=size[0], length=size[1])
 

@@ -184,7 +184,7 @@ class Mishaps(Sampled):
             if self.befell(thing)
         ]
         for thing in self.things:
-            touching = {name for c in world.contacts(thing) for name in (c.first, c.second)} - {thing}
+            touching = {name for c in world.contacts(thing) for name in (c.first, c.second)} - world.family(thing)
             robot = {name for name in touching if name.startswith("robot/")}
             against = touching - robot - set(self.things)
             if robot and against:

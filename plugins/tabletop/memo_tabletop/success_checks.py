@@ -36,10 +36,10 @@ def passage(angle: float, clear: float, panel: float) -> float:
 
 
 def held(world: WorldState, thing: str) -> bool:
-    """Whether robot links press on it from two sides and it touches nothing else."""
+    """Whether robot links press on it, or on its parts, from two sides and nothing else touches it."""
     contacts = world.contacts(thing)
     robot = {name for c in contacts for name in (c.first, c.second) if name.startswith("robot/")}
-    others = {name for c in contacts for name in (c.first, c.second)} - robot - {thing}
+    others = {name for c in contacts for name in (c.first, c.second)} - robot - world.family(thing)
     return len(robot) >= 2 and not others
 
 
@@ -112,7 +112,8 @@ def inside(world: WorldState, holder: str, cavity: Cavity, thing: Body, toleranc
 
 
 def touches(world: WorldState, thing: str, other: str) -> bool:
-    return any(other in (c.first, c.second) for c in world.contacts(thing))
+    parts = world.family(other)
+    return any(not parts.isdisjoint((c.first, c.second)) for c in world.contacts(thing))
 
 
 def on_table(world: WorldState, thing: str) -> bool:

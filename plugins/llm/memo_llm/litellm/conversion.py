@@ -63,6 +63,21 @@ class Spoken:
         return self.text or self.refusal
 
 
+def ending_note(spoken: Spoken, reason: str, max_tokens: int | None) -> str:
+    """Why an answer is not complete and what would help; "" if it is. ``reason`` is in the provider's words,
+    ``max_tokens`` as set."""
+    if spoken.ended == "length":
+        before = "" if spoken.text else ", before its first word"
+        remedy = f"raise llm.max_answer_tokens ({max_tokens})" if max_tokens else "set a higher llm.max_answer_tokens"
+        return f"the answer was cut off at the limit of tokens{before}; {remedy}"
+    if spoken.refusal:
+        return "the model refuses to answer; other words or another llm.model may help"
+    if spoken.ended == "refusal":
+        called = f" ({reason})" if reason else ""
+        return f"the provider's content filter withheld the answer{called}; other words or another llm.model may help"
+    return ""
+
+
 def read_whole(response: Any, spoken: Spoken) -> None:
     """An answer that arrived in one piece. Raises ``ValueError`` if it contains none."""
     if not getattr(response, "choices", None):
@@ -80,9 +95,9 @@ def _refusal(said: Any) -> str:
     return getattr(said, "refusal", None) or kept.get("refusal") or ""
 
 
-def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str], None]) -> None:
-    """A streamed answer; ``spoken`` always contains what has arrived so far. Raises ``ConnectionError`` if the stream
-    ended without a finish reason, which litellm would report as "stop"."""
+def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str], None]) -> bool:
+    """A streamed answer; ``spoken`` always contains what has arrived so far. Returns whether litellm saw a reason for
+    the end; without one it reports "stop"."""
     for chunk in chunks:
         spoken.model = getattr(chunk, "model", None) or spoken.model
         spoken.usage = getattr(chunk, "usage", None) or spoken.usage
@@ -95,5 +110,4 @@ def read_stream(chunks: Iterable[Any], spoken: Spoken, on_piece: Callable[[str],
         if piece:
             spoken.text += piece
             on_piece(piece)
-    if getattr(chunks, "received_finish_reason", spoken.finish) is None:
-        raise ConnectionError("the stream ended before the answer did")
+    return getattr(chunks, "received_finish_reason", spoken.finish) is not None

@@ -12,12 +12,13 @@ from typing import Any
 import attrs
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
+from memo_core.interfaces.llm import Answer, Cause, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.redaction import Redactor
 from memo_llm.litellm.call_errors import problem_of
 from memo_llm.litellm.connection import Line
-from memo_llm.litellm.conversion import Spoken, messages_of, read_stream, read_whole, response_format
+from memo_llm.litellm.conversion import Spoken, ending_note, messages_of, read_stream, read_whole, response_format
 from memo_llm.litellm.library import quiet_litellm, warm_up
+from memo_llm.litellm.server_errors import end_reason, error_in, refusal_in
 from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut
@@ -63,12 +64,8 @@ class LiteLLMModel(LanguageModel):
         try:
             _, self._provider, _, _ = litellm.get_llm_provider(settings.model, api_base=settings.api_base or None)
         except Exception:
-            provider = settings.model.partition("/")[0]
-            raise InvalidArgument(
-                "llm.model",
-                f"litellm knows no provider {provider!r}",
-                "provider/model; for any OpenAI-compatible server openai/MODEL with llm.api_base",
-            ) from None
+            said = f"litellm does not know {settings.model!r}"
+            raise InvalidArgument("llm.model", said, "provider/model as litellm calls them") from None
         self._find_key(litellm)
         self._redact = Redactor.of_environment([self._key_variable] if self._key_variable else [])
         warm_up(litellm, settings.model)
@@ -150,13 +147,13 @@ class LiteLLMModel(LanguageModel):
     ) -> Answer:
         """See the interface. ``timeout_s`` starts when the call leaves the queue (``max_concurrent``)."""
         if self._litellm is None:
-            raise LanguageModelError("litellm", "it has not been opened")
+            raise LanguageModelError(self.name, "it has not been opened")
         if not request.messages:
-            raise LanguageModelError("litellm", "nothing was asked")
+            raise LanguageModelError(self.name, "nothing was asked")
         cancelled = cancelled or (lambda: False)
         while not self._turns.acquire(timeout=_POLL_S):
             if cancelled():
-                raise LanguageModelError("litellm", "given up while it waited for its turn")
+                raise LanguageModelError(self.name, "given up while it waited for its turn")
         return self._in_its_own_thread(request, on_text, cancelled)
 
     def _in_its_own_thread(
@@ -188,23 +185,19 @@ class LiteLLMModel(LanguageModel):
                 shown.end()
                 self._reached = True
                 return told
+            late = time.monotonic() >= end
             if isinstance(told, Exception):
-                raise self._problem(told, line, request, spoken, started) from None
-            if told:
+                if not late:
+                    raise self._problem(told, line, request, spoken, started) from None
+            elif told:
                 shown(told)
             if cancelled():
                 line.cut()
-                raise self._lost("given up: its answer is not wanted any more", False, line, request, spoken, started)
-            if time.monotonic() >= end:
+                given_up = self._error("given up: its answer is not wanted any more")
+                raise self._lost(given_up, line, request, spoken, started)
+            if late:
                 line.cut()
-                raise self._lost(
-                    f"{self._where()} did not finish within llm.timeout_s ({self._settings.timeout_s:g} s)",
-                    False,
-                    line,
-                    request,
-                    spoken,
-                    started,
-                )
+                raise self._lost(self._too_late(), line, request, spoken, started)
 
     def _put(
         self, request: Request, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None, started: float
@@ -217,7 +210,7 @@ class LiteLLMModel(LanguageModel):
             line.reset()
             problem = self._ask(request, manner, line, spoken, on_piece)
             as_json = line.status == 200 and "json" in line.headers.get("content-type", "")
-            if manner.stream and as_json and not spoken.words:
+            if manner.stream and as_json and not spoken.words and error_in(line.begins) is None:
                 self._refused.add("stream")  # it answered, but not as a stream: what it said is lost
                 return self._put(request, line, spoken, None, started)
             if problem is None:
@@ -229,7 +222,8 @@ class LiteLLMModel(LanguageModel):
                 raise problem
         took = time.monotonic() - started
         text = self._redact(spoken.words)
-        return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name)
+        note = self._redact(ending_note(spoken, end_reason(line.ends), self._settings.max_answer_tokens))
+        return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name, note=note)
 
     def _manners(self, request: Request, streaming: bool) -> tuple[_Manner, ...]:
         """The options to try, best first; if the server rejects one, the next is tried."""
@@ -274,7 +268,10 @@ class LiteLLMModel(LanguageModel):
         try:
             response = self._litellm.completion(**given)
             if manner.stream:
-                read_stream(response, spoken, on_piece or (lambda piece: None))
+                gave_reason = read_stream(response, spoken, on_piece or (lambda piece: None))
+                spoken.refusal = spoken.refusal or refusal_in(line.ends)
+                if not gave_reason and not end_reason(line.ends):  # litellm misses one that comes with text
+                    self._check_whole(spoken, line)
             else:
                 read_whole(response, spoken)
         except Exception as error:
@@ -282,6 +279,15 @@ class LiteLLMModel(LanguageModel):
                 line.failed = error
             return error
         return None
+
+    def _check_whole(self, spoken: Spoken, line: Line) -> None:
+        """Raise ``ConnectionError`` if a stream that gave no reason for its end may have been cut. Some servers never
+        give any, so this one is asked for whole answers from then on."""
+        if not line.done:
+            self._refused.add("stream")
+            raise ConnectionError("the stream ended without saying that the answer is complete")
+        if not spoken.words:
+            raise ValueError("it holds no choices")
 
     # -- what went wrong -----------------------------------------------------------------------------------------------
     def _model(self) -> str:
@@ -295,25 +301,26 @@ class LiteLLMModel(LanguageModel):
     ) -> LanguageModelError:
         if isinstance(error, LanguageModelError):
             return error
-        problem = problem_of(error, line, self._where(), self._reached, self._key_variable)
+        problem = problem_of(error, line, self.name, self._where(), self._reached, self._key_variable)
         self._reached = self._reached or line.status is not None
-        if problem.retryable and line.status is None and not line.connected:
-            return self._redacted(problem)
-        lost = self._lost(problem.problem, problem.retryable, line, request, spoken, started)
-        lost.retry_after_s = problem.retry_after_s
-        return lost
+        return self._lost(problem, line, request, spoken, started)
 
     def _lost(
-        self, problem: str, retryable: bool, line: Line, request: Request, spoken: Spoken, started: float
+        self, error: LanguageModelError, line: Line, request: Request, spoken: Spoken, started: float
     ) -> LanguageModelError:
         """The error for an incomplete answer, with the probable cost of what was sent and received."""
-        paid = line.sent and (line.status is None or line.status < 300)
-        usage = self._usage(request, spoken, time.monotonic() - started) if paid else None
-        return self._redacted(LanguageModelError("litellm", problem, retryable, usage=usage))
-
-    def _redacted(self, error: LanguageModelError) -> LanguageModelError:
+        if line.sent and (line.status is None or line.status < 300):
+            error.usage = self._usage(request, spoken, time.monotonic() - started)
         error.problem = self._redact(error.problem)
         return error
+
+    def _too_late(self) -> LanguageModelError:
+        limit = self._settings.timeout_s
+        said = f"{self._where()} did not finish within llm.timeout_s ({limit:g} s); raise it for a slow model"
+        return self._error(said, "timeout")
+
+    def _error(self, problem: str, cause: Cause = "") -> LanguageModelError:
+        return LanguageModelError(self.name, problem, cause=cause)
 
 
 def _about(characters: int) -> int:

@@ -16,15 +16,24 @@ from memo_llm.offline.editing import apply
 from memo_llm.offline.hearing import hear
 from memo_llm.offline.imagination import Imagination
 from memo_llm.offline.learnt import Learnt
-from memo_llm.offline.prompt import Prompt, read_subtask
+from memo_llm.offline.prompt import LONGEST_READ, Prompt, read_subtask
 from memo_llm.offline.reading import read_sentence
 from memo_llm.offline.recipe import Habits
 from memo_llm.offline.relative import LENGTHS, PLACES, Attempted, attempted, taken_apart
 from memo_llm.offline.remark import Heard
 from memo_llm.offline.rendering import render
+from memo_llm.offline.typos import in_full
 from memo_llm.offline.vocabulary import Vocabulary
 from memo_llm.offline.wording import said_plainly, sentence_plainly
 
+ENGLISH = 0.5  # share of known words below which a remark counts as in another language
+TOO_LONG = (
+    f"the offline reader reads at most {LONGEST_READ} characters at a time. What should be different, in fewer words?"
+)
+OTHER_LANGUAGE = (
+    "the offline reader knows English only, and most of these words are unknown to it. A real language model reads "
+    "other languages (llm.backend=litellm, docs/language-models.md). What should be different, in English?"
+)
 _EVERYWHERE = re.compile(r"\b(always|never|every time|whenever|in general|generally|anything|any \w+|all \w+s)\b")
 # Words that look back at what was done before, and the verbs that say at what.
 _LOOKS_BACK = re.compile(
@@ -48,8 +57,25 @@ def note(prompt: Prompt, habits: Habits, vocabulary: Vocabulary, imagination: Im
     """Corrections and general statements, or what would have to be asked. Raises ``LanguageModelError`` naming what the
     prompt lacks."""
     said, answered = settled_words(prompt.quoted("what the person said"))
+    if len(said[0]) > LONGEST_READ:
+        return _asking(said[0][:LONGEST_READ], TOO_LONG)
+    known = _share_of_english(said[0], vocabulary)
+    if known < ENGLISH:
+        return _asking(said[0], OTHER_LANGUAGE)
     answers = [_note(words, answered, prompt, habits, vocabulary, imagination) for words in said]
-    return next((answer for answer in answers if not answer.unclear), answers[0])
+    answer = next((answer for answer in answers if not answer.unclear), answers[0])
+    return _asking(said[0], OTHER_LANGUAGE) if answer.unclear and known == ENGLISH else answer
+
+
+def _asking(words: str, question: str) -> NotesAnswer:
+    answer: dict[str, object] = {"corrections": [], "general": [], "unclear": question}
+    return NotesAnswer(json.dumps(answer, ensure_ascii=False), (words,), question)
+
+
+def _share_of_english(words: str, vocabulary: Vocabulary) -> float:
+    """The share of a remark's words that the classifier has seen; 1 if it has no words."""
+    tokens = re.findall(r"[^\W\d_]+(?:'[^\W\d_]+)?", in_full(words.lower(), vocabulary.spelled))
+    return sum(token in Learnt.load().rows for token in tokens) / len(tokens) if tokens else 1.0
 
 
 def _note(

@@ -12,6 +12,7 @@ from memo_core.scene.graph import SceneGraph
 from memo_core.scene.scene_table import NotASceneTable, read_scene_table
 
 BACKEND = "offline"
+LONGEST_READ = 1_000  # characters of a remark or a note: the time to read one grows faster than its length
 
 PHASE_TITLES = {  # words of a prompt's title, phase
     "condense": "cluster",
@@ -120,7 +121,7 @@ class Prompt:
         found: list[Entry] = []
         for line in self.section(*words).splitlines():
             if line.startswith("- ") and line[2:].strip().lower() not in ("none", "nothing"):
-                found.append(_entry(line[2:].strip()))
+                found += [_entry(line[2:].strip())] if len(line) <= LONGEST_READ else []
             elif found and re.fullmatch(r" +\(.*\bonly a hint\)", line):
                 found[-1] = attrs.evolve(found[-1], hint=True)
         return found
@@ -204,4 +205,8 @@ def _corrected(block: str) -> Corrected:
     lines = _outside_fences(block).splitlines()
     words = "\n".join(line[2:] for line in lines if line.startswith("> "))
     notes = [_entry(line[2:].strip()) for line in lines if line.startswith("- ")]
-    return Corrected(words, [note for note in notes if note.text != "nothing"], code.group(1) if code else "")
+    return Corrected(
+        words if len(words) <= LONGEST_READ else "",
+        [note for note in notes if note.text != "nothing"],
+        code.group(1) if code else "",
+    )

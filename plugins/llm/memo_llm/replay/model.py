@@ -104,9 +104,9 @@ class Player(LanguageModel):
             raise LanguageModelError(self.name, problem)
         if found.call.error is not None:
             error = found.call.error  # made anew: what raises one keeps its traceback
-            raise LanguageModelError(self.name, error.problem, error.retryable, usage=error.usage)
+            raise LanguageModelError(self.name, error.problem, error.retryable, usage=error.usage, cause=error.cause)
         assert found.call.answer is not None
-        answer = attrs.evolve(found.call.answer, note=_note(found))
+        answer = attrs.evolve(found.call.answer, note="; ".join(filter(None, (found.call.answer.note, _note(found)))))
         if on_text is not None:
             on_text(answer.text)
         return answer

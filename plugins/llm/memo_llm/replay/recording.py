@@ -3,8 +3,8 @@
     {"memo_recording": 1}
     {"image": "<sha-256>", "media_type": "image/png", "data": "<base64>"}       once for each picture, before its call
     {"call": {"phase": …, "seed": …, "schema": …, "messages": [{"role", "text", "images"?: ["<sha-256>", …]}, …]},
-     "answer": {"text", "finish", "model", "not_understood", "usage": {…}} or null,
-     "error": {"problem", "retryable", "usage"} or null, "abandoned": false}
+     "answer": {"text", "finish", "model", "not_understood", "note", "usage": {…}} or null,
+     "error": {"problem", "retryable", "cause", "usage"} or null, "abandoned": false}
 
 The last line of a process that was killed may be half a line: it is ignored when reading and removed before appending.
 """
@@ -24,7 +24,7 @@ from typing import Any, Literal
 import attrs
 
 from memo_core.errors import InvalidArgument, MemoError
-from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request, Usage
+from memo_core.interfaces.llm import Answer, Cause, Image, LanguageModelError, Message, Request, Usage
 from memo_core.parsing import parse_json, read_as
 
 VERSION = 1
@@ -132,6 +132,7 @@ class _Failed:
     problem: str
     retryable: bool
     usage: Usage | None
+    cause: Cause = ""
 
 
 def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
@@ -144,7 +145,7 @@ def _call(record: dict[str, Any], images: dict[str, Image]) -> Call:
     if answered is not None:
         return Call(request, read_as(Answer, answered), None, abandoned is True)
     failed = read_as(_Failed, failure)
-    error = LanguageModelError("replay", failed.problem, failed.retryable, usage=failed.usage)
+    error = LanguageModelError("replay", failed.problem, failed.retryable, usage=failed.usage, cause=failed.cause)
     return Call(request, None, error, abandoned is True)
 
 
@@ -194,12 +195,12 @@ class RecordingFile:
         asked = {"phase": request.phase, "seed": request.seed, "schema": request.response_schema, "messages": messages}
         answered = None
         if answer is not None:
-            kept = attrs.asdict(answer, filter=attrs.filters.exclude("note"))
-            answered = kept | {"text": self._clean(answer.text)}
+            answered = attrs.asdict(answer) | {"text": self._clean(answer.text), "note": self._clean(answer.note)}
         failed = None
         if error is not None:
             spent = None if error.usage is None else attrs.asdict(error.usage)
-            failed = {"problem": self._clean(error.problem), "retryable": error.retryable, "usage": spent}
+            failed = {"problem": self._clean(error.problem), "retryable": error.retryable, "cause": error.cause}
+            failed |= {"usage": spent}
         return {"call": asked, "answer": answered, "error": failed, "abandoned": call.abandoned}
 
     def _write(self, records: Sequence[dict[str, Any]]) -> None:

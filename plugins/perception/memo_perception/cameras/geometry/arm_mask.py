@@ -5,13 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from memo_core.arm.meshes import mesh_vertices
 from memo_core.interfaces.link import Link
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import Urdf, UrdfShape, link_poses, read_urdf
-from memo_core.scene.description import Geom
 from memo_core.scene.pose import Array, Pose
-from memo_perception.boxes import mesh_vertices
 from memo_perception.cameras.frames import Frame
 
 WIDER_PX = 9  # at 640 pixels of width: for joints that lag and a calibration that is a little wrong
@@ -71,8 +70,7 @@ def shape_points(shape: UrdfShape) -> Array:
     if shape.shape == "box":
         local = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)]) * size
     elif shape.shape == "mesh":
-        scale = np.asarray(size, dtype=float)
-        local = mesh_vertices(Geom("mesh", (1.0,), mesh=shape.mesh)) * scale
+        local = mesh_vertices(str(shape.mesh), size, "the robot's outline")
     elif shape.shape == "sphere":
         rings = [
             np.column_stack([_RING * np.cos(a), np.full(len(_RING), np.sin(a))]) for a in (-1.2, -0.6, 0, 0.6, 1.2)
