@@ -6,16 +6,13 @@ my-arm"]``, kind and name). Only that file is read; a plugin that is not install
 
 from __future__ import annotations
 
-import importlib.metadata
-import json
-import shlex
 import tomllib
 from collections.abc import Collection
 from pathlib import Path
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 import attrs
+
+from memo_core.installing import folder_of, pip_install
 
 
 @attrs.frozen
@@ -29,13 +26,13 @@ class Uninstalled:
     @property
     def command(self) -> str:
         """The command that installs it."""
-        return f"pip install -e {shlex.quote(str(self.folder))}"
+        return pip_install("-e", str(self.folder))
 
 
 def uninstalled(installed: Collection[str], root: Path | None = None) -> tuple[Uninstalled, ...]:
     """The plugins under ``plugins/`` of the checkout at ``root`` (default: where memo-core was installed from) whose
     distribution is not among those installed. Empty without a checkout; a folder that cannot be read is skipped."""
-    root = root or _checkout()
+    root = root or folder_of("memo-core")
     found = []
     for file in sorted(root.glob("plugins/*/pyproject.toml")) if root else ():
         try:
@@ -52,13 +49,3 @@ def uninstalled(installed: Collection[str], root: Path | None = None) -> tuple[U
 def _offer(text: str) -> tuple[str, str]:
     kind, name = text.split()
     return kind, name
-
-
-def _checkout() -> Path | None:
-    """The source folder that the installer recorded, for an editable or a regular install."""
-    try:
-        noted = importlib.metadata.distribution("memo-core").read_text("direct_url.json")
-        url = urlsplit(json.loads(noted or "{}").get("url", ""))
-    except (importlib.metadata.PackageNotFoundError, ValueError, AttributeError):
-        return None
-    return Path(url2pathname(url.path)) if url.scheme == "file" else None

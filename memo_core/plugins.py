@@ -20,6 +20,7 @@ from memo_core.checkout import Uninstalled, uninstalled
 from memo_core.entry_points import installed
 from memo_core.errors import MemoError, UnknownName
 from memo_core.events import Event, Problem
+from memo_core.installing import damage, install
 from memo_core.interfaces.backend import KINDS, Backend, Needs
 from memo_core.plugin_loading import GROUP, EntryPoint, Plugin, load_plugin, one_line, plugin_manager
 
@@ -256,7 +257,9 @@ def missing_needs(needs: Needs, environment: Mapping[str, str] | None = None) ->
     missing = []
     for module, distribution in needs.modules.items():
         if not _importable(module):
-            missing.append(Missing(f"Python module {module}", f"install {distribution}"))
+            missing.append(Missing(f"Python module {module}", install(distribution, module)))
+        elif found := damage(distribution, module):
+            missing.append(Missing(str(found), found.remedy))
     for key in needs.keys:
         if not environment.get(key):
             missing.append(Missing(f"environment variable {key}", f"export {key}=…"))

@@ -23,6 +23,7 @@ _CONTROL = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
     "|\r(?!\n)"
 )
+_STDERR = 2
 _OF_STYLE = re.compile("(\x1b\\[[0-9;?]*[mKAJGhl])")  # what Rich writes: colours and, for a progress bar, the cursor
 
 
@@ -111,6 +112,20 @@ def guarded() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def replace_closed_streams() -> None:
+    """Discard what is printed to an output stream that was closed when the process started (``>&-``). The numbers of
+    closed streams are taken, too: a file opened later would get them, and with them what libraries print."""
+    while (taken := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        os.set_inheritable(taken, True)
+    os.close(taken)
+    sys.stdout = sys.stdout or _discarding()
+    sys.stderr = sys.stderr or _discarding()
+
+
+def _discarding() -> IO[str]:
+    return open(os.devnull, "w", encoding="utf-8", errors="replace")  # closed with the process
 
 
 def discard_stdout() -> None:

@@ -40,6 +40,7 @@ LEVELS = (
     ("skills",),
     ("interfaces",),
     ("hooks",),
+    ("installing",),
     ("checkout", "plugin_loading"),
     ("plugins",),
     ("config",),

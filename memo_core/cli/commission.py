@@ -10,7 +10,8 @@ import typer
 
 from memo_core.cli.options import ConfigFile, Overrides
 from memo_core.cli.output import note
-from memo_core.cli.robot_link import agreed, connected, hardware
+from memo_core.cli.robot_link import connected, hardware
+from memo_core.cli.standard_input import agreed, answer_to
 from memo_core.errors import InvalidArgument
 
 Out = Annotated[Path, typer.Option("--out", help="File to write; `hardware.commissioning` names it in experiments.")]
@@ -26,7 +27,9 @@ class _AtTheTerminal:
         return agreed(f"{what} [y: yes, s: leave it out]")
 
     def answer(self, question: str) -> str:
-        return str(typer.prompt(question, err=True)).strip()
+        while not (said := answer_to(question)):
+            pass
+        return said
 
 
 def command(config: ConfigFile = None, overrides: Overrides = None, out: Out = Path("commissioning.json")) -> None:

@@ -19,6 +19,7 @@ import typer
 from memo_core.cli.options import Json
 from memo_core.cli.output import print_json
 from memo_core.errors import MemoError
+from memo_core.installing import install
 
 if TYPE_CHECKING:
     from memo_core.plugins import Registry
@@ -91,11 +92,12 @@ def _backends(registry: Registry) -> Iterator[Finding]:
     from memo_core.plugins import missing_needs
 
     for kind in KINDS:
+        offering = [(one, name) for one in registry.uninstalled() for of, name in one.offers if of == kind]
         if not registry.backends(kind) and kind != "skills":
-            yield Finding(kind, "missing", "no plugin that offers one is installed", "make setup")
-        for one in registry.uninstalled():
-            for name in (offered for of, offered in one.offers if of == kind):
-                yield Finding(f"{kind} {name}", "optional", "not installed", one.command)
+            remedy = offering[0][0].command if offering else f"install a plugin that offers a {kind}"
+            yield Finding(kind, "missing", "no plugin that offers one is installed", remedy)
+        for one, name in offering:
+            yield Finding(f"{kind} {name}", "optional", "not installed", one.command)
         for backend in registry.backends(kind):
             for lacking in missing_needs(attrs.evolve(backend.needs, keys=())):
                 state = "optional" if not backend.default and len(registry.backends(kind)) > 1 else "missing"
@@ -113,7 +115,7 @@ def _extras() -> Iterator[Finding]:
         lacking = [module for module in modules if importlib.util.find_spec(module) is None]
         if lacking:
             state = "missing" if extra == "arm" else "optional"
-            yield Finding(f"extra {extra}", state, f"{use} needs {', '.join(lacking)}", f"install memo-core[{extra}]")
+            yield Finding(f"extra {extra}", state, f"{use} needs {', '.join(lacking)}", install(f"memo-core[{extra}]"))
         else:
             yield Finding(f"extra {extra}", "ok", use)
 
@@ -129,9 +131,14 @@ def _tried(what: str, attempt: Callable[[], str]) -> Finding:
     try:
         return Finding(what, "ok", attempt())
     except MemoError as error:
-        return Finding(what, "missing", str(error), getattr(error, "remedy", ""))
+        return Finding(what, "missing", *_told(error))
     except Exception as error:
         return Finding(what, "missing", f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _told(error: Exception) -> tuple[str, str]:
+    """What is wrong, in one line, and the remedy."""
+    return " ".join(str(getattr(error, "reason", error)).split()), getattr(error, "remedy", "")
 
 
 def _try_sandbox() -> str:
@@ -177,7 +184,7 @@ def _simulator(registry: Registry) -> Iterator[Finding]:
         simulator = _made(registry, "simulator")
         simulator.open()
     except Exception as error:
-        yield Finding("simulator", "missing", " ".join(str(error).split()), getattr(error, "remedy", ""))
+        yield Finding("simulator", "missing", *_told(error))
         return
     try:
         scene = check_scene()
@@ -204,7 +211,7 @@ def _pictures(simulator: Any, scene: Any) -> Finding:
         started = time.monotonic()
         simulator.render(scene.cameras[0].name, 640, 480)
     except Exception as error:
-        return Finding("pictures", "optional", " ".join(str(error).split()), getattr(error, "remedy", ""))
+        return Finding("pictures", "optional", *_told(error))
     return Finding("pictures", "ok", f"640x480 in {_ms(started)}")
 
 

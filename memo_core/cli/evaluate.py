@@ -55,8 +55,9 @@ def command(
     Every trial leaves a folder like that of any run, and a row in evaluation/trials.jsonl and .parquet. Killed or
     stopped at any moment, the same command goes on.
     """
-    from memo_core.cli.options import load_registry
+    from memo_core.cli.options import load_registry, tell_author
     from memo_core.cli.study import experiment_folder
+    from memo_core.evaluation.evaluating import unread
     from memo_core.evaluation.sections import ALL_SECTIONS
     from memo_core.evaluation.settings import ABLATIONS
     from memo_core.study.study import loader, shared_settings
@@ -72,6 +73,7 @@ def command(
     given += [f"evaluation.jobs={jobs}"] if jobs else []
     folder = experiment_folder(file, out)
     load = loader(load_registry(), file, ALL_SECTIONS, [*given, *shared_settings(folder / "evaluation")])
+    tell_author((*load().notices, *unread(load())))
     evaluated = run_evaluation(load, folder)
     shown = evaluated.summary()
     if json:

@@ -14,6 +14,7 @@ import typer
 from memo_core.cli.options import ConfigFile, Json, Overrides, Seed, load
 from memo_core.cli.output import print_json, while_read
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
+from memo_core.cli.standard_input import text_of_stdin
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.parsing import read_at_most
 
@@ -85,9 +86,9 @@ def command(
 
 
 def _read(file: Path) -> str:
+    if str(file) == "-":
+        return text_of_stdin(_MOST_BYTES)
     try:
-        if str(file) == "-":
-            return sys.stdin.read(_MOST_BYTES)  # the sandbox takes less
         return read_at_most(file, _MOST_BYTES).decode("utf-8")
     except UnicodeDecodeError:
         raise InvalidArgument("FILE", f"{file} is not UTF-8 text", "a file of robot code") from None

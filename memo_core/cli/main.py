@@ -62,8 +62,9 @@ def _leave(code: int) -> None:
 
 
 def _run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
-    from memo_core.terminal import guarded
+    from memo_core.terminal import guarded, replace_closed_streams
 
+    replace_closed_streams()
     with guarded():
         return _guarded_run(given, debug, interrupt)
 

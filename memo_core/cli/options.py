@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from memo_core.config import Experiment
     from memo_core.plugins import Registry
@@ -58,12 +58,18 @@ def load(
 ) -> tuple[Registry, Experiment]:
     """The plugins and the checked experiment with these sections, by default those of a run. Notices for its author go
     to stderr. Raises ``ConfigErrors``."""
-    from memo_core.cli.output import note
     from memo_core.config import load_experiment
     from memo_core.runs.sections import SECTIONS
 
     registry = load_registry()
     experiment = load_experiment(registry, config, overrides or (), sections or SECTIONS, task, seed)
-    for notice in experiment.notices:
-        note(f"memo: {notice}")
+    tell_author(experiment.notices)
     return registry, experiment
+
+
+def tell_author(notices: Iterable[str]) -> None:
+    """Notices about an experiment file, on stderr."""
+    from memo_core.cli.output import note
+
+    for notice in notices:
+        note(f"memo: {notice}")

@@ -38,15 +38,16 @@ def command(
     Stopped or killed at any moment, the same command goes on.
     """
     from memo_core.cli.evaluate import exit_for_errors, run_evaluation
-    from memo_core.cli.options import load_registry
+    from memo_core.cli.options import load_registry, tell_author
     from memo_core.cli.study import experiment_folder
+    from memo_core.evaluation.evaluating import unread
     from memo_core.evaluation.references import measure_references
     from memo_core.evaluation.sections import ALL_SECTIONS
     from memo_core.report.films import make_films
     from memo_core.report.writing import write_report
     from memo_core.study.lock import working_in
     from memo_core.study.running import run_study
-    from memo_core.study.study import loader, open_study, shared_settings
+    from memo_core.study.study import DECIDED, loader, open_study, shared_settings
 
     folder = experiment_folder(file, out)
     if small and out is None:
@@ -58,6 +59,7 @@ def command(
     try:
         with _timed(took, "study"):
             load = open_study(registry, file, ALL_SECTIONS, given, study)
+            tell_author((*load().notices, *load().unread("a study", DECIDED), *unread(load())))
             at_once = jobs or load().section("evaluation").jobs
             with working_in(folder):
                 run_study(load, registry, study, at_once, report=note, stopping=stopping)

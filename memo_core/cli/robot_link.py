@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import typer
-
 from memo_core.cli.options import ConfigFile, Overrides, load
 from memo_core.cli.output import note
+from memo_core.cli.standard_input import agreed
 from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.teachers.answers import NO, SILENCES, YES, bare
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
@@ -49,21 +47,10 @@ def connected(experiment: Experiment) -> Iterator[Link]:
         lease.give_back()
 
 
-def agreed(question: str) -> bool:
-    """Ask at the terminal until the answer is yes or no; Enter is no."""
-    while True:
-        typed = bare(str(typer.prompt(question, default="n", show_default=False, err=True)))
-        if typed in YES:
-            return True
-        if typed in NO | SILENCES:
-            return False
-        note(f"{typed!r} is neither yes nor no")
-
-
 def confirmed(what: str, yes: bool) -> None:
     """Raises ``InvalidArgument`` unless somebody says yes."""
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:
         return
     if not agreed("Go on? [y/n]"):
-        raise InvalidArgument("the answer", "not yes: nothing was done", "y")
+        raise InvalidArgument("the answer", "not yes: nothing was done", "y, or --yes")

@@ -19,6 +19,7 @@ from memo_core.cli import (
 )
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import local_time, note, print_json, print_table
+from memo_core.cli.standard_input import agreed
 from memo_core.errors import InvalidArgument, MemoError, close_match
 from memo_core.parsing import encodable, resolved
 from memo_core.reading_limits import excerpt
@@ -204,11 +205,12 @@ def forget(
             raise InvalidArgument("--in", f"{path} is not there", "a folder or file")
     with _writing(book, config, overrides) as opened:
         if person in opened.people() and not yes:
-            if not sys.stdin.isatty():
+            if sys.stdin is None or not sys.stdin.isatty():
                 raise InvalidArgument(
                     "--yes", "there is no terminal to ask for confirmation", "memo skillbook forget … --yes"
                 )
-            typer.confirm(f"Remove everything {person!r} said from {opened.url}?", abort=True, err=True)
+            if not agreed(f"Remove everything {person!r} said from {opened.url}? [y/n]"):
+                raise InvalidArgument("the answer", "not yes: nothing was removed", "y, or --yes")
         forgotten = opened.forget(person, also or ())
     if json:
         print_json(attrs.asdict(forgotten))

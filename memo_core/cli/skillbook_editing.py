@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,12 +9,14 @@ import typer
 
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json
+from memo_core.cli.standard_input import text_of_stdin
 from memo_core.errors import InvalidArgument
 from memo_core.parsing import read_at_most
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
 
+_MOST_BYTES = 1 << 20
 Number = Annotated[
     int, typer.Argument(metavar="ENTRY", max=MOST_NUMBER, help="The entry's number (memo skillbook list).")
 ]
@@ -80,12 +81,12 @@ def _text(text: str | None, file: Path | None) -> str:
         raise InvalidArgument("TEXT", "the new text is needed once", "TEXT, - for stdin, or --file FILE")
     if file is not None:
         try:
-            return read_at_most(file, 1 << 20).decode("utf-8")
+            return read_at_most(file, _MOST_BYTES).decode("utf-8")
         except (OSError, ValueError) as error:
             problem = f"{file}: {getattr(error, 'strerror', None) or error}"
             raise InvalidArgument("--file", problem, "a text file that can be read") from None
     assert text is not None
-    return sys.stdin.read() if text == "-" else text
+    return text_of_stdin(_MOST_BYTES) if text == "-" else text
 
 
 def opened_book(book: str | None, config: Path | None, overrides: list[str] | None) -> Skillbook:

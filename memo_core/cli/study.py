@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,6 +11,7 @@ import typer
 from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
+from memo_core.cli.standard_input import answer_to
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.teachers.answers import NO, bare
@@ -48,12 +50,13 @@ def run(
 
     Each participant goes on where the one before stopped. Killed at any moment, the same command goes on.
     """
-    from memo_core.cli.options import load_registry
+    from memo_core.cli.options import load_registry, tell_author
     from memo_core.evaluation.sections import ALL_SECTIONS
-    from memo_core.study.study import open_study
+    from memo_core.study.study import DECIDED, open_study
 
     registry, folder = load_registry(), experiment_folder(file, out) / "study"
     load = open_study(registry, file, ALL_SECTIONS, overrides or (), folder)
+    tell_author((*load().notices, *load().unread("a study", DECIDED)))
     _teach(load, registry, folder, jobs, sessions, json)
 
 
@@ -139,8 +142,8 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
     try:
         with working_in(folder.parent):
             run_study(load, registry, folder, jobs, sessions, AtTerminal(), note, stopping)
-    except Stopped as stopped:
-        note(f"memo: {stopped}; to continue: memo study resume {folder.parent}")
+    except (Stopped, KeyboardInterrupt) as stopped:
+        note(f"memo: {str(stopped) or 'stopped'}; to continue: memo study resume {quote(str(folder.parent))}")
         raise typer.Exit(INTERRUPTED) from None
     shown = _status(folder.parent)
     if json:
@@ -167,7 +170,7 @@ class AtTerminal:
     def agrees(self, participant: str, text: str) -> bool:
         note(text)
         while True:
-            typed = bare(input(f"{participant}, type 'I agree' to take part: "))
+            typed = bare(answer_to(f"{participant}, type 'I agree' to take part:"))
             if typed in ("i agree", *NO):
                 return typed == "i agree"
             note(f"{typed!r} is no consent: 'I agree' takes part, 'no' does not")
@@ -184,17 +187,17 @@ class AtTerminal:
         told = {name: getattr(known, name) for name in questions}
         for name, question in questions.items():
             if told[name] is None:
-                ask = _age if name == "age" else _answer
+                ask = _age if name == "age" else _told
                 told[name] = ask(question)
         return attrs.evolve(known, **told)
 
 
-def _answer(question: str) -> str | None:
-    return input(f"{question} (Enter: no answer): ").strip()[:LONGEST_WORDS] or None
+def _told(question: str) -> str | None:
+    return answer_to(f"{question} (Enter: no answer):")[:LONGEST_WORDS] or None
 
 
 def _age(question: str) -> int | None:
     """Ask until the answer is a whole number of years or empty."""
-    while (typed := bare(_answer(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
+    while (typed := bare(_told(question) or "")) and not (typed.isdecimal() and 0 < int(typed[:4]) < OLDEST):
         note(f"{typed!r} is no age: a whole number of years, or Enter for no answer")
     return int(typed) if typed else None

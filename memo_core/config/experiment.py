@@ -13,7 +13,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.config.errors import ConfigErrors, Issue, Origin, dotted
+from memo_core.config.errors import DEFAULT, ConfigErrors, Issue, Origin, dotted
 from memo_core.config.fields import Checker, key_of
 from memo_core.config.layers import FromOption, Merged, merge
 from memo_core.config.source import Path_
@@ -96,6 +96,16 @@ class ShownValue:
     origin: Origin
 
 
+@attrs.frozen
+class Unread:
+    """A value of an experiment that some command decides otherwise. ``instead`` says how; ``unless``: the value of the
+    file that agrees with it."""
+
+    path: str
+    instead: str
+    unless: Any = None
+
+
 @attrs.frozen(eq=False)
 class Experiment:
     """A checked experiment. ``choices`` by kind (``skills`` separately, as there may be several), ``sections`` by name,
@@ -125,6 +135,15 @@ class Experiment:
         if name not in self.sections:
             raise UnknownName("section", name, tuple(self.sections))
         return self.sections[name]
+
+    def unread(self, reader: str, decided: Sequence[Unread]) -> tuple[str, ...]:
+        """A sentence for each value that a file or an option sets and that ``reader`` does not read."""
+        shown = {one.path: one for one in self.values}
+        return tuple(
+            f"{shown[one.path].origin}: {one.path} is not read by {reader}: {one.instead}"
+            for one in decided
+            if shown[one.path].origin != DEFAULT and shown[one.path].value != one.unless
+        )
 
     def public(self) -> dict[str, Any]:
         """All values by dotted path, without secrets: what a run records."""
@@ -382,7 +401,7 @@ class _Assembly:
 
     def _origin(self, path: Path_) -> Origin:
         """Origin of a value in a file, otherwise ``default``; a default does not inherit the origin of its section."""
-        return self._merged.origins.get(path) or Origin("default")
+        return self._merged.origins.get(path) or DEFAULT
 
     def _public(self, path: Path_, value: Any) -> Any:
         """The value as written in the file, so that nothing from the environment is shown."""

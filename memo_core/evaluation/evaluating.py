@@ -21,7 +21,7 @@ from typing import Any
 import attrs
 import yaml
 
-from memo_core.config import Experiment
+from memo_core.config import Experiment, Unread
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.evaluation.books import contents, make_books, note_evaluation
 from memo_core.evaluation.engines import Group, GroupResult, do_here, on_joblib, on_ray
@@ -47,6 +47,20 @@ _GRID = ("study.", "books.", "evaluation.", "report.")  # sections whose values 
 _GOES_ON = "evaluating; the same command goes on"
 POLL_S = 1.0
 CODE = "code"  # file with the digest
+DECIDED = (
+    Unread("task", "evaluation.tasks says what is tried"),
+    Unread("method.backend", "evaluation.methods says which are compared"),
+    Unread("skillbook.url", "evaluation.hours and evaluation.books say which books are read"),
+    Unread("skillbook.cluster", "books.clustering says when books are clustered", unless="off"),
+    Unread("run.video", "trials are not filmed; memo reproduce --films makes films afterwards", unless="off"),
+)
+DECIDED_IN_SIMULATION = (Unread("teacher.backend", "evaluation.corrected.teacher says who corrects"),)
+
+
+def unread(experiment: Experiment) -> tuple[str, ...]:
+    """A sentence for each value of the experiment that an evaluation does not read."""
+    decided = DECIDED if is_hardware(experiment) else (*DECIDED, *DECIDED_IN_SIMULATION)
+    return experiment.unread("an evaluation", decided)
 
 
 @attrs.frozen

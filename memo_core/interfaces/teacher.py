@@ -138,6 +138,12 @@ class Teacher(ABC):
 
     def close(self) -> None: ...
 
+    @property
+    def left(self) -> bool:
+        """Whether the person has gone, for instance because the input ended. What is answered then is no answer of
+        theirs: a study pauses, any other run goes on unwatched."""
+        return False
+
     @abstractmethod
     def judge(self, episode: Episode) -> Verdict:
         """Whether a subtask worked."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import io
 from collections import Counter
 from collections.abc import Sequence
@@ -344,13 +345,20 @@ def participants(findings: Findings) -> Table:
     return Table("participants", "Participants", ("participant", "sessions", "minutes"), tuple(rows))
 
 
-def paper_numbers() -> Table:
-    """What the paper says, with its contradictions: a table of its own, never beside ours."""
+@functools.cache
+def said_by_the_paper() -> dict[str, Any]:
+    """The paper's figures, as in ``paper_numbers.yaml``."""
     text = resources.files("memo_core.report").joinpath("paper_numbers.yaml").read_text(encoding="utf-8")
-    told = yaml.safe_load(text)
+    return dict(yaml.safe_load(text))
+
+
+def paper_numbers() -> Table:
+    """Single figures of the paper with their places; those that contradict each other stand side by side."""
+    told = said_by_the_paper()
     rows = tuple((row["what"], " or ".join(row["says"]), row["where"], row.get("note", "")) for row in told["figures"])
     note = (
-        f"{told['source']}; made by people, a real robot and another language model. Not entered: {told['not_entered']}"
+        f"{', '.join(told['authors'])}: {told['title']}, {told['source']}. Figure 3 is success by user hours, Figure 4 "
+        'success by task. "or": the paper gives both.'
     )
     return Table("paper", "What the paper says", ("what", "says", "where it stands", "note"), rows, note)
 

@@ -11,12 +11,14 @@ from typing import Any
 import attrs
 import jinja2
 
+from memo_core.installing import install
 from memo_core.parsing import resolved
 from memo_core.plugins import Registry
+from memo_core.report.beside_the_paper import paper_tables
 from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
 from memo_core.report.findings import Findings, gather
-from memo_core.report.tables import all_tables, paper_numbers
+from memo_core.report.tables import all_tables
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.story import read_story
 
@@ -38,12 +40,12 @@ def write_report(registry: Registry, folder: Path) -> Written:
 def write_experiment_report(registry: Registry, folder: Path) -> Written:
     """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
     findings, out = gather(registry, folder), folder / "report"
-    tables, paper = all_tables(findings), paper_numbers()
-    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, paper)]
+    tables, paper = all_tables(findings), paper_tables(findings)
+    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     figures, missing = _figures(findings, out)
     files += [file for figure in figures for file in (figure.svg, figure.png)]
     heading = f"# {_title(folder)}\n\nLanguage backend: {findings.backend}; suite: {findings.suite}.\n\n"
-    markdown = heading + "\n".join(table.markdown() for table in (*tables, paper))
+    markdown = heading + "\n".join(table.markdown() for table in (*tables, *paper))
     files.append(write_whole(out / "tables.md", markdown))
     page = _templates().get_template("experiment.html.j2")
     html = page.render(
@@ -75,7 +77,7 @@ def _figures(findings: Findings, out: Path) -> tuple[list[Figure], str]:
     try:
         return all_figures(findings, out), ""
     except ImportError as error:
-        return [], f"no figures: {error} (pip install 'memo-core[experiment]')"
+        return [], f"no figures: {error} ({install('memo-core[experiment]')})"
 
 
 def _title(folder: Path) -> str:

@@ -140,6 +140,7 @@ class RunComponents:
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     time_is_up: Callable[[float, int, int], bool] | None = None  # as in ``Session``
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
+    attended: bool = False  # whether the run breaks off, to be resumed, when its teacher has left
 
 
 def run_experiment(
@@ -259,7 +260,7 @@ def perform(
 ) -> RunReport:
     """Open the components, do the task, close everything, and keep it in the folder that ``folder`` makes. ``before``:
     what a run that was cut off did. Raises ``MemoError`` only for what keeps the run from beginning."""
-    supervisor = Supervisor(StopSwitch(), components.teacher)
+    supervisor = Supervisor(StopSwitch(), components.teacher, components.attended)
     try:
         with supervisor.signals():  # before the folder is made and until it has its summary: no signal may cut it short
             return _perform(

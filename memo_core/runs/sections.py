@@ -23,7 +23,8 @@ class SkillbookSettings:
         metadata={"help": "a file (relative to where memo is started), or postgresql://USER@HOST/NAME"},
     )
     cluster: Literal["off", "after-run"] = attrs.field(
-        default="off", metadata={"help": "after-run: memo run ends with condensing what changed (memo cluster)"}
+        default="off",
+        metadata={"help": "after-run: each run, also of a study, ends with condensing what changed (memo cluster)"},
     )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
 

@@ -51,11 +51,13 @@ class _Ended(Generic[T]):
 
 
 class Supervisor:
-    """Runs work in a worker thread, and handles questions to people and signals in this thread."""
+    """Runs work in a worker thread, and handles questions to people and signals in this thread. ``attended``: the run
+    ends when the teacher has left."""
 
-    def __init__(self, stop: StopSwitch, teacher: Teacher | None = None) -> None:
+    def __init__(self, stop: StopSwitch, teacher: Teacher | None = None, attended: bool = False) -> None:
         self.stop = stop
         self.teacher = teacher
+        self.attended = attended
         self._ending = threading.Event()
         # SimpleQueue may be used from a signal handler, which a Queue with its lock may not.
         self._inbox: queue.SimpleQueue[_Question | _Ended[Any]] = queue.SimpleQueue()
@@ -162,6 +164,9 @@ class Supervisor:
         except Exception as error:
             self._asking = False
             return error
+        if self.attended and self.teacher is not None and self.teacher.left:
+            self.end()
+            return Stopped("waiting for the person, who has left")
         # Words said just before the signal came are not lost.
         return Stopped("waiting for the person") if answer is None else answer
 

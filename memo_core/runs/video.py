@@ -14,6 +14,7 @@ import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
 from memo_core.events import Problem
+from memo_core.installing import install
 from memo_core.interfaces.simulator import Simulator
 
 _PATIENCE_S = 20.0  # for the encoder to write its last frames
@@ -27,7 +28,7 @@ class Encoder:
         try:
             import imageio_ffmpeg
         except ImportError as error:
-            remedy = "install the extra: memo-core[video]"
+            remedy = install("memo-core[video]")
             raise BackendUnavailable("video encoder", "imageio-ffmpeg", "it is not installed", remedy) from error
         self._path = path
         self._shape = (height, width, 3)
@@ -191,6 +192,6 @@ def _image(picture: np.ndarray) -> Any:
     try:
         from PIL import Image
     except ImportError as error:
-        remedy = "install the extra: memo-core[video]"
+        remedy = install("memo-core[video]")
         raise BackendUnavailable("picture writer", "pillow", "it is not installed", remedy) from error
     return Image.fromarray(picture)

@@ -18,6 +18,7 @@ from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins import Registry
 from memo_core.policy.loop import TIME_IS_UP
+from memo_core.runs.clustering import after_run
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.one_of_many import calls_that_count, do_one, wall_seconds
 from memo_core.runs.run import components_of
@@ -119,7 +120,7 @@ def _begin_session(history: History, teaching: Teaching, settings: StudySettings
                 "study.participants", f"{who.id} is a person and nobody receives them", "memo study run"
             )
         if not teaching.reception.agrees(who.id, teaching.consent.text):
-            raise Stopped(f"session {number}: {who.id} did not agree")
+            raise Stopped(f"beginning session {number}: {who.id} did not agree")
         teaching.people.note(
             who.id, teaching.reception.about(who.id, teaching.people.known(who.id, demographics_of(who)))
         )
@@ -149,12 +150,16 @@ def _run(history: History, teaching: Teaching, settings: StudySettings, journal:
     who = next(one for one in history.order if one.id == run.participant)
     book = book_of(experiment, book_url, read_only=False)
     teacher = _teacher(teaching, who, task, run.seed, settings)
-    components = components_of(experiment, lambda: environment_of(experiment, task, run.seed), book, teacher)
+    clustering = after_run(experiment)
+    components = components_of(
+        experiment, lambda: environment_of(experiment, task, run.seed), book, teacher, clustering=clustering
+    )
     folder = history.folder / run.folder
     session = journal.open_session
     assert session is not None
     left_s = settings.session_minutes * 60 - session.active_s
-    components = attrs.evolve(components, time_is_up=time_is_up(settings, left_s, wall_seconds(folder)))
+    over = time_is_up(settings, left_s, wall_seconds(folder))
+    components = attrs.evolve(components, time_is_up=over, attended=True)
     summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
     with book_of(experiment, book_url, read_only=True) as read:
         newest = max((one.id for one in read.log().feedback), default=0)

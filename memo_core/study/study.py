@@ -15,10 +15,11 @@ from typing import Any
 
 import yaml
 
-from memo_core.config import Experiment, load_experiment
+from memo_core.config import Experiment, Unread, load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.plugins import Registry
 from memo_core.runlog.whole_files import write_whole
+from memo_core.runs.clustering import after_run
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
@@ -31,6 +32,11 @@ from memo_core.study.settings import StudySettings
 CONFIG = "config.yaml"
 LEDGER = "experiment.ledger"  # in the experiment's folder
 _KEPT = 64  # experiments
+DECIDED = (
+    Unread("task", "study.tasks says what is taught"),
+    Unread("teacher.backend", "study.participants says who teaches"),
+    Unread("skillbook.url", "each history has a book of its own"),
+)
 
 
 def loader(registry: Registry, file: Path | None, sections: dict[str, type], overrides: Sequence[str] = ()) -> Load:
@@ -73,6 +79,9 @@ def check(load: Load, experiment: Experiment) -> Consent:
     """Raises ``MemoError`` for participants, tasks, a text or a robot with which the study cannot take place."""
     settings: StudySettings = experiment.section("study")
     names = training_tasks(experiment, settings)
+    if experiment.section("skillbook").read_only:
+        raise InvalidArgument("skillbook.read_only", "true, and a study keeps what is taught", "false")
+    after_run(experiment)  # refuses a method that does not cluster
     environment_of(experiment, task_of(experiment, names[0]), experiment.seed)  # refuses a real robot
     consent = read_consent(settings.consent)
     people = [

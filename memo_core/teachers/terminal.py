@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import io
 import math
 import re
 import sys
@@ -12,7 +11,6 @@ from typing import TypeVar
 
 import attrs
 
-from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import (
     Arrangement,
     Episode,
@@ -59,15 +57,15 @@ class TerminalTeacher(Teacher):
         self._line = TypedLine()
 
     def open(self) -> None:
-        if sys.stdin is None or sys.stdin.closed:
-            raise InvalidArgument("teacher.backend", "standard input is closed", "a terminal, or another teacher")
-        if isinstance(sys.stdin, io.TextIOWrapper):
-            sys.stdin.reconfigure(errors="surrogateescape")  # a byte that is no UTF-8 must not cost what was said
-        self.who = self.settings.who or login_name()
         self._line.open()
+        self.who = self.settings.who or login_name()
 
     def close(self) -> None:
         self._line.close()
+
+    @property
+    def left(self) -> bool:
+        return self._line.ended
 
     # -- whether it worked ---------------------------------------------------------------------------------------------
     def judge(self, episode: Episode) -> Verdict:
@@ -275,7 +273,7 @@ def _struck(words: str, count: int) -> tuple[int, ...] | None:
 
 def _ended(answer: Answer, taken: str) -> Answer:
     """The answer where there is no more input, saying so."""
-    _say(f"\nmemo: input ended, so nobody answers: {taken}")
+    _say(f"memo: input ended, so nobody answers: {taken}")
     return answer
 
 

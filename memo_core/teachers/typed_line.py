@@ -7,6 +7,8 @@ pipe, a file) each line is an answer. The library is imported when the first ter
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
 import select
@@ -14,19 +16,26 @@ import signal
 import sys
 from typing import Any
 
+from memo_core.errors import InvalidArgument
 from memo_core.reading_limits import too_long
 
 _PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
+_ANY_BYTE = "surrogateescape"
 _ESCAPES = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
 
 
 class TypedLine:
-    """Reads answers from standard input and shows prompts on standard error."""
+    """Reads answers from standard input and shows prompts on standard error. ``ended``: the input is at its end."""
 
     def __init__(self) -> None:
         self._session: Any = None
+        self.ended = False
 
     def open(self) -> None:
+        """Raises ``InvalidArgument`` if standard input is closed."""
+        if sys.stdin is None or sys.stdin.closed:
+            raise InvalidArgument("stdin", "standard input is closed", "a terminal, or a pipe or file with the answers")
+        _read_any_byte()
         if not self.at_terminal or self._session is not None:
             return
         try:
@@ -46,6 +55,11 @@ class TypedLine:
     def ask(self, *question: str, prompt: str = "> ") -> str | None:
         """Show the lines of a question and return what is typed from then on; None at the end of input. Text typed
         before is a draft. Exceptions of signal handlers propagate."""
+        typed = self._asked(question, prompt)
+        self.ended = typed is None
+        return None if typed is None else _text(typed)
+
+    def _asked(self, question: tuple[str, ...], prompt: str) -> str | None:
         draft = self._typed_ahead()  # before the question is shown: what comes after it is the answer, however soon
         if too_long(draft):
             print(f"({len(draft)} characters typed before the question are not taken)", file=sys.stderr)
@@ -56,9 +70,11 @@ class TypedLine:
                 print(f"(typed before the question and not taken: {draft})", file=sys.stderr)
             print(prompt, end="", file=sys.stderr, flush=True)
             line = sys.stdin.readline()
-            return _text(line) if line else None
+            if not line.endswith("\n"):
+                print(file=sys.stderr)  # no Enter has ended the prompt's line
+            return line or None
         try:
-            return _text(self._session.prompt(prompt, default=draft, handle_sigint=False, set_exception_handler=False))
+            return str(self._session.prompt(prompt, default=draft, handle_sigint=False, set_exception_handler=False))
         except EOFError:
             return None
         except KeyboardInterrupt as pressed:
@@ -91,10 +107,18 @@ class TypedLine:
         return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
+def _read_any_byte() -> None:
+    """Let standard input carry bytes that are no UTF-8: they must not cost what was said. A stream that was read before
+    cannot be changed any more and stays as it is."""
+    if isinstance(sys.stdin, io.TextIOWrapper) and sys.stdin.errors != _ANY_BYTE:
+        with contextlib.suppress(io.UnsupportedOperation):
+            sys.stdin.reconfigure(errors=_ANY_BYTE)
+
+
 def _text(line: str) -> str:
     """The typed text in a form that can be stored, also from a terminal that does not use UTF-8."""
     try:
         line.encode()
     except UnicodeEncodeError:
-        return line.encode(errors="surrogateescape").decode("latin-1")
+        return line.encode(errors=_ANY_BYTE).decode("latin-1")
     return line

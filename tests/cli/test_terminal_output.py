@@ -18,6 +18,8 @@ from memo_core.cli.main import main
 from memo_core.skillbook.book import Skillbook
 from memo_core.terminal import console, printable
 
+ROOT = Path(__file__).parents[2]
+
 # clear the screen, write the clipboard (OSC 52), the same as one character (C1), go back in the line, turn text round
 EVIL = "\x1b[2J\x1b]52;c;ZXZpbA==\x07\x9b2J\rgone\u202edlrow\x7f\x08"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -119,3 +121,38 @@ def test_json_stays_the_same_json():
 def test_plain_text_passes_unchanged():
     text = "Zeile eins\n\tÜber 日本語 emoji 🦾 é\r\n"
     assert printable(text) == text
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closing streams in a POSIX shell")
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(("command", "code"), [("--version", 0), ("config show", 0), ("no-such-command", 2)])
+def test_closed_standard_streams_change_no_exit_code(closed, command, code):
+    line = f"{sys.executable} -m memo_core.cli.main {command} {closed}"
+    found = subprocess.run(line, shell=True, capture_output=True, text=True)
+    assert found.returncode == code, found.stderr
+
+
+CLAIMS_NUMBERS = """
+import os, sys
+from memo_core.terminal import replace_closed_streams
+replace_closed_streams()
+print("lost")
+opened = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT)
+os._exit(opened)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closing streams in a POSIX shell")
+def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
+    (tmp_path / "script.py").write_text(CLAIMS_NUMBERS)
+    line = f"{sys.executable} {tmp_path / 'script.py'} {tmp_path / 'book.db'} <&- >&- 2>&-"
+    assert subprocess.run(line, shell=True, env=os.environ | {"PYTHONPATH": str(ROOT)}).returncode > 2
+
+
+@pytest.mark.parametrize("arguments", [("exec", "-"), ("skillbook", "edit", "1", "-", "--book", "sqlite://")])
+@pytest.mark.parametrize(("given", "said"), [(b"x \xff", "no UTF-8 from byte 2 on"), (None, "is closed")])
+def test_text_from_standard_input_is_read_whole_or_refused(arguments, given, said):
+    command = [sys.executable, "-m", "memo_core.cli.main", *arguments]
+    shell = " ".join(command) + " <&-" if given is None else command
+    found = subprocess.run(shell, input=given, shell=given is None, capture_output=True)
+    assert found.returncode == 2 and said in found.stderr.decode()

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from pathlib import Path
+from statistics import mean
 
 import pytest
 import yaml
@@ -13,7 +14,7 @@ import yaml
 from memo_core.errors import InvalidArgument
 from memo_core.plugins import Registry
 from memo_core.report.films import wanted
-from memo_core.report.tables import Table, paper_numbers
+from memo_core.report.tables import Table, paper_numbers, said_by_the_paper
 from memo_core.report.writing import write_report
 
 BLANK = {
@@ -148,14 +149,68 @@ def _words(svg: str) -> str:
     return " ".join(re.findall(r"<!-- (.*?) -->", svg))
 
 
-def test_the_paper_s_numbers_stand_in_a_table_of_their_own_with_their_contradictions(tmp_path):
+def test_the_paper_s_numbers_agree_with_each_other_where_the_paper_s_do():
+    said = said_by_the_paper()
+    first, second = said["table_1"], said["table_2"]
+    assert sum(row["feedback"] for row in first["training"]) == first["total"] == 224
+    assert (len(first["training"]), len(first["held_out"])) == (20, 5)
+    assert [row["task"] for row in second["tasks"]] == [row["task"] for row in first["held_out"]]
+    for method, overall in second["overall"].items():
+        columns = zip(*(row[method] for row in second["tasks"]), strict=True)
+        assert [round(mean(column), 2) for column in columns] == overall, method
+    assert {row["type"] for row in (*first["training"], *first["held_out"])} == {"LH", "CR", "SR", "TR"}
+    assert all(row["where"] not in ("", "unknown") for row in (*said["figures"], *said["zero_shot"].values()))
+
+
+def test_the_paper_s_tasks_are_those_of_its_suite():
+    suite = {task.name: task for task in Registry().get("suite", "tabletop").factory(None)}
+    said = said_by_the_paper()["table_1"]
+    for split, rows in (("training", said["training"]), ("held-out", said["held_out"])):
+        ours = {(name, task.kind) for name, task in suite.items() if task.split == split}
+        assert {(row["task"].lower().replace(" ", "-"), row["type"]) for row in rows} == ours
+
+
+def test_corrections_of_the_paper_are_shown_under_their_own_method(tmp_path):
     write_report(Registry(), experiment(tmp_path))
-    paper = paper_numbers()
-    said = {row[0]: row[1] for row in paper.rows}
-    assert said["zero-shot success of droc-v"] == "28 % or 40 %"
-    assert said["corrections until success with memo"] == "2.76 or 2.2"
-    ours = [file for file in (tmp_path / "report").iterdir() if file.name != "paper.csv" and file.suffix == ".csv"]
-    assert ours and not any("2.76" in file.read_text() for file in ours)
+    feedback = {row["method"]: row["feedback a task, paper"] for row in cells(tmp_path, "paper-methods")}
+    assert feedback == {"memo": "1.52", "memo-c": "2.2", "droc-v": "2.76", "pi0.5": "-", "memo-s": "-"}
+    methods = {row["method"]: row for row in cells(tmp_path, "paper-methods")}
+    assert methods["memo"]["zero-shot, paper (simulation)"] == "78 %"
+    assert methods["droc-v"]["zero-shot, paper (simulation)"] == "28 % or 40 %"
+    assert methods["memo-c"]["zero-shot, paper (simulation)"] == "-", "the text does not say which method has 42 %"
+    assert methods["memo"]["zero-shot, ours"] == "67 % of 12" and methods["memo"]["corrections a trial, ours"] == "2"
+    said = {row[0]: row for row in paper_numbers().rows}
+    assert said["zero-shot success of droc-v"][1] == "28 % or 40 %"
+    assert said["pieces of feedback a task with memo-c"][1] == "2.2 or 2.76"
+
+
+def test_each_task_has_the_paper_s_success_and_corrections_above_ours(tmp_path):
+    file = experiment(tmp_path) / "evaluation" / "trials.jsonl"
+    oven = "put-the-food-in-the-oven"
+    rows = [trial("memo", oven, scene, scene > 0, mode="corrected", corrections=scene) for scene in range(4)]
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_report(Registry(), tmp_path)
+    told = {(row["task"], row["whose"]): row for row in cells(tmp_path, "paper-table-2")}
+    paper = told[oven, "paper"]
+    assert [paper[one] for one in ("memo", "memo-c", "droc-v", "pi0.5")] == ["60 (3.4)", "40 (4)", "20 (4.6)", "20"]
+    assert (told[oven, "ours"]["memo"], told[oven, "ours"]["droc-v"]) == ("75 (1.5)", "-")
+    assert [told["all", "paper"][one] for one in ("memo", "memo-c", "droc-v")] == ["88 (1.52)", "84 (2.2)", "60 (2.76)"]
+    assert ("pour-the-can", "ours") not in told, "nobody corrected there"
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert page.count("says nothing about the methods") == 3, "beside each of the tables"
+    first = {row["task"]: row for row in cells(tmp_path, "paper-table-1")}
+    assert first["season-the-food"]["feedback, paper"] == "37" and first["all"]["feedback, paper"] == "224"
+
+
+def test_the_project_names_the_paper_and_its_authors():
+    said, root = said_by_the_paper(), Path(__file__).parents[2]
+    [cited] = yaml.safe_load((root / "CITATION.cff").read_text())["references"]
+    assert cited["title"] == said["title"]
+    assert [f"{one['given-names']} {one['family-names']}" for one in cited["authors"]] == said["authors"]
+    for page in ("README.md", "docs/index.md"):
+        words = " ".join((root / page).read_text().split())
+        assert said["title"] in words and all(author in words for author in said["authors"]), page
+        assert said["source"].removeprefix("arXiv ") in words, page
 
 
 def test_what_is_filmed_is_a_success_and_a_failure_of_each_method_and_task_where_there_is_one(tmp_path):

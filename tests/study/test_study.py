@@ -11,13 +11,16 @@ from pathlib import Path
 
 import pytest
 
+from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
+from memo_core.evaluation.evaluating import unread
+from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.plugins import Registry
 from memo_core.runs.factories import book_of
 from memo_core.study.export import export_study
 from memo_core.study.running import run_study, study_sections
 from memo_core.study.settings import StudySettings
-from memo_core.study.study import open_study, status
+from memo_core.study.study import DECIDED, open_study, status
 
 FILE = """
 llm: offline
@@ -104,6 +107,46 @@ def test_real_people_need_a_text_of_ones_own_and_a_real_clock(tmp_path):
     (tmp_path / "text.txt").write_text("To the provider of the model. You may withdraw.")
     with pytest.raises(InvalidArgument, match=r"study\.clock: simulated"):
         opened(tmp_path, "people", people + f"  consent: {tmp_path / 'text.txt'}\n")
+
+
+@pytest.mark.slow
+def test_each_run_of_a_study_ends_with_clustering_where_the_file_says_so(tmp_path):
+    text = FILE.replace("rounds: 2", "rounds: 1").replace("session_minutes: 1", "session_minutes: 30")
+    registry, load = opened(tmp_path, "clustered", text + "skillbook: {cluster: after-run}\n")
+    folder = tmp_path / "clustered" / "study"
+    run_study(load, registry, folder)
+    events = (folder / "history-0" / "runs" / "0001-open-the-cupboard" / "events.jsonl").read_text()
+    assert '"event": "ClusterDone"' in events
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("skillbook: {cluster: after-run}\nmethod: memo-c", "'memo-c' does not cluster"),
+        ("skillbook: {read_only: true}", "a study keeps what is taught"),
+    ],
+)
+def test_a_setting_that_contradicts_a_study_is_refused_before_it_begins(tmp_path, section, said):
+    with pytest.raises(InvalidArgument, match=said):
+        opened(tmp_path, "refused", f"{FILE}{section}\n")
+
+
+def test_a_setting_that_a_study_or_an_evaluation_decides_otherwise_is_named_with_its_line(tmp_path):
+    set_by_hand = "teacher: silent\nmethod: memo\nskillbook: {url: mine.db, cluster: after-run}\n"
+    file = tmp_path / "study.yaml"
+    file.write_text(FILE + set_by_hand)
+    experiment = load_experiment(Registry(), file, (), ALL_SECTIONS)
+    lines = (FILE + set_by_hand).splitlines()
+    at = {key: f"{file}:{lines.index(line) + 1}: {key}" for key, line in (
+        ("teacher.backend", "teacher: silent"), ("method.backend", "method: memo"),
+        ("skillbook.url", lines[-1]), ("skillbook.cluster", lines[-1]),
+    )}  # fmt: skip
+    told = {line.partition(" is not read by ")[0] for line in experiment.unread("a study", DECIDED)}
+    assert told == {at["teacher.backend"], at["skillbook.url"]}
+    told = {line.partition(" is not read by ")[0] for line in unread(experiment)}
+    assert told == set(at.values())
+    plain = load_experiment(Registry(), None, (), ALL_SECTIONS)
+    assert not plain.unread("a study", DECIDED) and not unread(plain), "defaults need no notice"
 
 
 def test_one_book_for_each_participant_is_one_history_each():

@@ -36,6 +36,35 @@ def test_words_in_any_encoding_arrive_as_text_that_a_book_can_hold(mode, typed):
     assert bytes.fromhex(heard.stdout.decode().strip()).decode() == "ziehe über die Tür"
 
 
+TWICE = """
+import sys
+from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+from memo_core.testing.teacher import episodes
+first = sys.stdin.readline()
+for name in ("ana", "ben"):
+    teacher = TerminalTeacher(TerminalSettings(who=name))
+    teacher.open()
+    print(name, teacher.judge(episodes()[0]).words, teacher.left)
+    teacher.close()
+"""
+
+
+def test_one_process_asks_several_people_one_after_the_other_also_where_input_was_read_before():
+    heard = subprocess.run(
+        [sys.executable, "-c", TWICE], input="x\ngo higher\ngo lower", capture_output=True, text=True
+    )
+    assert heard.returncode == 0, heard.stderr
+    assert heard.stdout.splitlines() == ["ana go higher False", "ben go lower False"]
+
+
+def test_a_person_has_left_when_the_input_has_ended(monkeypatch):
+    teacher = typing(monkeypatch, "go higher")
+    teacher.judge(episodes()[0])
+    assert not teacher.left
+    teacher.judge(episodes()[0])
+    assert teacher.left
+
+
 def test_a_closed_standard_input_is_said_in_one_line(monkeypatch):
     closed = io.StringIO()
     closed.close()

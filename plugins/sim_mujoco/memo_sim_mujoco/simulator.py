@@ -16,6 +16,7 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
+from memo_core.installing import reinstall
 from memo_core.interfaces.simulator import Contact, Simulator, divided
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
@@ -70,7 +71,7 @@ class MujocoSimulator(Simulator):
         try:
             import mujoco
         except ImportError as error:
-            raise BackendUnavailable("simulator", "mujoco", str(error), "pip install 'mujoco>=4,<5'") from error
+            raise BackendUnavailable("simulator", "mujoco", str(error), reinstall("mujoco", "mujoco")) from error
         except Exception as error:  # MuJoCo loads the OpenGL that MUJOCO_GL names; what a missing one raises varies
             remedy = f"unset MUJOCO_GL, now {os.environ.get('MUJOCO_GL', 'not set')!r}"
             raise BackendUnavailable("simulator", "mujoco", f"importing it failed ({error})", remedy) from error

@@ -15,6 +15,7 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
+from memo_core.installing import reinstall
 from memo_core.interfaces.simulator import Contact, Simulator, divided
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
@@ -61,7 +62,7 @@ class PybulletSimulator(Simulator):
                 import pybullet
                 from pybullet_utils.bullet_client import BulletClient
             except ImportError as error:
-                remedy = "pip install 'pybullet>=3.2.7,<4'"
+                remedy = reinstall("pybullet", "pybullet_utils")
                 raise BackendUnavailable("simulator", "pybullet", str(error), remedy) from error
             self.client = BulletClient(pybullet.DIRECT)
 

@@ -1,0 +1,51 @@
+"""Standard input of commands: a person's answers, typed or through a pipe, and text for an argument ``-``."""
+
+from __future__ import annotations
+
+import sys
+
+from memo_core.errors import InvalidArgument, Stopped
+
+
+def answer_to(question: str) -> str:
+    """What is typed in answer, without surrounding space. Raises ``Stopped`` at the end of input, and
+    ``InvalidArgument`` if standard input is closed."""
+    from memo_core.teachers.typed_line import TypedLine
+
+    line = TypedLine()
+    line.open()
+    try:
+        typed = line.ask(question)
+    finally:
+        line.close()
+    if typed is None:
+        raise Stopped("waiting for an answer: the input ended")
+    return typed.strip()
+
+
+def agreed(question: str) -> bool:
+    """Ask until the answer is yes or no; Enter is no. Raises as ``answer_to``."""
+    from memo_core.cli.output import note
+    from memo_core.teachers.answers import NO, SILENCES, YES, bare
+
+    while True:
+        typed = bare(answer_to(question) or "n")
+        if typed in YES:
+            return True
+        if typed in NO | SILENCES:
+            return False
+        note(f"{typed!r} is neither yes nor no")
+
+
+def text_of_stdin(most: int) -> str:
+    """All of standard input. Raises ``InvalidArgument`` if it is closed, no UTF-8, or longer than ``most`` bytes."""
+    expected = "UTF-8 text from a pipe or a file"
+    if sys.stdin is None:
+        raise InvalidArgument("-", "standard input is closed", expected)
+    read = sys.stdin.buffer.read(most + 1)
+    if len(read) > most:
+        raise InvalidArgument("-", f"standard input is longer than {most} bytes", "less text")
+    try:
+        return read.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InvalidArgument("-", f"standard input is no UTF-8 from byte {error.start} on", expected) from None
