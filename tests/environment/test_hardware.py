@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import io
 import json
 import subprocess
 import sys
@@ -396,6 +397,5 @@ def test_a_driver_may_be_configured_beside_its_robot(person, tmp_path):
 
 @pytest.mark.parametrize(("typed", "agreed"), [(["ja", "y!"], True), (["hm", "no!"], False), ([""], False)])
 def test_a_robot_goes_on_after_a_plain_yes_only_and_asks_again_after_anything_else(monkeypatch, typed, agreed):
-    answers = iter(typed)
-    monkeypatch.setattr("typer.prompt", lambda question, default, **_: next(answers) or default)
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in typed)))
     assert robot_link.agreed("Go on? [y/n]") is agreed

@@ -49,7 +49,7 @@ def test_a_run_gives_it_back_also_when_it_cannot_begin(monkeypatch):
     def no_folder():
         raise OSError("no space")
 
-    components = type("Components", (), {"teacher": None})
+    components = type("Components", (), {"teacher": None, "attended": False})
     with pytest.raises(OSError, match="no space"):
         run.perform(components, None, 0, no_folder, None, {})
     assert given

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
 
 from memo_core.cli.study import AtTerminal
@@ -48,13 +50,13 @@ def test_a_name_is_no_id(name):
     [(["I agree!"], True), (["'I agree'"], True), (["", "ja", "yes", "i agree."], True), (["no!"], False)],
 )
 def test_only_the_words_of_consent_are_consent_and_others_are_asked_back(monkeypatch, typed, agrees):
-    monkeypatch.setattr("builtins.input", lambda question, lines=iter(typed): next(lines))
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in typed)))
     assert AtTerminal().agrees("P01", "You may withdraw.") is agrees
 
 
 def test_an_age_is_asked_for_until_it_is_a_number_or_left_open(monkeypatch, capsys):
-    typed = iter(["abc", "-3", "9" * 5000, "30!", "f", "", "none"])
-    monkeypatch.setattr("builtins.input", lambda question: next(typed))
+    typed = ["abc", "-3", "9" * 5000, "30!", "f", "", "none"]
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in typed)))
     told = AtTerminal().about("P01", Demographics())
     assert (told.age, told.gender, told.robots, told.language_models) == (30, "f", None, "none")
     assert "a whole number of years" in capsys.readouterr().err
