@@ -23,8 +23,7 @@ import attrs
 from memo_core.scene.building import default_table
 from memo_core.scene.description import Material, SceneDescription
 
-# What a surface is to others: common or rough; a pad; or, of a smooth one, a copy that meets smooth ones, all others but
-# pads, or pads.
+# A common or rough surface, a pad, or the copy of a smooth surface that meets smooth ones, pads, or all others.
 Surface = Literal["plain", "pad", "for smooth", "for others", "for pads"]
 _COLLIDING: set[tuple[Surface, Surface]] = {
     ("plain", "plain"),
