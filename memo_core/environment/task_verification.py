@@ -54,8 +54,8 @@ def verify_task(
     plain: bool = False,
 ) -> Iterable[Verified]:
     """Run the reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has
-    one, each judged by the success check. ``make_environment(seed)`` returns an unopened environment of the task. Raises
-    ``MemoError`` when the robot, the simulator or the task's own code fails: such an attempt has no outcome."""
+    one, each judged by the success check. ``make_environment(seed)`` returns an unopened environment of the task.
+    Raises ``MemoError`` when the robot, the simulator or the task's own code fails: such an attempt has no outcome."""
     for seed in seeds:
         started = time.monotonic()
         with make_environment(seed) as world, make_sandbox() as sandbox:
