@@ -21,6 +21,7 @@ from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.interfaces.task import Task
 from memo_core.plugins import Registry
+from memo_core.runs.carrying_out import Halted, RunError
 from memo_core.study.participants import Load
 from memo_core.study.study import loader
 
@@ -102,11 +103,13 @@ def bench_trial(
     trials = [Trial("memo", task, scene) for task in tasks for scene in range(scenes)]
     with tempfile.TemporaryDirectory(prefix="memo-bench-trial-") as folder:
         load, registry = _load(config, overrides), Registry()
-        do_group(load, registry, Place(Path(folder) / "warm"), trials[:1])  # imports, tables, the first scene
+        do_group(
+            load, registry, Place(Path(folder) / "warm"), trials[:1], _carried_out
+        )  # imports, tables, the first scene
         with Sampler() as sampler:
             started, cpu = time.monotonic(), time.process_time()
             for done, trial in enumerate(trials):
-                do_group(load, registry, Place(Path(folder) / "one"), [trial])
+                do_group(load, registry, Place(Path(folder) / "one"), [trial], _carried_out)
                 progress((done + 1) / (2 * len(trials)))
             one_s, cpu_s = time.monotonic() - started, time.process_time() - cpu
         two_s = _in_two(config, overrides, trials, Path(folder))
@@ -140,7 +143,13 @@ def _in_two(config: Path | None, overrides: tuple[str, ...], trials: list[Trial]
 
 
 def _done(config: Path | None, overrides: tuple[str, ...], trials: list[Trial], folder: Path) -> None:
-    do_group(_load(config, overrides), Registry(), Place(folder), trials)
+    do_group(_load(config, overrides), Registry(), Place(folder), trials, _carried_out)
+
+
+def _carried_out(error: RunError | None) -> None:
+    """A trial that could not be carried out took no time that means anything. Raises ``Halted``."""
+    if error is not None:
+        raise Halted("trials", error)
 
 
 def _load(config: Path | None, overrides: tuple[str, ...]) -> Load:

@@ -38,12 +38,14 @@ def retest(
     """Run templates again, from the start of the subtask they were approved for and in fresh scenes of its task.
 
     The measured success is kept with the template; one that fails in more than half of its trials is served after those
-    that do not. Only in simulators. Each trial is kept as it ends: interrupted, the command goes on where it was.
+    that do not. Only in simulators. Each trial is kept as it ends: interrupted, the command goes on where it was. A
+    trial that the simulator could not carry out is not kept.
     """
     from memo_core.cli.execute import stopping
     from memo_core.cli.skillbook_editing import opened_book
     from memo_core.cli.tasks import read_seeds
     from memo_core.errors import BackendUnavailable
+    from memo_core.runs.carrying_out import Halted, reason_to_stop
     from memo_core.runs.retesting import Planned, Retested, Retesting
 
     wanted = read_seeds(seeds)
@@ -64,13 +66,18 @@ def retest(
         if len(waiting) < len(planned):
             kept = len(planned) - len(waiting)
             note(f"{kept} of {len(planned)} trials are in the book already (--again repeats them)")
+        halted, tried = None, list[Retested]()
         with progress_bar() as progress:
             bar = progress.add_task("retesting", total=len(waiting))
             for one in waiting:
                 progress.update(bar, description=f"template {one.template.id}, {one.start}")
-                results.append(retesting.run(one))
+                tried.append(retesting.run(one))
                 progress.advance(bar)
-        _tell(opened, _chosen(opened, entries), results, json)
+                if (halted := reason_to_stop(trial.error for trial in tried)) is not None:
+                    break
+        _tell(opened, _chosen(opened, entries), results + tried, json)
+    if halted is not None:
+        raise Halted("trials", halted)
 
 
 def _chosen(book: Skillbook, entries: list[int] | None) -> list[Entry]:

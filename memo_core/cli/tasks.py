@@ -99,8 +99,9 @@ def verify(
 ) -> None:
     """Run each task's reference solution, and nothing at all, and let the success check judge both.
 
-    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any. "x real time"
-    is how many seconds are simulated in a second of one core's time, planning included.
+    Exit code 1 when a reference solution succeeds on fewer than 19 of 20 seeds, or anything else on any, or when
+    robot, simulator or the task's code fails: such a trial counts for nothing. "x real time" is how many seconds are
+    simulated in a second of one core's time, planning included.
     """
     from memo_core.cli import verification
     from memo_core.environment.task_code import scene_of

@@ -14,7 +14,7 @@ from typing import Any
 import attrs
 
 from memo_core.cli.output import note, progress_bar
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, MemoError
 from memo_core.runlog.json_lines import append_line, make_writable, read_lines
 
 SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
@@ -32,10 +32,12 @@ class Trial:
 
 
 def run_trial(trial: Trial) -> dict[str, Any]:
-    """Verify one task on one seed (also the entry of a worker process)."""
+    """Verify one task on one seed (also the entry of a worker process). The result of a trial that robot, simulator or
+    the task's own code could not carry out is an ``error`` (``RunError``) without outcomes."""
     from memo_core.config import load_experiment
     from memo_core.environment.task_verification import verify_task
     from memo_core.plugins import Registry
+    from memo_core.runs.carrying_out import run_error
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
     from memo_core.runs.sections import SECTIONS
 
@@ -43,9 +45,17 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     # Not ``load``: what it says of plugins and settings has been said once, before the first trial.
     experiment = load_experiment(Registry(), trial.config, trial.overrides, SECTIONS)
     task = task_of(experiment, trial.task)
-    [found] = verify_task(
-        lambda seed: environment_of(experiment, task, seed), lambda: sandbox_of(experiment), [trial.seed], trial.plain
-    )
+    try:
+        [found] = verify_task(
+            lambda seed: environment_of(experiment, task, seed),
+            lambda: sandbox_of(experiment),
+            [trial.seed],
+            trial.plain,
+        )
+    except MemoError as problem:
+        if (error := run_error(problem)) is None:
+            raise
+        return {"task": trial.task, "seed": trial.seed, "error": attrs.asdict(error)}
     result = {
         "task": trial.task,
         "seed": trial.seed,
@@ -135,8 +145,12 @@ def digest_of(experiment: Any) -> Callable[[str, int], str]:
 
 
 def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
-    """All results, with progress on stderr; those in the log are not run again."""
+    """All results, with progress on stderr; those in the log are not run again. Raises ``Halted`` after errors by
+    which the trials that are left could not be carried out either (``reason_to_stop``)."""
+    from memo_core.runs.carrying_out import Halted, RunError, reason_to_stop
+
     results, waiting = [], []
+    errors: list[RunError | None] = []
     for trial in trials:
         known = log.known(trial)
         if known is None:
@@ -152,7 +166,12 @@ def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[s
         for result in _run(
             waiting, jobs, lambda trial: progress.update(bar, description=f"{trial.task}, seed {trial.seed}")
         ):
-            log.add(result)
+            failed = result.get("error")
+            errors.append(RunError(**failed) if failed else None)
+            if (reason := reason_to_stop(errors)) is not None:
+                raise Halted("trials", reason)
+            if not failed:
+                log.add(result)
             results.append(result)
             progress.advance(bar)
     return results
@@ -185,9 +204,17 @@ def _leave_interrupts_to_the_parent() -> None:
 
 def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
     """One task's results together. ``real_time_factor``: seconds simulated in a second of one core's time, with all
-    that the reference solutions need: physics, planning, monitors."""
+    that the reference solutions need: physics, planning, monitors. A trial that could not be carried out is in no count
+    but ``not_carried_out``."""
     results = sorted(results, key=lambda result: result["seed"])
     failures = [
+        {"seed": r["seed"], "what": "could not be carried out", "why": r["error"]["problem"]}
+        for r in results
+        if "error" in r
+    ]
+    results = [r for r in results if "error" not in r]
+    not_carried_out = len(failures)
+    failures += [
         {"seed": r["seed"], "what": "reference solution failed", "why": r["reference_why"]}
         for r in results
         if not r["reference"]
@@ -203,6 +230,7 @@ def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "name": name,
         "seeds": len(results),
+        "not_carried_out": not_carried_out,
         "reference": sum(r["reference"] for r in results),
         "null": sum(r["null"] for r in results),
         "plain": sum(r["plain"] for r in tried) if tried else None,
@@ -216,6 +244,8 @@ def report_of(name: str, results: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def holds(report: dict[str, Any]) -> bool:
-    """Whether a task is verified: its reference solution on 19 of 20 seeds, doing nothing and the plain attempt on
-    none."""
+    """Whether a task is verified: every trial carried out, its reference solution succeeds on 19 of 20 seeds, doing
+    nothing and the plain attempt on none."""
+    if report["not_carried_out"]:
+        return False
     return report["reference"] >= SHARE_REQUIRED * report["seeds"] and not report["null"] and not report["plain"]

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 import attrs
 
 from memo_core.environment.simulated import SimulatedEnvironment
-from memo_core.errors import RobotFault
 from memo_core.interfaces.task import Outcome
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.sandbox import Sandbox
@@ -55,8 +54,8 @@ def verify_task(
     plain: bool = False,
 ) -> Iterable[Verified]:
     """Run the reference solution and doing nothing on each seed, and with ``plain`` the task's plain attempt if it has
-    one, each judged by the success check; a fault of the robot ends an attempt. ``make_environment(seed)`` returns an
-    unopened environment of the task."""
+    one, each judged by the success check. ``make_environment(seed)`` returns an unopened environment of the task.
+    Raises ``MemoError`` when the robot, the simulator or the task's own code fails: such an attempt has no outcome."""
     for seed in seeds:
         started = time.monotonic()
         with make_environment(seed) as world, make_sandbox() as sandbox:
@@ -68,11 +67,7 @@ def verify_task(
                 yield Verified(world.task.name, seed, Outcome(False, "the task has no reference solution"), null)
                 continue
             begun, cpu = world.time(), time.process_time()
-            error = ""
-            try:
-                error = run_code(world, world.task.reference_solution, sandbox).error
-            except RobotFault as fault:
-                error = str(fault)
+            error = run_code(world, world.task.reference_solution, sandbox).error
             cpu_s, sim_s = time.process_time() - cpu, world.time() - begun
             reference, tried = world.check(), None
             if plain and world.task.plain_attempt:

@@ -12,6 +12,7 @@ from typing import Literal
 
 import attrs
 
+from memo_core.scene.description import Material
 from memo_core.scene.pose import Pose
 
 
@@ -53,11 +54,16 @@ class GripperDescription:
     speed: float = 0.1  # m/s, of the opening
     min_force: float = 5.0  # N
     max_force: float = 80.0  # N
-    pad_friction: float = 1.0
+    pad_friction: float = 1.0  # on a surface of the default material (``friction_on``)
     finger_thickness: float = 0.02  # m along the closing axis, outside of the opening
     fingertip_reach: float = 0.01  # m the fingertips extend beyond the tool centre along the approach axis
     palm_distance: float = 0.037  # m from the tool centre back to the palm
     hand_size: tuple[float, float] = (0.204, 0.064)  # m: width along the closing axis, thickness across it
+
+    def friction_on(self, surface: float) -> float:
+        """Sliding friction between a pad and a surface: ``pad_friction`` on the default material, and in proportion to
+        the surface's own friction on others."""
+        return self.pad_friction * (surface / Material().friction)
 
 
 @attrs.frozen

@@ -22,6 +22,7 @@ from memo_core.interfaces.task import Task
 from memo_core.plugins import Registry
 from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import History, read_history
+from memo_core.runs.carrying_out import RunError, run_error
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.sandbox.sandbox import Sandbox
@@ -58,13 +59,15 @@ class Planned:
 
 @attrs.frozen
 class Retested:
-    """The result of a planned trial. ``success`` None: it could not be made, for ``reason``."""
+    """The result of a planned trial. ``success`` None: it could not be made, for ``reason``; ``error`` if robot,
+    simulator or the task's code is to blame."""
 
     template: int
     key: str
     start: str
     success: bool | None
     reason: str = ""
+    error: RunError | None = None
 
 
 class Retesting:
@@ -106,8 +109,10 @@ class Retesting:
             success, reason = self._tried(template, source, planned.seed)
         except Stopped:
             raise KeyboardInterrupt from None
-        except (CannotRetest, MemoError) as problem:
+        except CannotRetest as problem:
             return Retested(template.id, key, planned.start, None, str(problem))
+        except MemoError as problem:
+            return Retested(template.id, key, planned.start, None, str(problem), run_error(problem))
         self._book.note_trial(template.id, planned.start, success, reason)
         return Retested(template.id, key, planned.start, success, reason)
 

@@ -26,7 +26,7 @@ from pydantic_monty import (
     NameLookupSnapshot,
 )
 
-from memo_core.errors import InvalidArgument, MemoError, RobotFault, Stopped, TaskCodeError, UnknownName
+from memo_core.errors import InvalidArgument, MemoError, SkillError, Stopped, UnknownName
 from memo_core.events import SkillCalled
 from memo_core.sandbox import prelude
 from memo_core.sandbox.check_process import Checker
@@ -125,9 +125,9 @@ class Sandbox:
         it is called before and after every skill call and, from another thread, every few milliseconds while the code
         computes. ``on_call`` receives every finished call, ``on_print`` every piece of output; ``clock`` (s) is the
         robot's clock and the code's ``time.time()``; ``wall_seconds`` is the remainder of a longer limit, if less than
-        this sandbox's own. Errors of skills are raised in the code; a ``RobotFault``, a ``TaskCodeError``, what
-        ``on_call`` or ``on_print`` raises, or any other exception (a bug in MEMO), kills the worker and is raised
-        here."""
+        this sandbox's own. A ``SkillError`` or a wrong argument is raised in the code; any other error of a
+        skill (of the robot, the simulator, a backend or the task, or a bug in MEMO) and what ``on_call`` or
+        ``on_print`` raises kill the worker and are raised here."""
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:
@@ -295,16 +295,16 @@ class _Run:
         except Stopped:
             self._note(SkillCalled(name, arguments, error="stopped"))
             raise
-        except (RobotFault, TaskCodeError) as fault:
-            self._note(SkillCalled(name, arguments, error=" ".join(str(fault).split())))
-            self._watch.kill()
-            raise
-        except MemoError as error:
+        except (SkillError, InvalidArgument, UnknownName) as error:
             message = " ".join(str(error).split())
             self._note(SkillCalled(name, arguments, error=message))
             self._raised[message] = type(error).__name__
             wrong_value = isinstance(error, (InvalidArgument, UnknownName))
             return {"exc_type": "ValueError" if wrong_value else "RuntimeError", "message": message}
+        except MemoError as fault:  # of the robot, the simulator, a backend or the task: the code is not to blame
+            self._note(SkillCalled(name, arguments, error=" ".join(str(fault).split())))
+            self._watch.kill()
+            raise
         if name == "wait":
             self._waited += float(arguments.get("seconds", 0.0))
         self._note(SkillCalled(name, arguments, result))

@@ -22,7 +22,8 @@ Colour = tuple[float, float, float, float]
 class Material:
     """Contact properties of a surface. The defaults are measured so that parallel grippers hold small objects. For two
     surfaces in contact, the larger sliding, torsional and rolling friction applies, and the larger number of contact
-    dimensions; the softer surface determines the softness of the contact.
+    dimensions; the softer surface determines the softness of the contact. A gripper's pads slide as both surfaces allow
+    (``GripperDescription.friction_on``).
     """
 
     friction: float = 0.8  # sliding coefficient

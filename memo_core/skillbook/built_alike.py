@@ -27,6 +27,7 @@ _SEEN_AT = (
 )
 _SCENES = sa.select(_F.id, _F.scene_graph).where(_F.id.in_([sa.bindparam(name) for name in PLACE_NAMES]))
 _KEPT = 20_000  # structures in memory
+_DIFFERENT = 0.7  # likeness below which two things are built differently: a door and a drawer have 0.5
 
 _Structures = tuple[Structure | None, ...]
 
@@ -61,10 +62,38 @@ class BuiltAlike:
         for part in batched(sorted({feedback for feedback, _ in missing}), PLACES):
             texts |= {int(row[0]): str(row[1]) for row in self._database.fetch(_SCENES, places(part))}
         for feedback, objects in missing:
-            try:
-                self._known[feedback, objects] = structures_of(objects, read_scene_table(texts.get(feedback, "")))
-            except NotASceneTable:  # what another program wrote there
-                self._known[feedback, objects] = ()
+            self._known[feedback, objects] = _structures(objects, texts.get(feedback, ""))
+
+
+class BuiltDifferently:
+    """Tells, inside a transaction, which of some entries were made for things that are built differently."""
+
+    def __init__(self, connection: sa.Connection, entries: Iterable[Entry]) -> None:
+        by_id = {entry.id: entry for entry in entries}
+        last = (
+            sa.select(_S.entry, sa.func.max(_F.id).label("feedback"))
+            .join(tables.feedback, _S.feedback == _F.id)
+            .where(_S.entry.in_(list(by_id)), _F.scene_graph != "")
+            .group_by(_S.entry)
+            .subquery()
+        )
+        query = sa.select(last.c.entry, _F.scene_graph).join(tables.feedback, last.c.feedback == _F.id)
+        self._built = {
+            int(entry): _structures(by_id[int(entry)].key.objects, str(scene))
+            for entry, scene in connection.execute(query)
+        }
+
+    def __call__(self, one: int, other: int) -> bool:
+        """False where it is not known how one of them is built."""
+        value = _compared(self._built.get(one, ()), self._built.get(other, ()))
+        return value is not None and value < _DIFFERENT
+
+
+def _structures(objects: tuple[str, ...], scene: str) -> _Structures:
+    try:
+        return structures_of(objects, read_scene_table(scene))
+    except NotASceneTable:  # what another program wrote there
+        return ()
 
 
 def _compared(mine: _Structures, theirs: _Structures) -> float | None:

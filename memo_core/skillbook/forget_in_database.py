@@ -108,7 +108,8 @@ def _forget_answers(connection: sa.Connection, theirs: sa.Select[tuple[int]]) ->
 
 
 def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None:
-    """Entries superseded only by a deleted entry become active again; for templates, one per key."""
+    """Entries superseded only by a deleted entry become active again; for templates, one per key
+    and way of building its things."""
     by_key: dict[int, list[int]] = {}
     for start in range(0, len(entries), _CHUNK):
         where = _E.id.in_(entries[start : start + _CHUNK])
@@ -121,7 +122,9 @@ def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None
         valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
         if len(valid) > 1:  # a revision of its own: one changes an entry once
             again = queries.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
-            succeed(connection, key, again, max(entry.id for entry in valid))
+            for number in sorted((entry.id for entry in valid), reverse=True):
+                if queries.entries_where(connection, _E.id == number, _E.superseded_by.is_(None)):
+                    succeed(connection, key, again, number)
 
 
 def _drop_orphans(connection: sa.Connection) -> None:

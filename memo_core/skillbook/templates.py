@@ -1,4 +1,5 @@
-"""Versions of templates: one under each key is served, the others stay in the book with their record.
+"""Versions of templates: of those under one key for things that are built alike one is served, the others stay in the
+book with their record.
 
 Approved code becomes the new version, because it worked most recently and includes earlier corrections. A version whose
 code is corrected is replaced by an older one with a better record: the share of approvals, (confirmed uses + 1) / (uses
@@ -9,12 +10,13 @@ count. A version that fails when it is retested in a simulator is replaced by on
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook import queries, tables
+from memo_core.skillbook.built_alike import BuiltDifferently
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry
 from memo_core.skillbook.keys import Key
@@ -85,36 +87,55 @@ def served_version(connection: sa.Connection, key: int, code: str) -> Entry | No
 
 
 def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> None:
-    """Make the version ``newest`` replace the others under its key, inside a write transaction."""
+    """Make the version ``newest`` replace those under its key for things that are built alike, inside a write
+    transaction."""
     valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    differ = BuiltDifferently(connection, valid)
     for entry in valid:
-        if entry.id != newest:
+        if entry.id != newest and not differ(newest, entry.id):
             supersede(connection, revision, entry.id, f"newer version {newest}", newest)
 
 
 def elect(database: Database, connection: sa.Connection, key: int, reason: str) -> int | None:
-    """Activate the best version under a key, inside a write transaction; a version that was rolled back is not a
-    candidate. Returns the revision, or None if nothing had to change."""
+    """Activate the best version under a key for each way its things are built, inside a write transaction; a version
+    that was rolled back is not a candidate. Returns the revision, or None if nothing had to change."""
     every = queries.entries_where(connection, _E.key == key, _E.kind == "template")
     gave_way = sa.select(_C.revision, _C.entry).where(
         _C.entry.in_([entry.id for entry in every]), _C.change == "superseded", _C.because.is_not(None)
     )
     outdone = {(row.revision, row.entry) for row in connection.execute(gave_way)}
-    valid = [entry for entry in every if entry.superseded_by is None]
-    candidates = [entry for entry in every if entry in valid or (entry.superseded_by, entry.id) in outdone]
-    if not valid:
-        return None
+    candidates = [one for one in every if one.superseded_by is None or (one.superseded_by, one.id) in outdone]
     ids = [entry.id for entry in candidates]
-    best = max(candidates, key=_merit(records_of(database, connection, ids), failing(database, connection, ids)))
-    if valid == [best]:
+    merit = _merit(records_of(database, connection, ids), failing(database, connection, ids))
+    elected = []
+    for versions in _built_alike(connection, candidates):
+        valid = [entry for entry in versions if entry.superseded_by is None]
+        best = max(versions, key=merit)
+        if valid and valid != [best]:
+            elected.append((best, valid))
+    if not elected:
         return None
     revision = queries.insert(connection, tables.revisions, key=key, time=database.now(), reason=reason)
-    for entry in valid:
-        if entry.id != best.id:
-            supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)
-    if best not in valid:
-        restore(connection, revision, best.id, "the best record")
+    for best, valid in elected:
+        for entry in valid:
+            if entry.id != best.id:
+                supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)
+        if best not in valid:
+            restore(connection, revision, best.id, "the best record")
     return revision
+
+
+def _built_alike(connection: sa.Connection, entries: Sequence[Entry]) -> list[list[Entry]]:
+    """The entries by how the things are built that they were made for, each with the newest that it is not unlike."""
+    differ = BuiltDifferently(connection, entries)
+    groups: list[list[Entry]] = []
+    for entry in sorted(entries, key=lambda one: -one.id):
+        group = next((some for some in groups if not differ(some[0].id, entry.id)), None)
+        if group is None:
+            groups.append([entry])
+        else:
+            group.append(entry)
+    return groups
 
 
 def _merit(records: Records, failed: set[int]) -> Callable[[Entry], tuple[bool, float, float, int]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
@@ -221,6 +222,32 @@ def the_larger_friction_holds(make: Make) -> None:
 
 
 @rule
+def pads_grip_as_both_surfaces_allow(make: Make) -> None:
+    """Between pad and object the friction is ``GripperDescription.friction_on``: a slippery object slides out of rough
+    pads, and any object out of slippery ones."""
+    needed = 0.2 * 9.81 / 2 / 10.0  # two pads that press with 10 N each lift 0.2 kg
+    for pad, surface in ((1.0, 0.8), (0.05, 0.8), (1.0, 0.0001), (0.4, 0.4), (0.2, 0.2), (2.0, 0.08)):
+        robot = check_robot()
+        gripper = attrs.evolve(robot.gripper, pad_friction=pad)
+        with make() as simulator:
+            simulator.build(_with_cube_of(surface), attrs.evolve(robot, gripper=gripper))
+            _lift(simulator, 10.0)
+            height = simulator.body_pose("cube").position[2]
+        holds = gripper.friction_on(surface) > needed
+        expected = "it to be lifted" if holds else "it to stay on the table"
+        assert (height > 0.04) == holds, (
+            f"an object of friction {surface} between pads of {pad}: at {height:.3f} m, expected {expected}"
+        )
+
+
+def _with_cube_of(friction: float) -> SceneDescription:
+    scene = check_scene()
+    cube, *others = scene.bodies
+    geoms = tuple(attrs.evolve(geom, material=Material(friction=friction)) for geom in cube.geoms)
+    return attrs.evolve(scene, bodies=(attrs.evolve(cube, geoms=geoms), *others))
+
+
+@rule
 def springs_and_catches_hold(make: Make) -> None:
     """Springs pull joints to their rest position; a catch holds against less than its effort and gives way to more."""
     for effort, opens in ((3.0, False), (0.3, True)):
@@ -400,8 +427,8 @@ def a_held_object_is_lifted(make: Make) -> None:
         assert simulator.body_pose("cube").position[2] > 0.1, "the cube was not lifted"
 
 
-def _lift(simulator: Simulator) -> None:
-    simulator.command_gripper(0.0, 60.0)
+def _lift(simulator: Simulator, force: float = 60.0) -> None:
+    simulator.command_gripper(0.0, force)
     _run(simulator, 1.0)
     for step in range(1, 101):
         angle = 0.3 * step / 100

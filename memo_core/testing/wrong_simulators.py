@@ -83,6 +83,13 @@ def wrong_simulators(right: type) -> dict[str, type]:
         def build(self, scene, robot):
             super().build(attrs.evolve(scene, bodies=tuple(map(_half_as_rough, scene.bodies))), robot)
 
+    class GripsWithTheRougherSurface(base):
+        def build(self, scene, robot):
+            surface = scene.body("cube").geoms[0].material.friction
+            pad = max(robot.gripper.pad_friction, surface) / robot.gripper.friction_on(surface)
+            gripper = attrs.evolve(robot.gripper, pad_friction=robot.gripper.pad_friction * pad)
+            super().build(scene, attrs.evolve(robot, gripper=gripper))
+
     class HasNoCatches(base):
         def build(self, scene, robot):
             super().build(attrs.evolve(scene, latches=()), robot)
@@ -194,6 +201,7 @@ def wrong_simulators(right: type) -> dict[str, type]:
         "bodies_rest_on_the_table": WeighsTwice,
         "bodies_fall_by_gravity": KnowsOnlyTheEarth,
         "the_larger_friction_holds": TakesTheMeanFriction,
+        "pads_grip_as_both_surfaces_allow": GripsWithTheRougherSurface,
         "springs_and_catches_hold": HasNoCatches,
         "mechanisms_lock_and_release": HasNoMechanisms,
         "mechanisms_feel_what_the_robot_presses": FeelsNothing,

@@ -6,7 +6,10 @@ import sys
 import threading
 import time
 
-from memo_benchmarks.trial import POLICY_THREAD, Sampler, place_of
+import pytest
+from memo_benchmarks.trial import POLICY_THREAD, Sampler, bench_trial, place_of
+
+from memo_core.runs.carrying_out import Halted
 
 
 def framed(file: str, function):
@@ -39,3 +42,9 @@ def test_shares_are_of_the_policy_s_thread_and_of_the_time_without_one():
         time.sleep(0.3)
     assert set(sampler.shares) == {"planning and control", "start and end"}
     assert abs(sum(sampler.shares.values()) - 1) < 0.01
+
+
+def test_trials_that_could_not_be_carried_out_are_not_measured():
+    nowhere = ("llm.backend=litellm", "llm.model=openai/x", "llm.api_base=http://127.0.0.1:9/v1", "run.retries=0")
+    with pytest.raises(Halted):
+        bench_trial(None, nowhere, ("pick-the-left-can",), 1)

@@ -8,10 +8,12 @@ import subprocess
 import sys
 
 import pytest
+from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.cli.options import load
-from memo_core.cli.verification import Trial, TrialLog, digest_of, holds, report_of, run_trials
-from memo_core.errors import InvalidArgument
+from memo_core.cli.verification import Trial, TrialLog, digest_of, holds, report_of, run_trial, run_trials
+from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, TaskCodeError
+from memo_core.runs.carrying_out import Halted
 
 RESULT = {
     "task": "lift",
@@ -155,6 +157,41 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
     assert holds(report_of("lift", results)) and report_of("lift", results)["real_time_factor"] == 20.0
     assert not holds(report_of("lift", [RESULT | {"seed": s, "reference": s > 1} for s in range(20)]))
     assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        SimulationDiverged(1.0, "BADQACC"),
+        BackendUnavailable("simulator", "mujoco", "it died"),
+        RobotFault("arm", "reflex", "it collided", "release it"),
+        TaskCodeError("t", "check()", "raised"),
+    ],
+)
+def test_what_robot_simulator_or_task_could_not_carry_out_has_no_outcome(fault, monkeypatch):
+    def broken(self, targets):
+        raise fault
+
+    monkeypatch.setattr(MujocoSimulator, "command_joints", broken)
+    found = run_trial(Trial(None, (), "put-the-cube-away", 0))
+    assert found["error"]["problem"] == str(fault) and "reference" not in found
+
+
+def test_what_could_not_be_carried_out_is_in_no_count_is_not_kept_and_does_not_hold(tmp_path, monkeypatch):
+    failed = {"task": "lift", "seed": 4, "error": {"cause": "error", "problem": "it diverged", "persistent": False}}
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: RESULT if trial.seed == 3 else failed)
+    log = TrialLog(tmp_path / "out.jsonl", same)
+    report = report_of("lift", run_trials([TRIAL, Trial(None, (), "lift", 4)], 1, log))
+    assert (report["reference"], report["seeds"], report["not_carried_out"]) == (1, 1, 1) and not holds(report)
+    assert report["failures"] == [{"seed": 4, "what": "could not be carried out", "why": "it diverged"}]
+    assert len((tmp_path / "out.jsonl").read_text().splitlines()) == 1
+
+
+def test_an_error_that_persists_ends_the_command(monkeypatch):
+    failed = {"task": "lift", "seed": 3, "error": {"cause": "simulator", "problem": "it died", "persistent": True}}
+    monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: failed)
+    with pytest.raises(Halted, match="it died; no more trials were begun"):
+        run_trials([TRIAL, Trial(None, (), "lift", 4)], 1, TrialLog(None, same))
 
 
 def test_a_result_without_the_plain_attempt_does_not_answer_for_it(tmp_path):

@@ -137,6 +137,45 @@ def test_a_template_that_is_none_says_why(code, reason):
         read_template(f"```python\n{code}```")
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "speeds = (1.0, 0.6, 0.3) if careful else (0.9, 0.5, 0.2)\n    for speed in speeds:\n        wait(speed)",
+        "speeds = careful or [0.9, 0.5, 0.2]\n    for speed in speeds:\n        wait(speed)",
+        "speeds: tuple = (0.9, 0.5, 0.2)\n    waits = [wait(speed) for speed in reversed(speeds)]",
+        "first = (0.9, 0.5, 0.2)\n    speeds = first if careful else (0.5,)\n    waits = [wait(s) for s in speeds]",
+        "for n in range(3):\n        wait((0.9, 0.5, 0.2)[n])",
+        "speeds = (0.9, 0.5, 0.2) if careful else (0.4, 0.3, 0.2)\n    for n in range(len(speeds)):\n"
+        "        wait(speeds[n])",
+        "shade = (0.9, 0.5, 0.2) if careful else (0.2, 0.5, 0.9)\n    if name == shade:\n        wait(1)",
+        "wait(max((0.9, 0.5, 0.2) if careful else (0.4, 0.3, 0.2)))",
+    ],
+)
+def test_numbers_that_are_used_one_at_a_time_are_no_position(body):
+    code = f"def f(name, careful=None):\n    '''Moves.'''\n    {body}\n"
+    assert read_template(f"```python\n{code}```") == code
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "move_to((0.45, 0.1, 0.2) if careful else (0.5, 0.1, 0.3))",
+        "place = (0.45, 0.1, 0.2) if careful else get_position(name)\n    move_to(place)",
+        "move_to(careful or (0.45, 0.1, 0.2))",
+        "place = (0.45, 0.1, 0.2)\n    for value in place:\n        wait(value)\n    move_to(place)",
+        "place = (0.45, 0.1, 0.2)\n    move_to([place[0], place[1], place[2]])",
+        "start = (0.45, 0.1, 0.2)\n    move_to([start[i] for i in range(3)])",
+        "move_to([get_position(name)[i] + (0.45, 0.1, 0.2)[i] for i in range(3)])",
+        "moves = [move_to((0.45, 0.1, 0.2)) for n in range(3)]",
+        "start = (0.45, 0.1, 0.2)\n    move_to([a + b for a, b in zip(start, get_position(name))])",
+    ],
+)
+def test_numbers_that_are_used_as_a_position_are_one_wherever_they_stand(body):
+    code = f"def f(name, careful=None):\n    '''Moves.'''\n    {body}\n"
+    with pytest.raises(Unreadable, match=r"\(0.45, 0.1, 0.2\) is a hard-coded position"):
+        read_template(f"```python\n{code}```")
+
+
 @given(st.text(max_size=300))
 def test_whatever_a_model_says_is_read_or_refused_and_nothing_else(text):
     for read in (read_plan, read_code, read_notes, read_template):

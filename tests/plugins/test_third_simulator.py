@@ -18,6 +18,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "simulators.md"
 BREAKS = {
     "bodies_rest_on_the_table",
     "the_larger_friction_holds",
+    "pads_grip_as_both_surfaces_allow",
     "springs_and_catches_hold",
     "mechanisms_lock_and_release",
     "mechanisms_feel_what_the_robot_presses",

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.cli.main import main
 from memo_core.config import load_experiment
@@ -120,6 +121,18 @@ def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registr
         retesting.run(planned)
     assert [one.start for one in book.trials()[template.id]] == ["elsewhere"]
     assert not book.problems()
+
+
+def test_what_the_simulator_could_not_carry_out_is_no_trial(book, registry, monkeypatch):
+    def broken(self, targets):
+        raise SimulationDiverged(1.0, "BADQACC")
+
+    retesting = Retesting(book, registry)
+    [planned] = retesting.plan(book.entries("template"), [])
+    monkeypatch.setattr(MujocoSimulator, "command_joints", broken)
+    found = retesting.run(planned)
+    assert found.success is None and "diverged" in found.reason and found.error is not None
+    assert not book.trials()
 
 
 def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(book, registry, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import attrs
 import pytest
 
 from memo_core.scene.graph import Node, Observation, SceneGraph
@@ -88,3 +89,43 @@ def test_the_paper_compares_no_structures() -> None:
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), paper) as book:
         say(book, "OPEN(fridge)", ARC, KNOWN["microwave"])
         assert [one.built for one in book.retrieve("OPEN(fridge)", FRIDGE).corrections] == [None]
+
+
+def approved(book: Skillbook, key: str, code: str, scene: SceneGraph) -> int:
+    text = scene_table(scene)
+    said = book.record_feedback("", "ana", subtask=key, kind="approval", scene_graph=text)
+    return book.add_template(said, key, code).id
+
+
+def first_template(book: Skillbook, scene: SceneGraph) -> int:
+    key = Key.parse("OPEN(cabinet)")
+    return book.retrieve(key, SubtaskContext.of(key, scene)).templates[0].entry.id
+
+
+def cabinet(scene: SceneGraph, whole: str) -> SceneGraph:
+    nodes = [attrs.evolve(node, label=node.label.replace(whole, "cabinet")) for node in scene.nodes]
+    return attrs.evolve(scene, nodes=tuple(nodes))
+
+
+DOOR, DRAWER = cabinet(door("microwave"), "microwave"), cabinet(drawer(), "chest")
+CODE = 'def {0}(name):\n    """Opens it."""\n    {0}_it(name)\n'
+
+
+def test_a_newer_template_replaces_those_of_things_that_are_built_alike_only() -> None:
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
+        arc = approved(book, "OPEN(cabinet)", CODE.format("lead"), DOOR)
+        line = approved(book, "OPEN(cabinet)", CODE.format("pull"), DRAWER)
+        assert {one.id for one in book.entries("template")} == {arc, line}
+        assert (first_template(book, DOOR), first_template(book, DRAWER)) == (arc, line)
+        newer = approved(book, "OPEN(cabinet)", CODE.format("swing"), DOOR)
+        assert {one.id for one in book.entries("template")} == {newer, line}
+        assert (first_template(book, DOOR), first_template(book, DRAWER)) == (newer, line)
+
+
+def test_the_record_of_a_version_counts_among_those_of_things_built_alike() -> None:
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
+        arc = approved(book, "OPEN(cabinet)", CODE.format("lead"), DOOR)
+        line = approved(book, "OPEN(cabinet)", CODE.format("pull"), DRAWER)
+        newer = approved(book, "OPEN(cabinet)", CODE.format("swing"), DOOR)
+        book.note_use([newer], False, "OPEN(cabinet)")
+        assert {one.id for one in book.entries("template")} == {arc, line}

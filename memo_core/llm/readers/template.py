@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import builtins
 
 from memo_core.llm.readers.blocks import code_blocks, syntax_problem
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
 
+_IN_ORDER = ("enumerate", "sorted", "reversed", "list", "tuple")
+_TO_ONE_NUMBER = ("len", "max", "min", "sum")
 WANTED = "answer with one Python code block that holds one function"
 
 
@@ -70,36 +73,74 @@ def _places(function: ast.FunctionDef) -> list[ast.List | ast.Tuple]:
 
 
 def _alternatives(function: ast.FunctionDef) -> set[int]:
-    """Ids of the literals that are tried one after the other (``for tilt in (0.1, 0.4, 0.7)``), also where they have a
-    name first (``tilts=(0.1, 0.4, 0.7)``, then ``for tilt in tilts``), and of those that something is compared with."""
-    found, names = set(), set()
+    """Ids of the literals whose numbers are used one at a time: tried one after the other (``for tilt in (0.1, 0.4,
+    0.7)``), chosen by an index, summed up or compared with. Also where they have a name first (``tilts=(0.1, 0.4,
+    0.7)``, then ``for tilt in tilts``), unless that name is passed on whole, and as parts of a condition."""
+    found: set[int] = set()
+    loops = [node.target for node in ast.walk(function) if isinstance(node, ast.comprehension)]
+    coordinates = {part.id for target in loops for part in ast.walk(target) if isinstance(part, ast.Name)}
+    taken_apart: list[ast.expr] = []
+    passed: list[ast.expr] = []
+    values: list[tuple[str, ast.expr]] = []
     for node in ast.walk(function):
         if isinstance(node, (ast.For, ast.comprehension)):
-            through = _plainly_through(node.iter)
-            names |= {through.id} if isinstance(through, ast.Name) else set()
             found |= {id(part) for part in ast.walk(node.iter)}
+            taken_apart.append(node.iter)
         elif isinstance(node, ast.Compare):
-            found |= {id(part) for part in node.comparators}
-    arguments = function.args
-    defaults = list(zip(reversed(arguments.args), reversed(arguments.defaults), strict=False))
-    defaults += [
-        (name, value) for name, value in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True) if value
-    ]
-    found |= {id(value) for name, value in defaults if name.arg in names}
-    for node in ast.walk(function):
-        if isinstance(node, ast.Assign):
-            targets = {target.id for target in node.targets if isinstance(target, ast.Name)}
-            found |= {id(node.value)} if targets & names else set()
+            taken_apart += [node.left, *node.comparators]
+        elif isinstance(node, ast.Subscript) and _chooses(node.slice, coordinates):
+            taken_apart.append(node.value)
+        elif isinstance(node, ast.Call):
+            given = [*node.args, *(keyword.value for keyword in node.keywords)]
+            name = node.func.id if isinstance(node.func, ast.Name) else ""
+            if name in _TO_ONE_NUMBER:
+                taken_apart += given
+            elif not hasattr(builtins, name):
+                passed += given
+        elif isinstance(node, ast.Assign):
+            values += [(target.id, node.value) for target in node.targets if isinstance(target, ast.Name)]
+        elif isinstance(node, (ast.AnnAssign, ast.NamedExpr)) and isinstance(node.target, ast.Name) and node.value:
+            values.append((node.target.id, node.value))
+    values += _defaults(function.args)
+    whole = {part.id for given in passed for part in _one_of(given) if isinstance(part, ast.Name)}
+    seen: set[str] = set()
+    while taken_apart:
+        for part in _one_of(taken_apart.pop()):
+            found.add(id(part))
+            if isinstance(part, ast.Name) and part.id not in seen | whole:
+                seen.add(part.id)
+                taken_apart += [value for name, value in values if name == part.id]
     return found
 
 
-def _plainly_through(iterable: ast.expr) -> ast.expr:
-    """The iterable of a loop, without ``enumerate``, ``sorted``, ``reversed``, ``list`` or ``tuple`` around it."""
-    while isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and len(iterable.args) >= 1:
-        if iterable.func.id not in ("enumerate", "sorted", "reversed", "list", "tuple"):
-            break
-        iterable = iterable.args[0]
-    return iterable
+def _chooses(index: ast.expr, coordinates: set[str]) -> bool:
+    """Whether an index picks one of several values, and is not that of a comprehension, which makes a new list (``[p[i]
+    for i in range(3)]``)."""
+    names = {part.id for part in ast.walk(index) if isinstance(part, ast.Name)}
+    return bool(names) and not names & coordinates and not isinstance(index, ast.Slice)
+
+
+def _defaults(arguments: ast.arguments) -> list[tuple[str, ast.expr]]:
+    placed = [*arguments.posonlyargs, *arguments.args]
+    defaults = list(zip(reversed(placed), reversed(arguments.defaults), strict=False))
+    defaults += [
+        (name, value) for name, value in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True) if value
+    ]
+    return [(name.arg, value) for name, value in defaults]
+
+
+def _one_of(value: ast.expr) -> list[ast.expr]:
+    """What an expression may be: the branches of a condition, without ``enumerate``, ``sorted``, ``reversed``, ``list``
+    or ``tuple`` around them."""
+    if isinstance(value, ast.IfExp):
+        return _one_of(value.body) + _one_of(value.orelse)
+    if isinstance(value, ast.BoolOp):
+        return [part for operand in value.values for part in _one_of(operand)]
+    if isinstance(value, ast.NamedExpr):
+        return [value.target, *_one_of(value.value)]
+    if isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and value.func.id in _IN_ORDER and value.args:
+        return _one_of(value.args[0])
+    return [value]
 
 
 def _constant(node: ast.expr) -> float | None:

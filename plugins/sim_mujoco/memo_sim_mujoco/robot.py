@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.robot.urdf_checks import check_fits, may_touch
 from memo_core.scene.description import Geom, Material
-from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, add_mesh, add_shape, surface
+from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, SOLIMP, add_mesh, add_shape, surface
 
 _log = logging.getLogger("memo.mujoco")
 FINGER_TENDON = "robot/fingers"
@@ -107,6 +109,30 @@ def _add_link(
             mass=0.0,
             **surface(material),
         )
+
+
+def add_pad_contacts(spec: mujoco.MjSpec, gripper: GripperDescription) -> None:
+    """Give each pad and surface of the scene their own friction (``GripperDescription.friction_on``), where it is not
+    the larger of the two, which MuJoCo takes by itself."""
+    pads = [geom for pad in gripper.pads for geom in spec.body(PREFIX + pad).geoms if geom.contype]
+    surfaces = [geom for geom in spec.geoms if geom.contype and not geom.parent.name.startswith(PREFIX)]
+    for number, geom in enumerate(surfaces):
+        friction = gripper.friction_on(geom.friction[0])
+        if math.isclose(friction, max(gripper.pad_friction, geom.friction[0])):
+            continue
+        geom.name = geom.name or f"surface {number}"
+        for side, pad in enumerate(pads):
+            pad.name = f"{PREFIX}pad {side}"
+            torsional, rolling = np.maximum(pad.friction[1:], geom.friction[1:])
+            share = pad.solmix / (pad.solmix + geom.solmix)  # MuJoCo mixes the stiffness of unpaired shapes in this way
+            spec.add_pair(
+                geomname1=pad.name,
+                geomname2=geom.name,
+                friction=(friction, friction, torsional, rolling, rolling),
+                condim=max(pad.condim, geom.condim),
+                solref=share * pad.solref + (1.0 - share) * geom.solref,
+                solimp=SOLIMP,
+            )
 
 
 def _add_joint(body: Any, joint: UrdfJoint, robot: RobotDescription) -> None:
@@ -229,8 +255,6 @@ def _add_shape(
 
 
 def _turned(link: UrdfLink) -> tuple[float, ...]:
-    import numpy as np
-
     xx, yy, zz, xy, xz, yz = link.inertia
     rotation = link.centre.rotation
     tensor = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T

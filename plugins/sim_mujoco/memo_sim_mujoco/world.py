@@ -14,7 +14,7 @@ from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.urdf import read_urdf
 from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
-from memo_sim_mujoco.robot import FINGER_SERVO, add_robot
+from memo_sim_mujoco.robot import FINGER_SERVO, add_pad_contacts, add_robot
 from memo_sim_mujoco.scene import PREFIX, add_look, add_scene
 from memo_sim_mujoco.settings import MujocoSettings
 
@@ -66,6 +66,7 @@ def build_world(scene: SceneDescription, robot: RobotDescription, settings: Mujo
     add_look(spec, scene, settings)
     add_robot(spec, robot, settings.self_collision)
     add_scene(spec, scene)
+    add_pad_contacts(spec, robot.gripper)
     try:
         model = spec.compile()
         # Dense is faster in small scenes; with 25 grains sparse is four to six times faster. 4.0.0's sparse Newton is

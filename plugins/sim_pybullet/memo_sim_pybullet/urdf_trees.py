@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Literal
 from xml.etree import ElementTree
 
 import attrs
@@ -15,7 +14,7 @@ from memo_core.robot.urdf import Urdf, UrdfLink, UrdfShape
 from memo_core.scene.building import masses
 from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide, Vector
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
-from memo_sim_pybullet.friction import Frictions
+from memo_sim_pybullet.friction import Frictions, Surface
 
 ROBOT = "robot/"
 _SURFACE, _ANCHOR = "/surface ", "/anchor"  # of links that are a part of a body
@@ -41,8 +40,8 @@ class JointSpec:
 
 @attrs.frozen(eq=False)
 class LinkSpec:
-    """One link, its frame at its joint. ``frame``: the link's frame in that of the body it stands for. ``meets``:
-    whether it collides with smooth things only, with all others, or with both (``memo_sim_pybullet.friction``)."""
+    """One link, its frame at its joint. ``frame``: the link's frame in that of the body it stands for.
+    ``surface``: what it collides with (``memo_sim_pybullet.friction``)."""
 
     name: str
     parent: str | None
@@ -54,7 +53,7 @@ class LinkSpec:
     inertia: Array  # (3, 3) kg m2 about the centre of mass, in the link's axes
     material: Material = Material()
     frame: Pose = Pose()
-    meets: Literal["smooth", "others", "both"] = "both"
+    surface: Surface = "plain"
     seen: bool = True
     gyration: float = 0.0  # m, its least radius of gyration
 
@@ -109,11 +108,10 @@ def _add(
         own, heavy = tuple(shapes[n] for n in chosen), tuple(weights[n] for n in chosen)
         surface = LinkSpec("", "", Pose(), JointSpec(""), own, *_mass_properties(own, heavy), material, frame)
         surface = attrs.evolve(surface, gyration=gyration)
-        if frictions.smooth(material):
-            copy = attrs.evolve(surface, mass=0.0, inertia=np.zeros((3, 3)), meets="others", seen=False)
-            surfaces += [attrs.evolve(surface, meets="smooth"), copy]
-        else:
-            surfaces.append(surface)
+        whole, *copies = frictions.copies(material)
+        surfaces.append(attrs.evolve(surface, surface=whole))
+        massless = attrs.evolve(surface, mass=0.0, inertia=np.zeros((3, 3)), seen=False)
+        surfaces += [attrs.evolve(massless, surface=copy) for copy in copies]
     first, *others = surfaces
     links.append(attrs.evolve(first, name=body.name, parent=parent, pose=pose * frame, joint=_joint(body)))
     for number, surface in enumerate(others, 1):
@@ -138,7 +136,7 @@ def _joint(body: Body) -> JointSpec:
     return JointSpec(f"{body.name}/fixed")
 
 
-def robot_tree(urdf: Urdf, robot: RobotDescription) -> Tree:
+def robot_tree(urdf: Urdf, robot: RobotDescription, frictions: Frictions) -> Tree:
     """The robot, its base fixed at the world's origin; names as ``robot/LINK``."""
     driven = {joint.name: joint for joint in robot.joints}
     hanging = {joint.child: joint for joint in urdf.joints}
@@ -153,12 +151,15 @@ def robot_tree(urdf: Urdf, robot: RobotDescription) -> Tree:
             armature = described.armature if described and joint.kind == "revolute" else 0.0
             spec = JointSpec(ROBOT + joint.name, joint.kind, joint.axis, *limits, armature)
         pad = name in robot.gripper.pads
-        material = Material(friction=robot.gripper.pad_friction, torsional=0.01) if pad else Material(friction=0.5)
+        on_common = robot.gripper.friction_on(frictions.common)
+        material = Material(friction=on_common, torsional=0.01) if pad else Material(friction=0.5)
         parent = ROBOT + joint.parent if joint is not None else None
         pose = joint.origin if joint is not None else Pose()
         centre, inertia = np.array(link.centre.position), _tensor(link)
         shapes = tuple(_shapes(link))
-        links.append(LinkSpec(ROBOT + name, parent, pose, spec, shapes, link.mass, centre, inertia, material))
+        surface: Surface = "pad" if pad else "plain"
+        parts = (shapes, link.mass, centre, inertia, material)
+        links.append(LinkSpec(ROBOT + name, parent, pose, spec, *parts, surface=surface))
     return Tree(tuple(links), Pose(), True)
 
 

@@ -18,7 +18,7 @@ from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, jo
 from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
 from memo_core.scene.pose import Pose
 from memo_core.temporary_folders import scratch_folder
-from memo_sim_pybullet.friction import Frictions, frictions_of
+from memo_sim_pybullet.friction import Frictions, collide, frictions_of
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import caught_output
 from memo_sim_pybullet.urdf_trees import ROBOT, LinkSpec, Tree, body_of, principal, robot_tree, scene_tree, urdf_text
@@ -87,7 +87,7 @@ def build_world(
         bodies.insert(0, default_table(scene.table_height))
     bodies.insert(0, _floor(scene.table_height - FLOOR_DEPTH))
     frictions = frictions_of(scene)
-    trees = [robot_tree(urdf, robot), *(scene_tree(body, _mesh_volume, frictions) for body in bodies)]
+    trees = [robot_tree(urdf, robot, frictions), *(scene_tree(body, _mesh_volume, frictions) for body in bodies)]
     digest = hashlib.sha256(f"{client.getAPIVersion()} {settings} {scene} {robot.name} {robot.home}".encode())
     places: dict[str, Place] = {}
     names: dict[tuple[int, int], str] = {}
@@ -172,13 +172,13 @@ def _index(client: Any, body: int, tree: Tree, frictions: Frictions, places: dic
 def _set_dynamics(client: Any, body: int, link: int, spec: LinkSpec, frictions: Frictions, damping: float) -> None:
     material = spec.material
     more: dict[str, float] = {}
-    if material.softness_s > _HARD_S and spec.mass > 0:
+    if material.softness_s > _HARD_S and (spec.mass > 0 or not spec.seen):
         stiffness = _PRESSED_KG / material.softness_s**2
         more = {"contactStiffness": stiffness, "contactDamping": 2.0 * _PRESSED_KG / material.softness_s}
     client.changeDynamics(
         body,
         link,
-        lateralFriction=frictions.coefficient(material, spec.meets == "smooth"),
+        lateralFriction=frictions.coefficient(material, spec.surface),
         spinningFriction=frictions.torsion(material),
         rollingFriction=frictions.rolling(material),
         restitution=0.0,
@@ -253,15 +253,10 @@ def _keep_apart(
 def _sort_by_friction(client: Any, trees: list[Tree], world: BulletWorld) -> None:
     """Let the copies of smooth surfaces collide with what they are for."""
     links = [spec for tree in trees for spec in tree.links]
-    smooth = [spec for spec in links if spec.meets == "smooth"]
-    for one, other in itertools.product(smooth, links):
-        if other.meets != "smooth":
+    for one, other in itertools.combinations(links, 2):
+        if not collide(one.surface, other.surface):
             first, second = world.places[one.name], world.places[other.name]
             client.setCollisionFilterPair(first.body, second.body, first.link, second.link, 0)
-    copies = [spec for spec in links if spec.meets == "others"]
-    for one, other in itertools.combinations(copies, 2):
-        first, second = world.places[one.name], world.places[other.name]
-        client.setCollisionFilterPair(first.body, second.body, first.link, second.link, 0)
 
 
 def _both_fixed(world: BulletWorld, one: str, other: str) -> bool:
