@@ -23,7 +23,7 @@ from memo_core.skillbook import tables
 from memo_core.skillbook.book_errors import DamagedBook as DamagedBook
 from memo_core.skillbook.book_errors import ReadOnlyBook as ReadOnlyBook
 from memo_core.skillbook.book_errors import SkillbookError as SkillbookError
-from memo_core.skillbook.connecting import BUSY_TIMEOUT_MS, parse_url, server_engine, sqlite_engine
+from memo_core.skillbook.connecting import BUSY_TIMEOUT_MS, parse_url, refused, server_engine, sqlite_engine
 from memo_core.skillbook.integrity import broken_tables, broken_values
 
 # parts of SQLite's messages
@@ -79,7 +79,7 @@ class Database:
             self._prepare()
         except sa.exc.DatabaseError as error:
             self.close()
-            raise SkillbookError(self.name, f"cannot be opened: {error.orig}") from error
+            raise self._refused(error.orig) from error
         except BaseException as error:
             try:
                 self.blame(error)
@@ -111,7 +111,13 @@ class Database:
                 yield connection
         except sa.exc.DatabaseError as error:
             self._say_damaged(error.orig)
+            if isinstance(error, sa.exc.OperationalError):
+                raise self._refused(error.orig) from error
             raise
+
+    def _refused(self, error: BaseException | None, doing: str = "") -> SkillbookError:
+        doing = doing or ("cannot be opened or read" if self.read_only else "cannot be opened")
+        return refused(self.name, self.path, error, doing)
 
     def _say_damaged(self, error: BaseException | None, signs: tuple[str, ...] = _DAMAGE) -> None:
         """Raise ``DamagedBook`` if SQLite's error means a damaged file."""
@@ -151,6 +157,8 @@ class Database:
                 return raw.execute(sql, [parameters[name] for name in names]).fetchall()
             except sqlite3.DatabaseError as error:
                 self._say_damaged(error)
+                if isinstance(error, sqlite3.OperationalError):
+                    raise self._refused(error) from error
                 raise
 
     @contextmanager
@@ -171,8 +179,7 @@ class Database:
                     self._note(connection, *mark)
         except sa.exc.OperationalError as error:
             self._say_damaged(error.orig, _BROKEN)
-            problem = f"could not be written ({' '.join(str(error.orig).split())}); what was stored before is safe"
-            raise SkillbookError(self.name, problem, "make room on its disk, or see who holds it") from error
+            raise self._refused(error.orig, "could not be written; what was stored before is safe") from error
         except sa.exc.DatabaseError as error:
             self._say_damaged(error.orig)
             raise

@@ -18,6 +18,7 @@ COMMANDS = [
     ["report", "loop"],
     ["budget", "loop"],
     ["skillbook", "list", "--book", "loop"],
+    ["skillbook", "list", "--book", ""],
     ["skillbook", "list", "--book", f"{NOT_UTF8}.db"],
     ["skillbook", "list", "--book", "x" * 300],
     ["skillbook", "stats", "--book", f"sqlite:///{NOT_UTF8}.db"],
