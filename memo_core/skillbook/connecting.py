@@ -117,7 +117,7 @@ def refused(name: str, path: Path | None, error: BaseException | None, doing: st
         return SkillbookError(name, problem, _READ_ONLY)
     if "locked" in said:
         return SkillbookError(name, f"{doing}: {said}", f"end the program that holds {path}, or try again later")
-    return SkillbookError(name, f"{doing} ({said})", "make room on its disk, or see who holds it")
+    return SkillbookError(name, f"{doing}: {said}", "make room on its disk, or see who holds it")
 
 
 def _check_path(name: str, path: Path, read_only: bool) -> None:

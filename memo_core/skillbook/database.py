@@ -179,7 +179,7 @@ class Database:
                     self._note(connection, *mark)
         except sa.exc.OperationalError as error:
             self._say_damaged(error.orig, _BROKEN)
-            raise self._refused(error.orig, "could not be written; what was stored before is safe") from error
+            raise self._refused(error.orig, "could not be written, what was stored before is safe") from error
         except sa.exc.DatabaseError as error:
             self._say_damaged(error.orig)
             raise
