@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import errno
+import unicodedata
 from collections.abc import Iterable
 
 import attrs
@@ -40,6 +41,15 @@ def unwritable(error: BaseException) -> str:
         return ""
     problem = "a file is where a folder is needed" if error.errno in _NO_FOLDER else error.strerror
     return f"{error.filename}: {problem}" if error.filename else str(problem)
+
+
+def spelt_alike(name: str, valid: Iterable[str]) -> list[str]:
+    """The other names that differ from ``name`` only in case, blanks or the encoding of their letters."""
+    return sorted(one for one in set(valid) - {name} if _folded(one) == _folded(name))
+
+
+def _folded(name: str) -> str:
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
 @attrs.define(auto_exc=True, eq=False)

@@ -81,3 +81,17 @@ def test_a_file_where_a_folder_should_be_is_named(command, place):
     assert code in (1, 2) and list(faults_of(code, out, err)) == [], (code, err)
     assert "file" in err.splitlines()[-1] and "bug" not in err, err
     assert (place / "file").read_text() == "a file"
+
+
+@pytest.mark.parametrize(
+    ("filter_by", "named"),
+    [
+        (["list", "--who", "ANA0"], "no person 'ANA0'; did you mean 'ana0'?"),
+        (["list", "--key", "OPEN(dor)"], "no key 'OPEN(dor)'; did you mean 'OPEN(door)'?"),
+        (["history", "OPEN(dor)"], "no key 'OPEN(dor)'; did you mean 'OPEN(door)'?"),
+        (["list", "--who", "ana0", "--key", "open(the door)"], ""),
+    ],
+)
+def test_a_filter_that_finds_nothing_names_what_is_close(filter_by, named, place):
+    code, _, err = run(["skillbook", *filter_by, *BOOK])
+    assert code == 0 and (named in err if named else "memo: " not in err), err
