@@ -6,6 +6,7 @@ on this file and on ``connecting``.
 
 from __future__ import annotations
 
+import math
 import os
 import sqlite3
 import threading
@@ -25,6 +26,8 @@ from memo_core.skillbook.book_errors import ReadOnlyBook as ReadOnlyBook
 from memo_core.skillbook.book_errors import SkillbookError as SkillbookError
 from memo_core.skillbook.connecting import BUSY_TIMEOUT_MS, parse_url, refused, server_engine, sqlite_engine
 from memo_core.skillbook.integrity import broken_tables, broken_values
+
+_E, _O = tables.entries.c, tables.origins.c
 
 # parts of SQLite's messages
 _BROKEN = ("malformed", "not a database", "database corruption", "no such table", "no such column", "Could not decode")
@@ -223,6 +226,13 @@ class Database:
         generation = int(self.meta(connection)["generation"]) + 1
         self.set_meta(connection, "generation", str(generation))
         return generation
+
+    def time_of_entry(self, connection: sa.Connection) -> float:
+        """The time to store with a new entry (s since the epoch): now, but never before that of an earlier entry of
+        this book, so that the order of times is the order of writing although a computer's clock may be set back."""
+        imported = sa.select(_O.local).where(_O.kind == "entry", _O.local.is_not(None))
+        latest = sa.select(sa.func.max(_E.created)).where(_E.id.not_in(imported))
+        return max(self.now(), connection.execute(latest).scalar() or -math.inf)
 
     def problems(self) -> list[str]:
         """Findings of SQLite's integrity check, rows with missing references, and tables and values that cannot be
