@@ -8,6 +8,8 @@ people. Rooms define their own subclasses next to the code that raises them; tho
 from __future__ import annotations
 
 import difflib
+import errno
+import unicodedata
 from collections.abc import Iterable
 
 import attrs
@@ -21,6 +23,8 @@ class MemoError(Exception):
     exit_code = 1
 
 
+_UNWRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.ENAMETOOLONG}
+_NO_FOLDER = {errno.EEXIST, errno.ENOTDIR}
 _LONGEST_NAME = 500  # characters of an unknown name that are shown
 
 
@@ -29,6 +33,23 @@ def close_match(name: str, valid: Iterable[str]) -> str:
     spelt = {one.lower(): one for one in valid}
     found = [spelt[one] for one in difflib.get_close_matches(name.lower(), list(spelt), n=1, cutoff=0.5)]
     return f"; did you mean {found[0]!r}?" if found else ""
+
+
+def unwritable(error: BaseException) -> str:
+    """What is wrong with the file or disk that an error of the system is about; empty for other errors."""
+    if not isinstance(error, OSError) or error.errno not in _UNWRITABLE | _NO_FOLDER | {errno.EISDIR}:
+        return ""
+    problem = "a file is where a folder is needed" if error.errno in _NO_FOLDER else error.strerror
+    return f"{error.filename}: {problem}" if error.filename else str(problem)
+
+
+def spelt_alike(name: str, valid: Iterable[str]) -> list[str]:
+    """The other names that differ from ``name`` only in case, blanks or the encoding of their letters."""
+    return sorted(one for one in set(valid) - {name} if _folded(one) == _folded(name))
+
+
+def _folded(name: str) -> str:
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
 @attrs.define(auto_exc=True, eq=False)

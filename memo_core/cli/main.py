@@ -86,12 +86,16 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
             raise KeyboardInterrupt from error
         if debug:
             raise
-        from memo_core.errors import WHILE, MemoError  # late: help has no use for it
+        from memo_core.errors import WHILE, MemoError, unwritable  # late: help has no use for it
 
         if isinstance(error, MemoError):
             _say(str(error))
             return error.exit_code
-        whose = next((one for one in getattr(error, "__notes__", ()) if one.startswith(WHILE)), "a bug")
+        whose = next((one for one in getattr(error, "__notes__", ()) if one.startswith(WHILE)), "")
+        if not whose and (problem := unwritable(error)):
+            _say(f"{problem} (name another place, or make room and access there)")
+            return 1
+        whose = whose or "a bug"
         _say(f"unexpected {type(error).__name__}: {' '.join(str(error).split())} ({whose}; memo --debug shows where)")
         return 70
 

@@ -24,8 +24,26 @@ Overrides = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the scene and of everything drawn.")]
 MOST_NUMBER = 2**63 - 1  # of an entry or a revision: a database counts no further
+
+
+def _named(book: str | None) -> str | None:
+    """Refuse a blank name, as from an unset variable of the shell: the experiment's book would be taken instead."""
+    if book is not None and not book.strip():
+        from memo_core.errors import InvalidArgument
+
+        raise InvalidArgument("--book", f"{book!r} names no book", "the path of a file or a database URL")
+    return book
+
+
 Book = Annotated[
-    str | None, typer.Option("--book", "-b", metavar="PATH|URL", help="The skillbook; without it, the experiment's.")
+    str | None,
+    typer.Option(
+        "--book",
+        "-b",
+        metavar="PATH|URL",
+        callback=_named,
+        help="The skillbook; without it, the experiment's.",
+    ),
 ]
 
 

@@ -7,10 +7,11 @@ import datetime
 import json
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from memo_core.errors import close_match, spelt_alike
 from memo_core.terminal import console, discard_stdout
 
 if TYPE_CHECKING:
@@ -23,6 +24,17 @@ def local_time(moment: float, layout: str = "%Y-%m-%d %H:%M") -> str:
         return datetime.datetime.fromtimestamp(moment).strftime(layout)
     except (OverflowError, ValueError, OSError):
         return f"{moment:g}"
+
+
+def note_unknown(kind: str, name: str | None, known: Collection[str]) -> None:
+    """Say on stderr that the book has nothing under a name to filter by, or something under a name spelt alike."""
+    if name is None:
+        return
+    alike = spelt_alike(name, known)
+    if name not in known:
+        note(f"memo: the book has no {kind} {name!r}{close_match(name, known)}")
+    elif alike:
+        note(f"memo: beside {name!r} the book has the {kind} {' and '.join(map(repr, alike))}")
 
 
 def print_json(value: Any) -> None:

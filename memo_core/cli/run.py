@@ -49,6 +49,7 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
+    from memo_core.config.errors import ConfigErrors
     from memo_core.config.layers import FromOption
     from memo_core.runs.narration import Narrator
     from memo_core.runs.record_replay import recorded, replayed
@@ -73,7 +74,12 @@ def command(
             one_file(file, config), [*(overrides or []), *short], task, read_seeds(seeds), out, verbose, json
         )
     given = one_file(file, config) or (resume and run_config(resume))
-    registry, experiment = load(given, [*(overrides or []), *short], task, seed)
+    try:
+        registry, experiment = load(given, [*(overrides or []), *short], task, seed)
+    except ConfigErrors:
+        if resume is not None:
+            note(f"memo: {given} may be of another version of MEMO: resume the run with that one, or mend these keys")
+        raise
     if record is not None:
         experiment = recorded(experiment, registry, record)
     if replay is not None:

@@ -18,7 +18,7 @@ from memo_core.cli import (
     skillbook_transfer,
 )
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import local_time, note, print_json, print_table
+from memo_core.cli.output import local_time, note, note_unknown, print_json, print_table
 from memo_core.cli.standard_input import agreed
 from memo_core.errors import InvalidArgument, MemoError, close_match
 from memo_core.parsing import encodable, resolved
@@ -55,8 +55,14 @@ def list_entries(
     """List entries in the order in which they were stored, and feedback from which no entry was made yet."""
     if kind is not None and kind not in KINDS:
         raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
+    from memo_core.skillbook.keys import Key
+
     with _reading(book, config, overrides) as opened:
         entries = opened.entries(kind, key, who, superseded)
+        note_unknown("person", who, opened.people())
+        if not entries:
+            wanted = None if key is None else str(Key.parse(key))
+            note_unknown("key", wanted, {_label(entry) for entry in opened.entries(superseded=True)})
         waiting = [said for said in opened.pending_feedback(parked=True) if said.words and who in (None, said.who)]
         if json:
             waiting_shown = [{name: getattr(said, name) for name in WAITING} for said in waiting]

@@ -10,7 +10,7 @@ import attrs
 import typer
 
 from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides, load
-from memo_core.cli.output import local_time, note, print_json, print_table
+from memo_core.cli.output import local_time, note, note_unknown, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
 
@@ -43,6 +43,8 @@ def history(
     with _opened(book, config, overrides, read_only=True) as opened:
         revisions = opened.history(key, last)
         versions = opened.versions(key) if key is not None else []
+        if not revisions:
+            note_unknown("key", key, {_key(one) for one in opened.history()})
         if json:
             print_json(
                 {"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]}

@@ -11,7 +11,7 @@ import numpy as np
 class Embedder(ABC):
     """Turns texts into vectors whose inner product is their cosine similarity. ``open`` does the heavy imports."""
 
-    name: str  # identifies model and version; stored in the book, another name is refused
+    name: str  # identifies model and version; stored in the book, another name, or fingerprint after a #, is refused
     dimension: int  # known after open()
 
     @abstractmethod

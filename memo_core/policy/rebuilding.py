@@ -202,7 +202,7 @@ class Rebuilding:
             entry
             for made in self._log.entries.values()
             for entry in made
-            if entry.kind == "template" and entry.key == key and entry.created <= said.time
+            if entry.kind == "template" and entry.key == key and (entry.feedback or 0) <= said.id
             if said.id in self._log.sources.get(entry.id, ())
         ]
         return max(before, key=lambda entry: entry.id, default=None)

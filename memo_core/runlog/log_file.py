@@ -73,7 +73,9 @@ def _record(file: Path, number: int, line: bytes) -> dict[str, Any]:
 
 def damaged(file: Path, number: int, why: str) -> InvalidArgument:
     """The error for a line that is not a record of a run log."""
-    return InvalidArgument(_OPTION, f"{file}, line {number} is damaged ({why})", "the file as the run wrote it")
+    return InvalidArgument(
+        _OPTION, f"{file}, line {number} is damaged ({why})", "the file as the run wrote it, and its version of MEMO"
+    )
 
 
 class LogFile:

@@ -192,7 +192,7 @@ class RunLog:
             return kind.read(entry.value)
         except _UNREADABLE as error:
             problem = f"{self.folder}, entry {entry.number} ({entry.name}) is damaged: {error!r}"
-            raise InvalidArgument("--resume", problem, "the log as the run wrote it") from None
+            raise InvalidArgument("--resume", problem, "the log as the run wrote it, and its version of MEMO") from None
 
     def _live(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import threading
 from collections.abc import Iterator
@@ -33,7 +34,10 @@ def writing(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CannotWrite(file, error.strerror or str(error)) from error
+        problem = (
+            "a file is where its folder should be" if error.errno in (errno.EEXIST, errno.ENOTDIR) else error.strerror
+        )
+        raise CannotWrite(file, problem or str(error)) from error
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:

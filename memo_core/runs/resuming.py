@@ -86,9 +86,10 @@ def check_place(history: History, book_url: str, here: Path) -> None:
     """Raises ``InvalidArgument`` if the name of the run's book refers to a different file from the present working
     directory."""
     relative = "://" not in book_url and not Path(book_url).is_absolute()
-    if relative and str(here) != history.head.get("started_in"):
+    started_in = history.head.get("started_in", str(here))  # a log of another version may lack it
+    if relative and str(here) != started_in:
         problem = f"the skillbook {book_url!r} is named from where the run was started"
-        raise InvalidArgument("--resume", problem, f"the same command in {history.head.get('started_in')}")
+        raise InvalidArgument("--resume", problem, f"the same command in {started_in}")
 
 
 def book_changes(history: History, book: Skillbook, run: str) -> str:

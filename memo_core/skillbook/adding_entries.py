@@ -89,7 +89,7 @@ def _insert(
     sources: set[int],
 ) -> list[int]:
     """Entries (kind, key, text) made from one feedback, one revision a key; their ids."""
-    when, upsert = database.now(), database.upsert(tables.keys)
+    when, upsert = database.time_of_entry(connection), database.upsert(tables.keys)
     key_ids = {key: queries.key_id(connection, upsert, key) for _, key, _ in items}
     reason = f"{phase} {feedback}"
     revision_of = {

@@ -13,7 +13,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import UnknownName
+from memo_core.errors import UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
@@ -587,7 +587,10 @@ class Skillbook:
                 if str(place.path) in cleaned.deleted:
                     drop_place(connection, place)
         beyond = BEYOND if self._database.is_sqlite else (*BEYOND, BEYOND_SERVER)
-        unreached = (*cleaned.unreached, *beyond)
+        same = [
+            f"the words of {one!r}; if it is the same person, forget {one!r} too" for one in spelt_alike(who, known)
+        ]
+        unreached = (*same, *cleaned.unreached, *beyond)
         return attrs.evolve(
             forgotten,
             rewritten=tuple(cleaned.rewritten),

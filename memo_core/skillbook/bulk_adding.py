@@ -57,6 +57,7 @@ def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence
         if lesson.template.strip():
             items.append((feedback, key_id(lesson.key), "template", "template", lesson.template, 0, lesson.scene))
     wanted = list(dict.fromkeys((feedback, key, phase) for feedback, key, phase, *_ in items))
+    created = database.time_of_entry(connection)
     made = _insert(
         connection,
         tables.revisions,
@@ -79,7 +80,7 @@ def add_lessons(database: Database, connection: sa.Connection, lessons: Sequence
                 "superseded_by": None,
                 "uses": 0,
                 "confirmed_uses": 0,
-                "created": now,
+                "created": created,
             }
             for feedback, key, phase, kind, text, ordinal, scene in items
         ],

@@ -92,7 +92,7 @@ class Clusters:
             key,
             tuple(mine),
             _within(near, self.limits.template_characters),
-            said_after=frozenset(m.id for m in mine for t in faulted if m.created > t.created),
+            said_after=frozenset(m.id for m in mine for t in faulted if (m.created, m.id) > (t.created, t.id)),
             whole=frozenset(m.id for m in mine),
             related=frozenset(self.related.ids(key)),
             drop_covered=self.limits.drop_covered,

@@ -8,6 +8,7 @@ writing.
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 import time
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.pool import StaticPool
 
-from memo_core.errors import InvalidArgument
+from memo_core.errors import InvalidArgument, close_match
 from memo_core.parsing import encodable
 from memo_core.skillbook.book_errors import SkillbookError
 
@@ -27,7 +28,10 @@ fuse.sshfs fuse.glusterfs fuse.ceph-fuse fuse.s3fs fuse.rclone fuse.gcsfuse fuse
 NETWORK_FILESYSTEMS = frozenset(_NETWORK.split())
 
 BUSY_TIMEOUT_MS = 60_000  # a writer waits this long for another one
+_READ_ONLY = "skillbook.read_only=true only retrieves from it; to write, make file and folder writable, or use a copy"
 _URL_FORMS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
+_KINDS = ("sqlite", "postgresql")
+_HALF_A_URL = re.compile(r"(sqlite|file|postgres(ql)?)(\+\w+)?:(?!//)", re.IGNORECASE)
 
 
 def parse_url(url: str) -> sa.URL:
@@ -36,6 +40,10 @@ def parse_url(url: str) -> sa.URL:
         raise InvalidArgument("skillbook", f"{url!r} holds a null character", _URL_FORMS)
     if not encodable(url):
         raise InvalidArgument("skillbook", f"{url!r} is not UTF-8 text", _URL_FORMS)
+    if not url.strip():
+        raise InvalidArgument("skillbook", f"{url!r} names no book", f"the path of a file, {_URL_FORMS}")
+    if _HALF_A_URL.match(url):
+        raise InvalidArgument("skillbook", f"{url!r} is no database URL", f"{_URL_FORMS}; ./{url} for a file so named")
     if "://" not in url:
         return sa.URL.create("sqlite", database=url)
     try:
@@ -46,9 +54,13 @@ def parse_url(url: str) -> sa.URL:
         raise InvalidArgument(
             "skillbook", "the URL holds a password", "it in the environment (PGPASSWORD) or ~/.pgpass"
         )
-    if parsed.get_backend_name() not in ("sqlite", "postgresql"):
-        raise InvalidArgument("skillbook", f"{parsed.get_backend_name()!r} is not supported", _URL_FORMS)
-    if parsed.get_backend_name() == "sqlite" and "?" in url:
+    kind = parsed.get_backend_name()
+    if kind not in _KINDS:
+        raise InvalidArgument("skillbook", f"{kind!r} is not supported{close_match(kind, _KINDS)}", _URL_FORMS)
+    if kind == "sqlite" and parsed.host:  # SQLAlchemy would open an empty book in memory
+        problem = f"{url!r} names a host, and SQLite has none"
+        raise InvalidArgument("skillbook", problem, f"sqlite:///{url.partition('://')[2]}")
+    if kind == "sqlite" and "?" in url:
         problem = f"{url!r}: what follows the ? would be taken for options, and there are none"
         raise InvalidArgument("skillbook", problem, "sqlite:///FILE; a path with a ? without sqlite:///")
     if parsed.drivername == "postgresql":
@@ -65,8 +77,7 @@ def sqlite_engine(name: str, path: Path | None, read_only: bool) -> sa.Engine:
         quoted = str(path).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
         mode = "rwc"
         if read_only:
-            bare = not path.with_name(path.name + "-wal").exists() and not os.access(path.parent, os.W_OK)
-            mode = "ro&immutable=1" if bare else "ro"  # on a read-only medium the log's index cannot be made
+            mode = "ro&immutable=1" if _is_bare(path) else "ro"
         address = f"file:{quoted}?mode={mode}"
         engine = sa.create_engine(
             "sqlite://",
@@ -77,6 +88,36 @@ def sqlite_engine(name: str, path: Path | None, read_only: bool) -> sa.Engine:
     sa.event.listen(engine, "connect", lambda raw, _record: _configure_sqlite(raw, writable))
     sa.event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _is_bare(path: Path) -> bool:
+    """Whether a book has no log to read beside it, and the log's index could not be made, as on a read-only medium."""
+    log, index = (path.with_name(path.name + end) for end in ("-wal", "-shm"))
+    return not os.access(path.parent, os.W_OK) and (not log.exists() or not (log.stat().st_size or index.exists()))
+
+
+def refused(name: str, path: Path | None, error: BaseException | None, doing: str) -> SkillbookError:
+    """The error for a database that refused to be opened, read or written.
+
+    Args:
+        name: the book's name.
+        path: its file; None in memory and on a server.
+        error: what the driver raised.
+        doing: what was attempted, for example "cannot be opened".
+    """
+    said = " ".join(str(error).split())
+    if path is None:
+        return SkillbookError(name, f"{doing}: {said}", "see whether its server runs and the URL is right")
+    fixed = not os.access(path.parent, os.W_OK)
+    if fixed and "unable to open" in said and path.with_name(f"{path.name}-wal").exists():
+        problem = f"{path} has a log beside it that must be merged first, and its folder cannot be written"
+        return SkillbookError(name, problem, f"copy {path}* to another folder, and use the copy")
+    if "readonly" in said or (fixed and "unable to open" in said):
+        problem = f"{doing}: its {'folder ' + str(path.parent) if fixed else 'file ' + str(path)} is read-only"
+        return SkillbookError(name, problem, _READ_ONLY)
+    if "locked" in said:
+        return SkillbookError(name, f"{doing}: {said}", f"end the program that holds {path}, or try again later")
+    return SkillbookError(name, f"{doing}: {said}", "make room on its disk, or see who holds it")
 
 
 def _check_path(name: str, path: Path, read_only: bool) -> None:

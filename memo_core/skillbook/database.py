@@ -6,6 +6,7 @@ on this file and on ``connecting``.
 
 from __future__ import annotations
 
+import math
 import os
 import sqlite3
 import threading
@@ -23,8 +24,10 @@ from memo_core.skillbook import tables
 from memo_core.skillbook.book_errors import DamagedBook as DamagedBook
 from memo_core.skillbook.book_errors import ReadOnlyBook as ReadOnlyBook
 from memo_core.skillbook.book_errors import SkillbookError as SkillbookError
-from memo_core.skillbook.connecting import BUSY_TIMEOUT_MS, parse_url, server_engine, sqlite_engine
+from memo_core.skillbook.connecting import BUSY_TIMEOUT_MS, parse_url, refused, server_engine, sqlite_engine
 from memo_core.skillbook.integrity import broken_tables, broken_values
+
+_E, _O = tables.entries.c, tables.origins.c
 
 # parts of SQLite's messages
 _BROKEN = ("malformed", "not a database", "database corruption", "no such table", "no such column", "Could not decode")
@@ -79,7 +82,7 @@ class Database:
             self._prepare()
         except sa.exc.DatabaseError as error:
             self.close()
-            raise SkillbookError(self.name, f"cannot be opened: {error.orig}") from error
+            raise self._refused(error.orig) from error
         except BaseException as error:
             try:
                 self.blame(error)
@@ -111,7 +114,13 @@ class Database:
                 yield connection
         except sa.exc.DatabaseError as error:
             self._say_damaged(error.orig)
+            if isinstance(error, sa.exc.OperationalError):
+                raise self._refused(error.orig) from error
             raise
+
+    def _refused(self, error: BaseException | None, doing: str = "") -> SkillbookError:
+        doing = doing or ("cannot be opened or read" if self.read_only else "cannot be opened")
+        return refused(self.name, self.path, error, doing)
 
     def _say_damaged(self, error: BaseException | None, signs: tuple[str, ...] = _DAMAGE) -> None:
         """Raise ``DamagedBook`` if SQLite's error means a damaged file."""
@@ -151,6 +160,8 @@ class Database:
                 return raw.execute(sql, [parameters[name] for name in names]).fetchall()
             except sqlite3.DatabaseError as error:
                 self._say_damaged(error)
+                if isinstance(error, sqlite3.OperationalError):
+                    raise self._refused(error) from error
                 raise
 
     @contextmanager
@@ -171,8 +182,7 @@ class Database:
                     self._note(connection, *mark)
         except sa.exc.OperationalError as error:
             self._say_damaged(error.orig, _BROKEN)
-            problem = f"could not be written ({' '.join(str(error.orig).split())}); what was stored before is safe"
-            raise SkillbookError(self.name, problem, "make room on its disk, or see who holds it") from error
+            raise self._refused(error.orig, "could not be written, what was stored before is safe") from error
         except sa.exc.DatabaseError as error:
             self._say_damaged(error.orig)
             raise
@@ -216,6 +226,13 @@ class Database:
         generation = int(self.meta(connection)["generation"]) + 1
         self.set_meta(connection, "generation", str(generation))
         return generation
+
+    def time_of_entry(self, connection: sa.Connection) -> float:
+        """The time to store with a new entry (s since the epoch): now, but never before that of an earlier entry of
+        this book, so that the order of times is the order of writing although a computer's clock may be set back."""
+        imported = sa.select(_O.local).where(_O.kind == "entry", _O.local.is_not(None))
+        latest = sa.select(sa.func.max(_E.created)).where(_E.id.not_in(imported))
+        return max(self.now(), connection.execute(latest).scalar() or -math.inf)
 
     def problems(self) -> list[str]:
         """Findings of SQLite's integrity check, rows with missing references, and tables and values that cannot be

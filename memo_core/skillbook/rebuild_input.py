@@ -12,6 +12,7 @@ from memo_core.skillbook import queries, tables
 from memo_core.skillbook.database import Database
 from memo_core.skillbook.entries import Entry, Feedback, KeptReadBack
 from memo_core.skillbook.keys import Key
+from memo_core.skillbook.provenance import said_at
 from memo_core.skillbook.revising import kept_read_backs
 
 _F, _C, _S, _A = tables.feedback.c, tables.changes.c, tables.sources.c, tables.answers.c
@@ -33,7 +34,8 @@ def read_log(database: Database, connection: sa.Connection, until: int | float |
     all."""
     said = [one for one in queries.feedback_where(connection) if one.kind != "edit"]
     chosen = [one for one in said if _within(one, until)]
-    later = [one.time for one in said if not _within(one, until)]
+    at = said_at(database, connection, {one.id: one.time for one in said})
+    later = [at[one.id] for one in said if not _within(one, until)]
     ends = until if isinstance(until, float) else min(later, default=float("inf"))
     ids = {one.id for one in chosen}
     first_key = _first_keys(database, connection)

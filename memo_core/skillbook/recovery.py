@@ -11,7 +11,7 @@ import sqlalchemy as sa
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook import tables
-from memo_core.skillbook.database import Database
+from memo_core.skillbook.database import Database, SkillbookError
 
 _DERIVED = ("vectors", "clusterings")  # are made anew
 _IN_A_ROW = 10_000  # rows that cannot be read one after the other: beyond is the end
@@ -31,7 +31,12 @@ def rescue(damaged: Path, out: Path) -> Rescued:
     if out.exists():
         raise InvalidArgument("--rescue", f"{out} exists already", "a new file")
     new = Database(str(out))
-    new.open()
+    try:
+        new.open()
+    except SkillbookError:
+        with suppress(OSError):
+            out.unlink()  # otherwise the next attempt would find a file
+        raise
     new.close()
     read: dict[str, int] = {}
     address = f"file:{str(damaged.absolute()).replace('%', '%25').replace('?', '%3f').replace('#', '%23')}?mode=ro"

@@ -115,11 +115,12 @@ def _apply(
     keys = set(key_of.values())
     key = keys.pop() if len(keys) == 1 else None
     revision = queries.insert(connection, tables.revisions, key=key, time=when, reason=reason)
+    created = max(when, database.time_of_entry(connection))
     added = []
     for entry, one in changing:
         successor = None
         if one.outcome == "reworded":
-            successor = _reworded(connection, entry, key_of[entry.id], one.text, revision, who, when)
+            successor = _reworded(connection, entry, key_of[entry.id], one.text, revision, who, when, created)
             added.append(successor)
         why = "struck" if successor is None else f"reworded as {successor}"
         supersede(connection, revision, entry.id, why, successor)
@@ -128,7 +129,7 @@ def _apply(
 
 
 def _reworded(
-    connection: sa.Connection, entry: Entry, key: int, text: str, revision: int, who: str, when: float
+    connection: sa.Connection, entry: Entry, key: int, text: str, revision: int, who: str, when: float, created: float
 ) -> int:
     """The new entry. Its text is somebody's words and is stored as separate feedback, so that this person can withdraw
     it."""
@@ -161,7 +162,7 @@ def _reworded(
         ordinal=0,
         revision=revision,
         superseded_by=None,
-        created=when,
+        created=created,
     )
     for source in sorted({words, *sources}):
         queries.insert_plain(connection, tables.sources, entry=added, feedback=source)

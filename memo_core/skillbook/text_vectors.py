@@ -41,6 +41,12 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def same_embedder(one: str, other: str) -> bool:
+    """Whether two names are the same embedder's. After a # stands a fingerprint of the model; then the title before it,
+    such as the name of the folder that the model was read from, does not count."""
+    return one == other or ("#" in one and "#" in other and one.rpartition("#")[2] == other.rpartition("#")[2] != "")
+
+
 class TextVectors:
     """Unit vectors, float32. The embedder is opened only for a text that has not been embedded before."""
 
@@ -48,16 +54,20 @@ class TextVectors:
         self._database = database
         self._embedder = embedder
         self._known: dict[str, np.ndarray] = {}
+        self._name = ""
 
     @property
     def name(self) -> str:
-        return self._embedder.name
+        """The embedder's name, in the spelling that the book has already."""
+        return self._name or self._embedder.name
 
     def check_embedder(self) -> None:
         """Raises ``SkillbookError`` when the book's vectors are another embedder's."""
         with self._database.read() as connection:
             stored = self._database.meta(connection).get("embedder", "")
-        if stored and stored != self.name:
+        if same_embedder(stored, self._embedder.name):
+            self._name = stored
+        elif stored:
             raise SkillbookError(
                 self._database.name,
                 f"its keys and texts were embedded by {stored!r}, the configured embedder is {self.name!r}",

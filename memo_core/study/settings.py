@@ -95,7 +95,7 @@ class StudySettings:
     )
 
     def __attrs_post_init__(self) -> None:
-        ids = [one.id for one in self.participants]
+        ids = [one.id.upper() for one in self.participants]  # p01 and P01 would share a folder on some file systems
         if twice := {one for one in ids if ids.count(one) > 1}:
             raise InvalidArgument("participants", f"{', '.join(sorted(twice))} twice", "an id for each person")
         if self.book == "participant" and self.histories != 1:

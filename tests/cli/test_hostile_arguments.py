@@ -18,6 +18,7 @@ COMMANDS = [
     ["report", "loop"],
     ["budget", "loop"],
     ["skillbook", "list", "--book", "loop"],
+    ["skillbook", "list", "--book", ""],
     ["skillbook", "list", "--book", f"{NOT_UTF8}.db"],
     ["skillbook", "list", "--book", "x" * 300],
     ["skillbook", "stats", "--book", f"sqlite:///{NOT_UTF8}.db"],
@@ -59,3 +60,38 @@ def test_an_export_replaces_a_link_that_leads_to_itself(place):
     code, out, err = run(["skillbook", "export", "--out", "loop", *BOOK])
     assert (code, list(faults_of(code, out, err))) == (0, [])
     assert (place / "loop").read_text().startswith('{"record": "book"')
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["evaluate", "experiment.yaml", "--out", "file"],
+        ["evaluate", "experiment.yaml", "--out", "file/folder"],
+        ["study", "run", "experiment.yaml", "--out", "file/folder"],
+        ["skillbook", "export", "--out", "file/export.jsonl", *BOOK],
+        ["skillbook", "check", "--rescue", "file/rescued.db", *BOOK],
+        ["run", "experiment.yaml", "--task", "open-the-fridge", "--out", "file"],
+    ],
+    ids=" ".join,
+)
+def test_a_file_where_a_folder_should_be_is_named(command, place):
+    (place / "file").write_text("a file")
+    (place / "experiment.yaml").write_text("llm: offline\nteacher: simulated\nsuite: tabletop\n")
+    code, out, err = run(command)
+    assert code in (1, 2) and list(faults_of(code, out, err)) == [], (code, err)
+    assert "file" in err.splitlines()[-1] and "bug" not in err, err
+    assert (place / "file").read_text() == "a file"
+
+
+@pytest.mark.parametrize(
+    ("filter_by", "named"),
+    [
+        (["list", "--who", "ANA0"], "no person 'ANA0'; did you mean 'ana0'?"),
+        (["list", "--key", "OPEN(dor)"], "no key 'OPEN(dor)'; did you mean 'OPEN(door)'?"),
+        (["history", "OPEN(dor)"], "no key 'OPEN(dor)'; did you mean 'OPEN(door)'?"),
+        (["list", "--who", "ana0", "--key", "open(the door)"], ""),
+    ],
+)
+def test_a_filter_that_finds_nothing_names_what_is_close(filter_by, named, place):
+    code, _, err = run(["skillbook", *filter_by, *BOOK])
+    assert code == 0 and (named in err if named else "memo: " not in err), err

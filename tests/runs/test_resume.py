@@ -13,6 +13,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import attrs
 import pytest
 
 from memo_core.cli.app import run_app
@@ -20,11 +21,13 @@ from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Problem
 from memo_core.plugins import Registry
+from memo_core.runs.resuming import check_place, read_cut_off
 from memo_core.runs.run import RunReport, resume_experiment, run_experiment
 from memo_core.runs.sections import SECTIONS
 from memo_core.runs.story import read_story
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
+from tests.support.commands import run as memo_here
 
 # A plugin of a test's own, in a distribution of its own: a model that takes its time, counts what it is asked, and
 # processes that are killed at a chosen moment (environment variable DIE: what:which:seconds later).
@@ -371,6 +374,20 @@ def test_a_book_that_is_named_from_elsewhere_is_not_begun_anew(registry, cut, mo
     relative = [one for one in chosen if not one.startswith("skillbook")] + ["skillbook.url=book.db"]
     with pytest.raises(InvalidArgument, match="/somewhere/else"):
         resume(registry, run, relative)
+
+
+def test_a_key_that_is_no_longer_there_is_named_with_the_way_on(cut):
+    run, _ = cut
+    config = run / "config.yaml"
+    config.write_text(config.read_text().replace("\nrun:\n", "\nrun:\n  gone: 3\n"))
+    code, _, err = memo_here(["run", "--resume", str(run)])
+    assert code == 2 and "run.gone: unknown key" in err and "resume the run with that one" in err, err
+
+
+def test_a_log_without_the_place_where_it_was_started_is_resumed_from_anywhere(cut):
+    run, _ = cut
+    history = read_cut_off(run).history
+    check_place(attrs.evolve(history, head={"run": "r", "task": "t"}), "book.db", Path("/elsewhere"))
 
 
 def test_a_simulated_participant_goes_on_where_it_was():

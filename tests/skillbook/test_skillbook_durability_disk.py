@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import shutil
 import sqlite3
@@ -16,6 +17,8 @@ import pytest
 from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
 
+from memo_core.errors import InvalidArgument
+from memo_core.skillbook import connecting
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.database import SkillbookError
 from memo_core.skillbook.retrieval import RetrievalSettings
@@ -130,6 +133,83 @@ def test_a_read_only_folder_is_read_and_named_when_it_is_to_be_written(folder: P
         kind, text = in_a_child(write, unprivileged=True)
         assert kind == "SkillbookError" and str(folder) in text, text
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_a_read_only_file_is_named_with_the_way_on(folder: Path) -> None:
+    path = folder / "book.db"
+    with open_book(path) as book:
+        book.record_feedback("turn it", "ana")
+    path.chmod(0o444)
+
+    def say() -> None:
+        with open_book(path) as book:
+            book.record_feedback("words", "ana")
+
+    kind, text = in_a_child(say, unprivileged=True)
+    assert kind == "SkillbookError" and f"{path} is read-only" in text and "skillbook.read_only=true" in text, text
+
+
+@pytest.mark.parametrize("unmerged", [False, True])
+def test_a_read_only_folder_with_a_log_is_read_or_says_to_copy_it(folder: Path, unmerged: bool) -> None:
+    """A copy of a book that was open has a log; SQLite cannot read a log in a folder where its index cannot be made."""
+    path, made = folder / "book.db", folder / "made.db"
+    with open_book(made) as book:
+        book.record_feedback("turn it", "ana")
+        path.write_bytes(made.read_bytes())
+        log = made.with_name("made.db-wal").read_bytes()
+    path.with_name("book.db-wal").write_bytes(log if unmerged else b"")
+    if not unmerged:
+        path.write_bytes(made.read_bytes())
+    for file in folder.iterdir():
+        file.chmod(0o444)
+    folder.chmod(0o555)
+
+    def look() -> int:
+        with open_book(path, read_only=True) as book:
+            return book.stats().feedback
+
+    said = in_a_child(look, unprivileged=True)
+    if unmerged:
+        assert said[0] == "SkillbookError" and f"copy {path}* to another folder" in said[1], said
+    else:
+        assert said == 1
+
+
+def test_a_locked_book_is_named_in_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = folder / "book.db"
+    with open_book(path) as book:
+        book.record_feedback("turn it", "ana")
+        holder = sqlite3.connect(path)
+        holder.execute("BEGIN IMMEDIATE")
+        book._database.engine.dispose()
+        monkeypatch.setattr(connecting, "BUSY_TIMEOUT_MS", 10)
+        with pytest.raises(SkillbookError, match=r"could not be written.*locked.*end the program that holds"):
+            book.record_feedback("words", "ana")
+        holder.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "named"),
+    [
+        ("sqlite://book.db", "sqlite:///book.db"),
+        ("sqlite:book.db", "no database URL"),
+        ("file:book.db", "no database URL"),
+        ("postgresql:/host/book", "no database URL"),
+        ("sqlit:///book.db", "did you mean 'sqlite'"),
+        ("postgres://ana@host/book", "did you mean 'postgresql'"),
+        ("", "names no book"),
+        (" ", "names no book"),
+    ],
+)
+def test_a_mistyped_url_is_refused_with_the_right_form(url: str, named: str) -> None:
+    with pytest.raises(InvalidArgument, match=re.escape(named)):
+        Skillbook(url)
+
+
+def test_a_server_that_does_not_answer_is_one_line() -> None:
+    with pytest.raises(SkillbookError, match="see whether its server runs") as caught:
+        Skillbook("postgresql://memo@/x?host=/nowhere").open()
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("damage", ["gone", "empty", "cut", "changed", "other", "a folder", "unwritable"])

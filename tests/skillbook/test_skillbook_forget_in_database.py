@@ -100,3 +100,18 @@ def test_forgetting_says_so_when_a_reader_keeps_the_words_in_the_log(
         reader.close()
         assert book.people() == []
     assert b"zebra" not in _bytes(path)
+
+
+def test_forgetting_names_persons_who_are_spelt_alike(tmp_path: Path) -> None:
+    """ana, Ana and "ANA " may be one person: nothing of theirs may stay unnoticed."""
+    with _book(tmp_path / "book.db") as book:
+        for who in ("Ana", "ANA ", "ana", "anna"):
+            book.record_feedback("turn it", who)
+        with pytest.raises(UnknownName, match="did you mean 'anna'"):
+            book.forget("annna")
+        alike = book.forget("ana").unreached
+        assert [name for name in ("'Ana'", "'ANA '", "'anna'") if any(name in line for line in alike)] == [
+            "'Ana'",
+            "'ANA '",
+        ]
+        assert book.people() == ["ANA ", "Ana", "anna"]

@@ -340,6 +340,22 @@ def test_vectors_are_cached_in_the_book(book: Skillbook) -> None:
     assert fresh.embedded == 0
 
 
+def test_the_same_model_under_another_path_goes_on_with_the_book(tmp_path: Path) -> None:
+    """The title of a model is the name of its folder; the fingerprint tells whether it is the same."""
+    here, moved, other = (FakeEmbedder(), FakeEmbedder(), FakeEmbedder())
+    here.name, moved.name, other.name = "all-MiniLM-L6-v2#0123456789ab", "model#0123456789ab", "model#ba9876543210"
+    path = str(tmp_path / "book.db")
+    with Skillbook(path, here) as book:
+        book.add_lessons(book.record_feedback("turn it", "ana"), "OPEN(jar)", ["Turn it."])
+        found = [served.text for served in book.retrieve("OPEN(jar)").served]
+    with Skillbook(path, moved) as book:
+        assert [served.text for served in book.retrieve("OPEN(jar)").served] == found and not moved.embedded
+        book.add_lessons(book.record_feedback("pull it", "ana"), "OPEN(box)", ["Pull it."])
+        assert book.retrieve("OPEN(box)").served and book.stats().embedder == here.name
+    with pytest.raises(SkillbookError, match="reembed"):
+        Skillbook(path, other).open()
+
+
 def test_another_embedder_is_refused_with_the_command_and_can_take_over(book: Skillbook, tmp_path: Path) -> None:
     from memo_core.skillbook.reembedding import reembed
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from memo_core.config import load_experiment
+from memo_core.errors import InvalidArgument
 from memo_core.plugins import Registry
 from memo_core.study.participants import order_of, participants_of, teacher_of
 from memo_core.study.running import study_sections
-from memo_core.study.settings import StudySettings
+from memo_core.study.settings import Participant, StudySettings
 from memo_core.study.study import loader
 
 
@@ -38,3 +41,9 @@ def test_a_participant_of_a_file_is_checked_like_any_section():
     settings = load_experiment(registry, None, given, study_sections()).section("study")
     assert participants_of(settings)[0].age == 30
     assert teacher_of(loader(registry, None, study_sections()), settings.participants[0], None, 0, True).who == "P1"
+
+
+def test_ids_that_differ_only_in_case_are_refused():
+    """On some file systems P01 and p01 would share a folder."""
+    with pytest.raises(InvalidArgument, match="P01 twice"):
+        StudySettings(participants=(Participant("P01"), Participant("p01")))

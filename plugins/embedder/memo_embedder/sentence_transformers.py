@@ -91,10 +91,11 @@ class SentenceTransformersEmbedder(Embedder):
         return vectors
 
     def export_path(self) -> Path:
-        """Where this model's export is or will be kept."""
+        """Where this model's export is, under whichever title, or will be kept."""
         base = Path(self._settings.cache_dir).expanduser() if self._settings.cache_dir else default_cache()
         folder = self._model()
-        return base / f"{folder.title}-{folder.fingerprint}-{FORMAT}.onnx"
+        kept = f"{folder.fingerprint}-{FORMAT}.onnx"
+        return next(iter(sorted(base.glob(f"*-{kept}"))), base / f"{folder.title}-{kept}")
 
     # -- inside --------------------------------------------------------------------------------------------------------
     def _model(self) -> ModelFolder:
