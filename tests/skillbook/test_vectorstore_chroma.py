@@ -269,3 +269,48 @@ def test_it_tells_nobody_and_loads_no_model(tmp_path: Path) -> None:
         [sys.executable, "-c", CALLS_HOME], capture_output=True, text=True, cwd=tmp_path, env=environment, check=True
     )
     assert json.loads(done.stdout) == [[], False, []]
+
+
+LOOK = """
+import sys
+from pathlib import Path
+from memo_vectorstore.chroma_store import ChromaStore
+from memo_vectorstore.settings import ChromaSettings
+from memo_core.errors import BackendUnavailable
+from memo_core.skillbook.book import Lesson, Skillbook
+from memo_core.skillbook.keys import Key
+from memo_core.testing.fake_embedder import FakeEmbedder
+
+folder = Path(sys.argv[1])
+store = ChromaStore(ChromaSettings(folder=str(folder / "keys")))
+with Skillbook(str(folder / "book.db"), FakeEmbedder(), store) as book:
+    if not book.stats().feedback:
+        key = Key.parse("OPEN(box)")
+        book.add_many([Lesson("words", "ana", key, (f"lesson {number}",)) for number in range(1200)])
+    try:
+        print(book.retrieve("OPEN(box)").served[0].text, len(store))
+    except BackendUnavailable as error:
+        print(error)
+"""
+
+
+def test_a_damaged_folder_is_filled_again_or_named_and_ends_no_process(tmp_path: Path) -> None:
+    """Chroma's native code crashes on a damaged graph, so each look is in a process of its own."""
+
+    def look() -> str:
+        done = subprocess.run([sys.executable, "-c", LOOK, str(tmp_path)], capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, (done.returncode, done.stderr)
+        return done.stdout
+
+    whole = look()
+    graph = next((tmp_path / "keys").glob("*/data_level0.bin"))
+    graph.write_bytes(b"\xff" * graph.stat().st_size)
+    assert look() == whole
+    header = next((tmp_path / "keys").glob("*/header.bin"))
+    header.write_bytes(header.read_bytes()[:50])
+    assert look() == whole == look()
+    database = tmp_path / "keys" / "chroma.sqlite3"
+    content = database.read_bytes()
+    for damaged in (b"\xff" * len(content), content[: len(content) // 3] + b"\xff" * (2 * len(content) // 3)):
+        database.write_bytes(damaged)
+        assert f"delete {tmp_path / 'keys'}" in look()

@@ -4,14 +4,22 @@ A filling of the index is a collection of its own: it is named by its time and a
 stamped with its generation. So two processes that make the index anew at the same time on one server never mix their
 vectors, and one that was killed while it filled leaves a collection without a stamp, which nobody takes for an index.
 A change of a stamped collection takes the stamp off until the next one is set.
+
+Chroma's native code ends the whole process when the files of its graph (HNSW) are damaged. Therefore the
+digests of a collection's files are noted, and a collection whose files have others is not asked: it is filled again.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import hashlib
+import json
+import sqlite3
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -23,7 +31,23 @@ from memo_vectorstore.settings import ChromaSettings
 
 _NEIGHBOURS = 32  # links a vector; 16 (the default) finds 99.75 % where 32 finds all, docs/skillbook-sharing.md
 _BATCH = 1000
+_DIGESTS = "memo-digests.json"  # of the graphs' files, by folder, as they were when their store wrote last
 _STALE_S = 600.0  # collections of others are cleared away when they are older; who still uses one makes it anew
+
+
+def _naming_damage(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Raise ``BackendUnavailable`` in place of Chroma's own errors, which name no remedy."""
+
+    @functools.wraps(method)
+    def named(self: ChromaStore, *arguments: Any) -> Any:
+        from chromadb.errors import ChromaError
+
+        try:
+            return method(self, *arguments)
+        except ChromaError as error:
+            raise self._damaged(error) from error
+
+    return named
 
 
 class ChromaStore(VectorStore):
@@ -43,10 +67,16 @@ class ChromaStore(VectorStore):
         if self._client is not None:
             return
         self._client = self._connect()
-        if self._settings.folder or self._settings.server:
-            finished = [c for c in self._collections() if "generation" in (c.metadata or {})]
-            if finished:
-                self._take_over(max(finished, key=_begun))
+        if not self._settings.folder and not self._settings.server:
+            return
+        try:
+            found = self._collections()
+        except Exception as error:
+            self._client = None
+            raise self._damaged(error) from error
+        finished = [c for c in found if "generation" in (c.metadata or {})]
+        if finished and self._is_sound(newest := max(finished, key=_begun)):
+            self._take_over(newest)
 
     def close(self) -> None:
         client, self._client = self._client, None
@@ -54,8 +84,10 @@ class ChromaStore(VectorStore):
             if not self._settings.folder and not self._settings.server and self._collection is not None:
                 client.delete_collection(self._collection.name)  # all stores in memory share one database
             client.close()
+            self._note_digests()
         self._forget()
 
+    @_naming_damage
     def reset(self, dimension: int) -> None:
         if dimension < 1:
             raise InvalidArgument("dimension", f"{dimension} is not right", "1 or more")
@@ -79,6 +111,7 @@ class ChromaStore(VectorStore):
         if old is not None:
             self._delete(old.name)
 
+    @_naming_damage
     def add(self, ids: Sequence[int], vectors: np.ndarray) -> None:
         self._opened()
         given = np.ascontiguousarray(vectors, dtype=np.float32)
@@ -93,6 +126,7 @@ class ChromaStore(VectorStore):
             self._collection.upsert(ids=[str(i) for i in part], embeddings=given[start : start + _BATCH])
             self._ids.update(part)
 
+    @_naming_damage
     def remove(self, ids: Sequence[int]) -> None:
         self._opened()
         there = [int(i) for i in ids if int(i) in self._ids]
@@ -103,6 +137,7 @@ class ChromaStore(VectorStore):
             self._collection.delete(ids=[str(i) for i in part])
             self._ids.difference_update(part)
 
+    @_naming_damage
     def search(self, query: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         self._opened()
         wanted = min(count, len(self._ids))
@@ -124,6 +159,7 @@ class ChromaStore(VectorStore):
     def generation(self) -> int | None:
         return self._generation
 
+    @_naming_damage
     def set_generation(self, generation: int) -> None:
         self._opened()
         if self._collection is None:
@@ -131,6 +167,7 @@ class ChromaStore(VectorStore):
         # as text: Chroma's integers are floats to its server
         self._collection.modify(metadata=self._unstamped() | {"generation": str(generation)})
         self._generation = generation
+        self._note_digests()
         self._clear_away()
 
     # -- inside --------------------------------------------------------------------------------------------------------
@@ -165,8 +202,50 @@ class ChromaStore(VectorStore):
         try:
             return chromadb.PersistentClient(self._settings.folder, settings)
         except Exception as error:
-            reason = f"its folder {self._settings.folder} cannot be opened: {error}"
-            raise BackendUnavailable("vectorstore", "chroma", reason, "delete it: it is derived data") from error
+            raise self._damaged(error) from error
+
+    def _damaged(self, error: Exception) -> BackendUnavailable:
+        place = self._settings.server or self._settings.folder
+        cause: BaseException = error
+        while cause.__context__ is not None:  # Chroma's cleaning up fails too, and hides why
+            cause = cause.__context__
+        reason = f"{place} cannot be used and may be damaged: {' '.join(str(cause).split())}"
+        return BackendUnavailable("vectorstore", "chroma", reason, f"delete {place}: the book fills it again")
+
+    # -- damage --------------------------------------------------------------------------------------------------------
+    def _is_sound(self, collection: Any) -> bool:
+        """Whether the files of a collection's graph are as they were noted."""
+        if not self._settings.folder:
+            return True
+        graph = self._graph(collection)
+        return graph is not None and self._noted().get(graph.name, {}) == _digests(graph)
+
+    def _note_digests(self) -> None:
+        if not self._settings.folder or self._collection is None or (graph := self._graph(self._collection)) is None:
+            return
+        there = {name: digests for name, digests in self._noted().items() if (graph.parent / name).is_dir()}
+        noted = json.dumps(there | {graph.name: _digests(graph)})
+        part = graph.parent / f".{_DIGESTS}.{uuid.uuid4().hex}"
+        with contextlib.suppress(OSError):  # a folder that cannot be written is filled again each time
+            part.write_text(noted, encoding="utf-8")
+            part.replace(graph.parent / _DIGESTS)
+
+    def _noted(self) -> dict[str, dict[str, str]]:
+        try:
+            return dict(json.loads((Path(self._settings.folder) / _DIGESTS).read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
+            return {}
+
+    def _graph(self, collection: Any) -> Path | None:
+        """The folder of a collection's graph, which need not exist yet; None if Chroma's database does not say."""
+        folder = Path(self._settings.folder)
+        query = "SELECT id FROM segments WHERE scope = 'VECTOR' AND collection = ?"
+        try:
+            with contextlib.closing(sqlite3.connect(folder / "chroma.sqlite3")) as database:
+                row = database.execute(query, (str(collection.id),)).fetchone()
+        except sqlite3.Error:
+            return None
+        return None if row is None else folder / str(row[0])
 
     def _opened(self) -> Any:
         if self._client is None:
@@ -209,3 +288,11 @@ def _begun(collection: Any) -> float:
         return float((collection.metadata or {})["begun"])
     except (KeyError, ValueError):
         return 0.0
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    found = {}
+    for file in sorted(folder.glob("*")):
+        with contextlib.suppress(OSError), file.open("rb") as stream:
+            found[file.name] = hashlib.file_digest(stream, "sha256").hexdigest()
+    return found
