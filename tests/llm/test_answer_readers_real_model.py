@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from memo_llm.offline.prompt import Prompt
+from memo_core.llm.prompt_sections import Prompt
 from memo_llm.replay.recording import Call, read_recording
 
 from memo_core.config import load_experiment

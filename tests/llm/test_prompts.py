@@ -13,7 +13,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from memo_llm.offline.prompt import Prompt
+from memo_core.llm.prompt_sections import Prompt
 
 from memo_core.cli.main import main
 from memo_core.llm.prompt_files import (
