@@ -63,6 +63,7 @@ class Phrases:
     praise: tuple[tuple[str, ...], ...]
     negations: tuple[tuple[str, ...], ...]
     conditions: tuple[tuple[str, ...], ...]
+    relations: tuple[tuple[str, ...], ...]
     amounts: re.Pattern[str]
     data: dict[str, Any]
 
@@ -113,7 +114,7 @@ class Phrases:
 def load() -> Phrases:
     """The built-in phrases."""
     data = yaml.safe_load(resources.files(__package__).joinpath("phrases.yaml").read_text("utf-8"))
-    phrases = Phrases((), (), (), (), (), _amounts(data), data)
+    phrases = Phrases((), (), (), (), (), (), _amounts(data), data)
 
     def spelt(words: list[str]) -> tuple[tuple[str, ...], ...]:
         found = {tuple("#" if word == "amount" else word for word in phrases.tokens(one).words) for one in words}
@@ -128,7 +129,7 @@ def load() -> Phrases:
         every.append(phrase)
         keywords += [(words, phrase) for words in spelt(entry["words"])]
     keywords.sort(key=lambda pair: len(pair[0]), reverse=True)
-    found = {"praise": data["praise"], "negations": data["negations"], "conditions": data["conditions"]}
+    found = {key: data[key] for key in ("praise", "negations", "conditions", "relations")}
     return attrs.evolve(
         phrases, all=tuple(every), keywords=tuple(keywords), **{key: spelt(words) for key, words in found.items()}
     )

@@ -167,6 +167,8 @@ def _doubt(
         return "it is a question"
     if found := _first(left, phrases.conditions):
         return f"it holds under a condition ({found[1]!r})"
+    if found := _first(left, phrases.relations):
+        return f"it says where beside something else ({found[1]!r})"
     clauses = {tokens.clause(hit.start) for hit in hits}
     for words in phrases.negations:
         for start in _places(left, words):
