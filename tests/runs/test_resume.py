@@ -56,7 +56,7 @@ def now_perhaps(name):
             time.sleep(60)
 
 def model(settings):
-    from memo_llm.offline.model import OfflineModel
+    from memo_offline.model import OfflineModel
     from memo_llm.settings import OfflineSettings
 
     class Slow(OfflineModel):

@@ -6,7 +6,7 @@ import json
 
 import pytest
 from cluster_books import ARC, Kept, approve, clustering, new_book, only_cluster, teach, teach_general, texts
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.errors import Stopped
 from memo_core.events import ClusterDone

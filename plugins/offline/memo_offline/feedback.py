@@ -20,7 +20,9 @@ from memo_offline.writing import FOLLOWED, plain_recipe
 
 PAGE = "docs/offline-backend.md"
 _ASKED = re.compile(r"\A(.*)\n\(asked back: .*?\)\n(.*)\Z", re.S)
-_OPENERS = re.compile(r"^(?:(?:no|yes|well|hm+|hey|ok(?:ay)?|please|but|so|you (?:have to|must|should|need to))[, ]+)+", re.I)
+_OPENERS = re.compile(
+    r"^(?:(?:no|yes|well|hm+|hey|ok(?:ay)?|please|but|so|you (?:have to|must|should|need to))[, ]+)+", re.I
+)
 _GRIP = re.compile(r"\b(?:hand|fingers?|gripper|handle)\b")
 
 

@@ -77,7 +77,9 @@ class Phrases:
 
     def tokens(self, text: str) -> Tokens:
         """A text taken apart, with its amounts."""
-        plain = text.lower().replace("’", "'").replace("anti-clock", "anticlock").replace("counter-clock", "counterclock")
+        plain = (
+            text.lower().replace("’", "'").replace("anti-clock", "anticlock").replace("counter-clock", "counterclock")
+        )
         found: list[Amount] = []
 
         def kept(match: re.Match[str]) -> str:
@@ -129,9 +131,14 @@ def load() -> Phrases:
         every.append(phrase)
         keywords += [(words, phrase) for words in spelt(entry["words"])]
     keywords.sort(key=lambda pair: len(pair[0]), reverse=True)
-    found = {key: data[key] for key in ("praise", "negations", "conditions", "relations")}
     return attrs.evolve(
-        phrases, all=tuple(every), keywords=tuple(keywords), **{key: spelt(words) for key, words in found.items()}
+        phrases,
+        all=tuple(every),
+        keywords=tuple(keywords),
+        praise=spelt(data["praise"]),
+        negations=spelt(data["negations"]),
+        conditions=spelt(data["conditions"]),
+        relations=spelt(data["relations"]),
     )
 
 

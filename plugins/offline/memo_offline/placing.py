@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from memo_offline.code_builder import Sheet
 from memo_offline.directions import heading_of
 from memo_offline.recipe import Recipe
-from memo_offline.code_builder import Sheet
 from memo_offline.surroundings import Surroundings
 
 

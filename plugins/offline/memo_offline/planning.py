@@ -7,9 +7,9 @@ from collections import Counter
 
 import attrs
 
+from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt, read_subtask
 from memo_core.scene.graph import Node, SceneGraph
 from memo_offline.planning_remarks import Remark, asked_in, concerns, remarks
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt, read_subtask
 from memo_offline.surroundings import descendants, doors, find, last_word, space_of, states
 
 _OPEN = r"open(?: up)?|pull open|swing open|slide open"
@@ -59,7 +59,9 @@ def plan(prompt: Prompt) -> Plan:
             first = _before(step, asked_for, scene, done)
             return Plan(_usable(first or step, scene, prompt.task), unread)
     if unread and not wishes:
-        raise UnreadablePrompt(f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing")
+        raise UnreadablePrompt(
+            f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing"
+        )
     return Plan("DONE", unread)
 
 

@@ -12,7 +12,16 @@ from memo_core.scene.graph import Node
 from memo_offline.phrases import Amount, Phrase, Phrases, Tokens, load
 
 _OF_GRIPS = ("handle", "knob", "bar", "grip", "lever", "button")
-_IMPERATIVE_NO = {("don't",), ("do", "not"), ("never",), ("without",), ("instead", "of"), ("rather", "than"), ("stop",), ("avoid",)}
+_IMPERATIVE_NO = {
+    ("don't",),
+    ("do", "not"),
+    ("never",),
+    ("without",),
+    ("instead", "of"),
+    ("rather", "than"),
+    ("stop",),
+    ("avoid",),
+}
 _ALONE = {"degrees": "through an angle", "times": "again"}  # what an amount says that nothing else takes
 _EVERYWHERE = re.compile(r"\b(?:always|every time|in general|generally|everything|all \w+s)\b")
 _COUNTS = {"twice": 2, "again": 2, "once more": 2, "a second time": 2}
