@@ -57,7 +57,6 @@ def now_perhaps(name):
 
 def model(settings):
     from memo_offline.model import OfflineModel
-    from memo_llm.settings import OfflineSettings
 
     class Slow(OfflineModel):
         def answer(self, request, on_text=None, cancelled=None):
@@ -70,7 +69,7 @@ def model(settings):
             time.sleep(0.05)
             return attrs.evolve(answer, usage=attrs.evolve(answer.usage, cost=0.01))
 
-    return Slow(OfflineSettings())
+    return Slow()
 
 @hookimpl
 def memo_language_models():

@@ -21,10 +21,11 @@ _TEMPLATE = re.compile(r"^Template (\d+) \[([^\]\n]*)\][^\n]*\n```(?:python)?\n(
 _THIRD_PERSON = re.compile(r"\b(take|pull|push|lead|lift|turn|swing|hold|grip|tilt|approach)(?:s|es)\b", re.I)
 _UNIVERSAL = re.compile(r"\b(?:always|never|everything|anything|any|every|all)\b")
 _NOUN = re.compile(r"\b(door|drawer|lid)s?\b")
-_LIGHT = frozenset(
-    """it is are be to of with by at in on and then so always should must need have can do does no ok there here for i say
-    you open pull lead handle door drawer out about around go move me way""".split()  # noqa: SIM905
-)
+_LIGHT_WORDS = """
+it is are be to of with by at in on and then so always should must need have can do does no ok there here for i say you
+open pull lead handle door drawer out about around go move me way hold take grip grab
+"""
+_LIGHT = frozenset(_LIGHT_WORDS.split())
 
 
 @attrs.frozen
@@ -124,7 +125,7 @@ def _does(text: str) -> dict[str, str]:
 
 def _groups(notes: Sequence[_Note]) -> list[list[_Note]]:
     """Notes that say the same; of each group first the one whose text says all of it."""
-    fullest = sorted(notes, key=lambda n: (-len(n.wants), -len(n.rest), -len(n.numbers), len(n.text), n.number))
+    fullest = sorted(notes, key=lambda n: (-len(n.wants), -_weight(n), -len(n.numbers), len(n.text), n.number))
     groups: list[list[_Note]] = []
     for note in fullest:
         group = next((one for one in groups if _repeats(note, one[0])), None)
@@ -133,6 +134,10 @@ def _groups(notes: Sequence[_Note]) -> list[list[_Note]]:
         else:
             group.append(note)
     return groups
+
+
+def _weight(note: _Note) -> int:
+    return len(note.rest if note.edits else note.words)
 
 
 def _repeats(one: _Note, other: _Note) -> bool:

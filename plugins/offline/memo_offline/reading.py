@@ -123,7 +123,7 @@ def _takes(phrase: Phrase, amount: Amount) -> bool:
 def _with_amounts(
     tokens: Tokens, left: list[str], hits: list[_Hit], phrases: Phrases
 ) -> tuple[list[Edit], list[Amount]]:
-    """An edit for each keyword with the amount that stands in it or in its clause, and the amounts that nothing took."""
+    """An edit for each keyword with the amount in it or in its clause, and the amounts that nothing took."""
     free = dict(_placed(tokens))
     edits: list[Edit] = []
     for hit in hits:
