@@ -12,6 +12,7 @@ from memo_offline.phrases import load
 from memo_offline.reading import Edit, read
 from offline_prompts import MODEL, box_with_door, request, thing, write
 
+from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.teachers import simulated_teacher
 
 PHRASES = load()
@@ -55,7 +56,9 @@ def test_a_note_is_read_as_the_edit_it_was_made_of(name):
     for amount in [*amounts, *([] if name == "through an angle" else [None])]:
         edit = Edit(phrase, amount)
         again = read(edit.note).edits
-        assert [(one.phrase.name, one.amount and one.amount.value) for one in again] == [(name, amount and amount.value)]
+        assert [(one.phrase.name, one.amount and one.amount.value) for one in again] == [
+            (name, amount and amount.value)
+        ]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -119,6 +122,22 @@ def test_amounts_go_with_what_they_are_said_of(words, wanted):
     assert [(e.phrase.name, e.amount and pytest.approx(e.amount.value)) for e in read(words).edits] == wanted
 
 
+@pytest.mark.parametrize(
+    ("lesson", "understood"),
+    [
+        ("Push the cupboard door in first, then it springs open by itself.", ["push in first"]),
+        ("You have to lift the locker's handle up before you pull the door.", ["lift first"]),
+        ("The can is very thin, grip it only lightly or it gets crushed.", ["gentler"]),
+        ("Hold the carton gently, it collapses if you squeeze it.", ["gentler"]),
+        ("Keep the safe's button pressed for two seconds, then the door opens by itself.", ["press the button"]),
+        ("The wardrobe door sticks halfway, let it come back a little and pull a second time.", ["again"]),
+    ],
+)
+def test_lessons_about_quirks_are_understood(lesson, understood):
+    things = [thing(name) for name in ("cupboard", "locker", "can", "carton", "safe", "wardrobe")]
+    assert names(lesson, *things, thing("cupboard door", kind="part", part_of="cupboard")) == understood
+
+
 def test_a_name_in_the_scene_is_no_keyword():
     assert names("open the lower drawer further", thing("lower drawer")) == ["further"]
     assert names("hold the arc lamp by its rim", thing("arc lamp")) == ["by the rim"]
@@ -134,7 +153,12 @@ def test_an_explained_lesson_holds_for_other_things_too():
 def test_what_is_not_understood_is_asked_back_with_what_is(words):
     found = noted(words)
     assert found["corrections"] == found["general"] == []
-    assert "arc, straight" in found["unclear"] and words in found["unclear"] and len(found["unclear"]) <= 400
+    assert "arc, straight" in found["unclear"] and words in found["unclear"]
+
+
+@pytest.mark.parametrize("kind", ["", "open", "close", "pick", "place", "push", "pull", "turn"])
+def test_what_is_offered_fits_into_a_question(kind):
+    assert len(PHRASES.offers(kind)) < MAX_NOTE - 150
 
 
 def test_an_answer_that_is_no_clearer_is_kept_as_it_was_said():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from memo_offline.recipe import Habits
+from memo_offline.recipe import habits
 from memo_offline.surroundings import Surroundings
 from memo_offline.templates import path_shaped
 from offline_prompts import scene, thing
@@ -20,7 +20,7 @@ def led(*xs: float) -> list[Command]:
 
 
 def test_a_path_out_and_back_on_a_line_is_no_arc():
-    recipe = Habits.load().recipe("open", ("crate",))
+    recipe = habits().recipe("open", ("crate",))
     around = Surroundings.of(BOX, "crate", None)
     assert path_shaped(recipe, led(0.5, 0.45, 0.4, 0.5), around) == recipe
     assert path_shaped(recipe, led(0.5, 0.45, 0.4), around).shape == "straight"

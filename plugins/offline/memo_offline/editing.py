@@ -75,7 +75,7 @@ def _degrees(edit: Edit, usual: float) -> float:
 
 def _path(recipe: Recipe, edit: Edit, plain: Recipe) -> Recipe:
     # The sense is kept: a template or another correction may have set it.
-    return attrs.evolve(recipe, shape=edit.phrase.value) if "path" in recipe.steps else recipe
+    return attrs.evolve(recipe, shape=edit.phrase.value) if _led(recipe) else recipe
 
 
 def _sense(recipe: Recipe, edit: Edit, plain: Recipe) -> Recipe:
@@ -83,7 +83,12 @@ def _sense(recipe: Recipe, edit: Edit, plain: Recipe) -> Recipe:
 
 
 def _edge(recipe: Recipe, edit: Edit, plain: Recipe) -> Recipe:
-    return attrs.evolve(recipe, shape="arc", pivot=edit.phrase.value) if "path" in recipe.steps else recipe
+    return attrs.evolve(recipe, shape="arc", pivot=edit.phrase.value) if _led(recipe) else recipe
+
+
+def _led(recipe: Recipe) -> bool:
+    """Whether the recipe leads something that may hang on a hinge; what is lifted does not."""
+    return "path" in recipe.steps and recipe.kind != "pick"
 
 
 def _reach(recipe: Recipe, edit: Edit, plain: Recipe) -> Recipe:

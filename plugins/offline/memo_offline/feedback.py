@@ -18,7 +18,6 @@ from memo_offline.reading import Edit, Reading, read
 from memo_offline.recipe import Recipe
 from memo_offline.writing import FOLLOWED, plain_recipe
 
-PAGE = "docs/offline-backend.md"
 _ASKED = re.compile(r"\A(.*)\n\(asked back: .*?\)\n(.*)\Z", re.S)
 _OPENERS = re.compile(
     r"^(?:(?:no|yes|well|hm+|hey|ok(?:ay)?|please|but|so|you (?:have to|must|should|need to))[, ]+)+", re.I
@@ -47,13 +46,13 @@ def note(prompt: Prompt) -> NotesAnswer:
     reading = read(said, scene.nodes)
     if reading.edits:
         edits = [_from_plain(edit, prompt, plain, scene) for edit in reading.edits]
-        return _notes(edits, reading)
+        return _notes(edits, reading, _unread(said, scene))
     if reading.praise:
         return _asking(said, "that was praise, and nothing is noted of praise. What should be different, if anything?")
     if asked and len(said.split()) > 2 and "?" not in said:
         return _answer(corrections=[plainly(said)], missed=(said,))
     names = load().offers(plain.kind)
-    return _asking(said, f"{reading.doubt}. Understood are: {names}. What should be different? You said: {said[:60]}")
+    return _asking(said, f"{reading.doubt}. What should be different? You said: {said[:60]!r}. Understood: {names}")
 
 
 def plainly(sentence: str) -> str:
@@ -73,10 +72,21 @@ def _of_plans(said: str, prompt: Prompt, scene: SceneGraph) -> NotesAnswer | Non
     return None
 
 
-def _notes(edits: list[Edit], reading: Reading) -> NotesAnswer:
+def _unread(said: str, scene: SceneGraph) -> tuple[str, ...]:
+    """The sentences beside understood ones in which there is no keyword."""
+    sentences = [one for one in re.split(r"(?<=[.!?])\s+", said) if len(one.split()) > 2]
+    return tuple(one for one in sentences if not (found := read(one, scene.nodes)).edits and not found.praise)
+
+
+def _notes(edits: list[Edit], reading: Reading, unread: tuple[str, ...]) -> NotesAnswer:
     notes = [edit.note for edit in edits]
     general = [edit.phrase.general for edit in edits if edit.phrase.general and edit.explained]
-    return _answer(general=notes + general) if reading.everywhere else _answer(notes, general)
+    kept = [plainly(one) for one in unread]
+    return (
+        _answer(kept, notes + general, missed=unread)
+        if reading.everywhere
+        else _answer(notes + kept, general, missed=unread)
+    )
 
 
 def _asking(said: str, question: str) -> NotesAnswer:

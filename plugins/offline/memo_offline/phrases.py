@@ -10,6 +10,7 @@ from typing import Any
 import attrs
 import yaml
 
+OFFERED = 240  # characters of the names that a question offers
 UNITS = {"cm": 0.01, "mm": 0.001, "m": 1.0, "inch": 0.0254}  # of lengths, in metres
 _DROPPED = frozenset(["the", "a", "an", "your", "my", "its", "their", "this", "please", "just", "really", "very"])
 _PRONOUNS = {"them": "it", "they": "it", "that": "it", "those": "it", "these": "it"}
@@ -72,8 +73,9 @@ class Phrases:
         return next(phrase for phrase in self.all if phrase.name == name)
 
     def offers(self, kind: str) -> str:
-        """The names of what can be said of a kind of subtask ("" for any)."""
-        return ", ".join(one.name for one in self.all if not one.of or not kind or kind in one.of)
+        """The names of what is worth saying of a kind of subtask, as many as a question has room for."""
+        names = ", ".join(one.name for one in self.all if not one.of or kind in one.of)
+        return names if len(names) <= OFFERED else f"{names[:OFFERED].rpartition(',')[0]}, …"
 
     def tokens(self, text: str) -> Tokens:
         """A text taken apart, with its amounts."""

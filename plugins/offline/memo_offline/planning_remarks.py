@@ -23,6 +23,7 @@ _OBLIGED = (
 _FIRST = re.compile(
     r"^(?P<what>.+?),? (?:first|beforehand|before(?: \w[^,;]*)?)$|^first,? (?P<then>.+?)(?:,? (?:and )?then .+)?$"
 )
+_SHUT = re.compile(r"(?P<what>\bthe (?:\w+ ){0,2}?\w+) is (?:closed|shut), open (?:it|that) first$")
 _LEFT_OUT = re.compile(
     r"(?:forgot|forgotten|left out|missed|didn't|did not)(?P<do> to)? (?P<what>.+)"
     r"|(?P<also>.+?) (?:as well|too|also|afterwards|at the end)$"
@@ -75,6 +76,8 @@ def _sentences(text: str) -> list[str]:
 
 def _read(sentence: str, trusted: bool) -> list[Remark]:
     sentence = _OPENERS.sub("", sentence)
+    if shut := _SHUT.search(sentence):  # "the crate is closed, open it first"
+        sentence = f"open {shut.group('what')} first"
     first = _FIRST.search(sentence)
     if first:
         return [Remark(_bare(first.group("what") or first.group("then")), True, trusted)]
