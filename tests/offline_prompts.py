@@ -6,8 +6,8 @@ import math
 
 import attrs
 import numpy as np
-from memo_llm.offline.imagination import hand_over
-from memo_llm.offline.model import OfflineModel
+from memo_offline.imagination import hand_over
+from memo_offline.model import OfflineModel
 
 from memo_core.interfaces.llm import Answer, Request
 from memo_core.policy.prompting import messages

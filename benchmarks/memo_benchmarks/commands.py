@@ -178,54 +178,6 @@ def retrieval_quality(
 
 
 @app.command()
-def understanding(
-    file: Annotated[Path, typer.Argument(help="YAML list of sentences with what is meant, as in tests/sayings.")],
-    all_sentences: Annotated[bool, typer.Option("--all", help="Show every sentence, not only totals.")] = False,
-    config: ConfigFile = None,
-    overrides: Overrides = None,
-    json: Json = False,
-) -> None:
-    """How the language model reads everyday sentences: understood as meant, asked back, without effect, misread."""
-    from memo_benchmarks.understanding import bench_understanding, sayings_in, shares
-    from memo_core.runs.factories import library_of, prompts_of
-
-    sayings = sayings_in(file)
-    _, experiment = load(config, overrides)
-    model = experiment.create("llm")
-    heard: list[Any] = []
-
-    def measure(progress: Callable[[float], None]) -> dict[str, Any]:
-        model.open()
-        try:
-            heard.extend(bench_understanding(model, sayings, library_of(experiment), prompts_of(experiment), progress))
-        finally:
-            model.close()
-        return shares(heard)
-
-    measured = with_progress("understanding", measure)
-    if json:
-        print_json(measured | {"all": [one.told for one in heard]})
-        return
-    print_report(measured, json)
-    if all_sentences:
-        for one in heard:
-            print(f"\n[{one.verdict}] {one.saying.subtask}: {one.saying.says}\n  meant: {one.saying.means}")
-            for line in (*one.notes, *([f"asked: {one.asked}"] if one.asked else []), *one.changed):
-                print(f"  - {line}")
-
-
-@app.command()
-def agreement(
-    file: Annotated[Path, typer.Argument(help='JSON Lines, a sentence each, with "judges": two verdicts.')],
-    json: Json = False,
-) -> None:
-    """What two judges made of sentences: shares of each verdict, agreement, Cohen's kappa."""
-    from memo_benchmarks.understanding import agreement as agreed
-
-    print_report(agreed(file), json)
-
-
-@app.command()
 def stop(
     signals: Annotated[int, typer.Option("--signals", min=1, help="Stops in each phase.")] = 20,
     phases: Annotated[list[str] | None, typer.Option("--phase", help="Only this phase; repeatable.")] = None,

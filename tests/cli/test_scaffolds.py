@@ -361,7 +361,7 @@ def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        ("llm", "offline", "memo-llm has a llm 'offline' already"),
+        ("llm", "offline", "memo-offline has a llm 'offline' already"),
         ("teacher", "nobody", "already"),  # a former name
         ("command", "run", "a command 'run' already"),
         ("skills", "import", "a word of Python"),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from fake_openai_server import Asked, Reply, Wire, error
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped, TaskCodeError
 from memo_core.evaluation.table import ERRORS, read_table

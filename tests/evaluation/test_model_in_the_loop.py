@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from fake_openai_server import Asked, Reply, Wire
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.evaluation.table import VARYING, read_table
 from memo_core.interfaces.llm import Message, Request

@@ -7,10 +7,10 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from memo_llm.offline.prompt import Prompt
 from memo_llm.replay.recording import Call, read_recording
 
 from memo_core.config import load_experiment
+from memo_core.llm.prompt_sections import Prompt
 from memo_core.llm.readers import read_code, read_notes, read_plan, read_template
 from memo_core.plugins import Registry
 from memo_core.runs.run import run_experiment

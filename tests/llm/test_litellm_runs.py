@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from fake_openai_server import Asked, Reply, Wire, error
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.config import load_experiment
 from memo_core.interfaces.llm import Message, Request

@@ -13,7 +13,6 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from memo_llm.offline.prompt import Prompt
 
 from memo_core.cli.main import main
 from memo_core.llm.prompt_files import (
@@ -27,6 +26,7 @@ from memo_core.llm.prompt_files import (
     built_in,
     read_prompt,
 )
+from memo_core.llm.prompt_sections import Prompt
 from memo_core.policy.prompting import done_line, messages
 from memo_core.policy.results import SubtaskResult
 from memo_core.robot.description import GripperDescription, RobotDescription

@@ -303,8 +303,9 @@ def test_the_recorded_backend_is_checked_like_any_other(registry, tmp_path):
     experiment = load_experiment(registry, None, [*chosen, *inner], SECTIONS)
     assert isinstance(experiment.create("llm"), Recorder)
     assert experiment.public()["llm.inner.backend"] == "offline"
-    with pytest.raises(ConfigErrors, match=r"llm\.inner\.vocabularies.*did you mean 'vocabulary'"):
-        load_experiment(registry, None, [*chosen, *inner, "llm.inner.vocabularies=x"], SECTIONS)
+    other = ["llm.inner.backend=litellm", "llm.inner.model=openai/x", "llm.inner.time_out=1"]
+    with pytest.raises(ConfigErrors, match=r"llm\.inner\.time_out.*did you mean 'timeout_s'"):
+        load_experiment(registry, None, [*chosen, *other], SECTIONS)
     with pytest.raises(ConfigErrors, match="unknown llm 'oflline'"):
         load_experiment(registry, None, [*chosen, "llm.inner=oflline"], SECTIONS)
     with pytest.raises(ConfigErrors, match="nothing to record"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import attrs
 import pytest
 from fake_openai_server import Asked, Reply, Wire
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.config import Experiment, load_experiment
 from memo_core.environment.simulated import SimulatedEnvironment

@@ -59,8 +59,7 @@ def now_perhaps(name):
             time.sleep(60)
 
 def model(settings):
-    from memo_llm.offline.model import OfflineModel
-    from memo_llm.settings import OfflineSettings
+    from memo_offline.model import OfflineModel
 
     class Slow(OfflineModel):
         def answer(self, request, on_text=None, cancelled=None):
@@ -73,7 +72,7 @@ def model(settings):
             time.sleep(0.05)
             return attrs.evolve(answer, usage=attrs.evolve(answer.usage, cost=0.01))
 
-    return Slow(OfflineSettings())
+    return Slow()
 
 @hookimpl
 def memo_language_models():

@@ -7,7 +7,7 @@ import json
 import attrs
 import pytest
 from cluster_books import ARC, approve, clustering, new_book, teach, texts
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.config.layers import preset_sections
 from memo_core.policy.clustering import ClusteringSettings

@@ -6,7 +6,7 @@ import json
 
 import pytest
 from cluster_books import ARC, Kept, approve, clustering, new_book, only_cluster, teach, teach_general, texts
-from memo_llm.offline.model import OfflineModel
+from memo_offline.model import OfflineModel
 
 from memo_core.errors import Stopped
 from memo_core.events import ClusterDone
@@ -209,11 +209,11 @@ def test_a_dry_run_writes_nothing(book, offline) -> None:
     ("notes", "left"),
     [
         (("Pull it straight out.", "Swing it open."), ["Swing it open."]),
-        (("Pull it straight out, and mind the cable behind it.",), ["Mind the cable behind it."]),
+        (("Pull it straight out, and mind the cable behind it.",),) * 2,
         (("If it is locked, pull it straight out.",), ["If it is locked, pull it straight out."]),
         (("Do not pull it straight out.", "Lead it along an arc."), ["Lead it along an arc."]),
         (("Hold it by the rim.", "Take hold of the handle."), ["Take hold of the handle."]),
-        (("If it is hot, mind it, and pull it straight out.",), ["If it is hot, mind it."]),
+        (("If it is hot, mind it, and pull it straight out.",),) * 2,
         (("Frobnicate the latch.", "Please frobnicate the green latch."), ["Please frobnicate the green latch."]),
         (("Keep 3 cm away.", "Keep 5 cm away."), ["Keep 3 cm away.", "Keep 5 cm away."]),
     ],

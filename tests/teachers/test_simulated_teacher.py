@@ -252,7 +252,7 @@ HINT = "; it is reachable with the hand turned by 30 degrees, pointing "
         (f"{REACH}{HINT}forward and 30 degrees down", "refused-tilt", "tilt", "down"),
         (f"{REACH}{HINT}20 degrees to the left of forward and 40 degrees up", "refused-tilt", "tilt", "up"),
         (f"{REACH}{HINT}down", "refused-from", "approach", "top"),
-        (f"{REACH}{HINT}forward", "refused-from", "approach", "side"),
+        (f"{REACH}{HINT}forward", "refused-from", "approach", "front"),
         (f"{REACH}; the arm falls short by 4 cm", "refused", "approach", ""),
         (
             "MotionError: move_to: [0, 0, 0] cannot be reached, because the hand would hit the shelf",
@@ -264,8 +264,7 @@ HINT = "; it is reachable with the hand turned by 30 degrees, pointing "
     ],
 )
 def test_a_robot_that_says_why_it_did_not_move_is_told_what_would_help(spoken, cause, edit, value):
-    from memo_llm.offline.reading import read_sentence
-    from memo_llm.offline.vocabulary import Vocabulary
+    from memo_offline.reading import read
 
     still = Pose((0.3, 0.0, 0.5))
     seen = [scene_with_door(0.0, still, 0.08)] * 3
@@ -280,11 +279,12 @@ def test_a_robot_that_says_why_it_did_not_move_is_told_what_would_help(spoken, c
     assert found.cause == cause and not found.fine
     if not edit:
         return
+    found_nodes = seen[0].nodes
     for phrase in yaml.safe_load(Path(simulated_teacher.__file__).with_name("phrases.yaml").read_text())[cause]:
         words = phrase.format(**found.blanks)
-        edits = read_sentence(words, Vocabulary.load(), ["chest"]).edits
-        assert [one.kind for one in edits] == [edit], words
-        assert value in edits[0].value, words
+        edits = read(words, found_nodes).edits
+        assert [one.phrase.matter for one in edits] == [edit], words
+        assert value in edits[0].phrase.value, words
 
 
 def failing_episodes(teacher: SimulatedTeacher, count: int) -> list[str]:

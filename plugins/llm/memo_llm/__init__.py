@@ -1,1 +1,1 @@
-"""Language backends for MEMO: offline."""
+"""Language backends for MEMO: litellm and replay."""

@@ -9,13 +9,7 @@ from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
 from memo_llm.litellm.providers import KEYS
 from memo_llm.replay.settings import ReplaySettings
-from memo_llm.settings import LiteLLMSettings, OfflineSettings
-
-
-def _offline(settings: Any) -> Any:
-    from memo_llm.offline.model import OfflineModel
-
-    return OfflineModel(settings)
+from memo_llm.settings import LiteLLMSettings
 
 
 def _replay(settings: Any) -> Any:
@@ -42,15 +36,6 @@ def _key_of(settings: LiteLLMSettings) -> Needs:
 @hookimpl
 def memo_language_models() -> list[Backend]:
     return [
-        Backend(
-            kind="llm",
-            name="offline",
-            summary="rule-based reader of the prompts: no network, no cost; regression figures only",
-            factory=_offline,
-            config=OfflineSettings,
-            measured="memo_llm/measured/offline.yaml",
-            default=True,
-        ),
         Backend(
             kind="llm",
             name="replay",

@@ -29,16 +29,6 @@ _NOT_OPTIONS = {
 }
 
 
-@attrs.frozen
-class OfflineSettings:
-    """Settings of the ``offline`` backend. Both files are documented in docs/offline-backend.md."""
-
-    vocabulary: str = attrs.field(
-        default="", metadata={"help": "YAML file of words and phrases; default: the built-in"}
-    )
-    habits: str = attrs.field(default="", metadata={"help": "YAML file of naive habits; default: the built-in one"})
-
-
 def _free_options(_: Any, __: Any, options: dict[str, Any]) -> None:
     for name in options:
         if name in _NOT_OPTIONS:

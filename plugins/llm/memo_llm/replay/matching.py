@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import attrs
 
-from memo_core.interfaces.llm import LanguageModelError, Request
-from memo_llm.offline.prompt import Prompt
+from memo_core.interfaces.llm import Request
+from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt
 from memo_llm.replay.recording import Call
 
 # Decimal numbers are measured, whole ones count or name things; whole degrees are measured too.
@@ -95,7 +95,7 @@ def _situation(request: Request) -> str:
     is not one of MEMO's prompts."""
     try:
         prompt = Prompt.read(request.messages)
-    except LanguageModelError:
+    except UnreadablePrompt:
         return ""
     about: list[object] = [request.phase, request.seed]
     about += [message.text for message in request.messages if message.role == "assistant"]

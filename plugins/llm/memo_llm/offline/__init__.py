@@ -1,1 +1,0 @@
-"""The offline language backend: a deterministic, rule-based reader of MEMO's prompts (docs/offline-backend.md)."""
