@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import json
 import re
 from pathlib import Path
 
@@ -90,3 +92,45 @@ def test_files_that_the_docs_name_exist():
     found = [(page.name, path) for page in pages for path in named.findall(page.read_text(encoding="utf-8"))]
     assert len(found) > 30
     assert not [(page, path) for page, path in found if not (ROOT / path).exists()]
+
+
+def tables():
+    """``tools/tables.py``, which is no package."""
+    spec = importlib.util.spec_from_file_location("docs_tables", ROOT / "tools" / "tables.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_tables_of_measured_figures_are_those_of_their_files():
+    assert [page.name for page in tables().outdated()] == [], "run python tools/tables.py"
+
+
+def test_every_file_of_measured_figures_is_shown():
+    shown = {
+        name for page in tables().pages() for name in re.findall(r"<!-- table: (\S+) -->", page.read_text("utf-8"))
+    }
+    assert shown == {f"results/{path.name}" for path in (ROOT / "results").glob("*.json")}
+
+
+def test_a_table_that_was_edited_by_hand_is_noticed_and_written_again(tmp_path):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "results").mkdir()
+    result = {"command": "memo bench stop", "note": "", "rows": [{"phase": "moving", "ms": 3}]}
+    (tmp_path / "results" / "stop.json").write_text(json.dumps(result), encoding="utf-8")
+    (tmp_path / "README.md").write_text("none\n", encoding="utf-8")
+    page = tmp_path / "docs" / "page.md"
+    page.write_text("A\n<!-- table: results/stop.json -->\n| ms |\n<!-- /table -->\nB\n", encoding="utf-8")
+    [(found, text)] = tables().outdated(tmp_path).items()
+    assert found == page and "| moving | 3 |" in text and text.startswith("A\n") and text.endswith("\nB\n")
+    page.write_text(text, encoding="utf-8")
+    assert tables().outdated(tmp_path) == {}
+
+
+def test_a_result_file_with_uneven_rows_is_refused_by_name(tmp_path):
+    path = tmp_path / "stop.json"
+    path.write_text('{"command": "c", "note": "", "rows": [{"a": 1}, {"b": 2}]}', encoding="utf-8")
+    made = tables()
+    with pytest.raises(made.TableError, match=r"stop\.json: row 2 has the headings"):
+        made.markdown(path)

@@ -1,0 +1,91 @@
+"""The documentation's tables of measured figures, written from ``results/*.json``.
+
+A page marks each table with two comments, and what stands between them is written from the file::
+
+    <!-- table: results/NAME.json -->
+    <!-- /table -->
+
+A file holds ``{"command": ..., "note": ..., "rows": [{heading: cell, ...}, ...]}``; every row has the same headings.
+
+    python tools/tables.py            # write the tables of all pages
+    python tools/tables.py --check    # fail if a page is not current
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+_TABLE = re.compile(r"<!-- table: (\S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
+
+
+class TableError(Exception):
+    """A result file or a page's reference to it is wrong; the message names the file."""
+
+
+def markdown(path: Path) -> str:
+    """The markdown table of a result file, with its command and note below.
+
+    Raises:
+        TableError: if the file cannot be read or its rows differ in their headings.
+    """
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+        command, note, rows = result["command"], result["note"], result["rows"]
+        headings = list(rows[0])
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        problem = f"{type(error).__name__}: {error}"
+        raise TableError(f"{path}: {problem}; expected command, note and rows, a list of objects") from None
+    for number, row in enumerate(rows, start=1):
+        if list(row) != headings:
+            raise TableError(f"{path}: row {number} has the headings {list(row)}, expected {headings}")
+    lines = [headings, ["---"] * len(headings), *(row.values() for row in rows)]
+    table = "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
+    source = f"`{command}`" + (f": {note}" if note else "")
+    return f"\n{table}\n{source}\n\n"
+
+
+def with_tables(text: str, root: Path = ROOT) -> str:
+    """A page's text with its tables written from the result files. Raises ``TableError``."""
+
+    def written(found: re.Match[str]) -> str:
+        return f"<!-- table: {found[1]} -->\n{markdown(root / found[1])}<!-- /table -->"
+
+    return _TABLE.sub(written, text)
+
+
+def pages(root: Path = ROOT) -> list[Path]:
+    """README and all pages of the documentation."""
+    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+
+
+def outdated(root: Path = ROOT) -> dict[Path, str]:
+    """Pages whose tables differ from the result files, with their current text. Raises ``TableError``."""
+    found = {page: page.read_text(encoding="utf-8") for page in pages(root)}
+    current = {page: with_tables(text, root) for page, text in found.items()}
+    return {page: text for page, text in current.items() if text != found[page]}
+
+
+def main(arguments: list[str]) -> int:
+    if arguments not in ([], ["--check"]):
+        print(f"unknown arguments {' '.join(arguments)}; expected none or --check", file=sys.stderr)
+        return 2
+    try:
+        changed = outdated()
+    except TableError as error:
+        print(error, file=sys.stderr)
+        return 1
+    for page, text in changed.items():
+        if arguments:
+            print(f"{page.relative_to(ROOT)}: a table is not current; run python tools/tables.py", file=sys.stderr)
+        else:
+            page.write_text(text, encoding="utf-8")
+            print(page.relative_to(ROOT))
+    return 1 if arguments and changed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
