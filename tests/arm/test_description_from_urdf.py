@@ -18,7 +18,7 @@ from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf import link_poses, read_urdf
 from memo_core.testing.robot import RULES
 from memo_core.testing.simulator_scenes import check_robot
-from tests.arms import on_a_rail, six_joint_arm
+from tests.support.arms import on_a_rail, six_joint_arm
 
 BARE = six_joint_arm((1, 6)).urdf
 URDFS = {"panda": panda().urdf, "bare six-joint arm": BARE}

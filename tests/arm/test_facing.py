@@ -13,7 +13,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.plugins import Registry
 from memo_core.robot.mounting import mounted
 from memo_core.testing.plugins import check_robot
-from tests.arms import facing_arm, six_joint_arm
+from tests.support.arms import facing_arm, six_joint_arm
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from memo_core.errors import MotionError
 from memo_core.testing.robot_motion import RULES
 from memo_core.testing.robot_trial import RobotTrial
 from memo_core.testing.rules import Limited
-from tests.arms import control_of, five_joint_arm, six_joint_arm
+from tests.support.arms import control_of, five_joint_arm, six_joint_arm
 
 DOWN = [0.0, 1.0, 0.0, 0.0]
 SIDEWAYS = [0.5, -0.5, 0.5, 0.5]  # pointing to the left, which needs a sixth joint straight ahead of the base

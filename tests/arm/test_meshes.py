@@ -20,7 +20,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.robot.urdf import find_mesh, read_urdf, with_meshes_found
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Pose
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 CYLINDER = r'<cylinder radius="0.04" length="0.3"/>'
 MESH = '<mesh filename="package://arm/meshes/bar.stl"/>'

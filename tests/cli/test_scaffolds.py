@@ -31,7 +31,7 @@ from memo_core.robot.mounting import base_pose
 from memo_core.teachers.goal_check import unseen_goal
 from memo_core.testing.perception import StillWorld
 from memo_core.testing.plugins import check_backend
-from tests.arms import facing_arm, six_joint_arm
+from tests.support.arms import facing_arm, six_joint_arm
 
 PAGES = Path(__file__).parents[2] / "docs" / "plugins"
 # page -> the scaffold that it shows

@@ -18,7 +18,7 @@ from memo_core.stop_switch import StopSwitch
 from memo_core.study.study import loader
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.environment.test_hardware import UP, Person, registry_with
-from tests.franka_cell import running_cell
+from tests.support.franka_cell import running_cell
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [

@@ -14,7 +14,7 @@ from memo_core.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
 ROOT = Path(__file__).parents[2]
-RECORDED = ROOT / "tests" / "recordings" / "quirks"
+RECORDED = ROOT / "tests" / "data" / "recordings" / "quirks"
 COMPARED = ("given", "task", "success", "first_programs", "programs", "lesson_needed", "lesson_served")
 
 

@@ -1,4 +1,4 @@
-"""Answers as models really give them (tests/answers): each is read as meant, or refused with the precise reason."""
+"""Answers as models give them (tests/data/answers): each is read as meant, or refused with the precise reason."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from memo_core.llm.readers import Notes, Unreadable, read_code, read_notes, read
 from memo_core.llm.readers.plan import NOT_IN_A_TABLE
 from memo_core.skillbook.keys import Key
 
-ANSWERS = Path(__file__).parents[1] / "answers"
+ANSWERS = Path(__file__).parents[1] / "data" / "answers"
 FILES = {name: yaml.safe_load((ANSWERS / f"{name}.yaml").read_text(encoding="utf-8")) for name in
          ("plan", "code", "notes", "template")}  # fmt: skip
 

@@ -1,5 +1,5 @@
-"""What a real model once answered (tests/recordings, and those that ship): today's readers read all of it, its code is
-within today's Python and skills, and a recorded run does in today's world what it did then."""
+"""What a real model once answered (tests/data/recordings, and those that ship): today's readers read all of it, its code
+is within today's Python and skills, and a recorded run does in today's world what it did then."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from memo_core.skillbook.keys import Key
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 
-RECORDINGS = Path(__file__).parents[1] / "recordings"
+RECORDINGS = Path(__file__).parents[1] / "data" / "recordings"
 SHIPPED = Path(str(resources.files("memo_tabletop").joinpath("recordings")))
 FILES = sorted([*RECORDINGS.glob("*.jsonl.gz"), *SHIPPED.glob("*.jsonl.gz")])
 READ = {"code": read_code, "feedback": read_notes, "template": read_template}

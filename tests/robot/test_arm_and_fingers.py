@@ -19,7 +19,7 @@ from memo_core.robot.parallel_hand import ParallelHand
 from memo_core.robot.urdf import read_urdf
 from memo_core.robot.urdf_text import Solid, box_inertia, joint_text, link_text
 from memo_core.testing.robot import RULES
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 BARE = six_joint_arm().urdf
 HAND = ParallelHand().text("tool")

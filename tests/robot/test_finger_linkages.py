@@ -24,7 +24,7 @@ from memo_core.robot.urdf_text import Solid, box_inertia, joint_text, link_text
 from memo_core.scene.description import SceneDescription
 from memo_core.testing.robot import RULES
 from memo_core.testing.robot_trial import RobotTrial
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 LENGTH, APART = 0.055, 0.030  # m: knuckle to fingertip joint, and of the knuckles from the middle
 SIMULATORS = {"mujoco": MujocoSimulator, "pybullet": PybulletSimulator}

@@ -10,7 +10,7 @@ from memo_franka.testing.arm import DT
 from memo_franka.testing.control_box import ControlBox
 from memo_franka.testing.hand import HandDouble
 
-from tests.franka_cell import ADDRESSES, ROBOT, until
+from tests.support.franka_cell import ADDRESSES, ROBOT, until
 
 
 class WallClock:

@@ -18,7 +18,7 @@ from memo_franka.testing.wire import Error, HandCommand, HandStatus
 from memo_core.errors import RobotFault
 from memo_core.testing import gripper_driver, robot_driver
 from memo_core.testing.link import RULES
-from tests.franka_cell import ADDRESSES, BUSY_S, ROBOT, running_cell, swing, until
+from tests.support.franka_cell import ADDRESSES, BUSY_S, ROBOT, running_cell, swing, until
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [

@@ -22,7 +22,17 @@ from memo_wsg.settings import WsgSettings
 from memo_wsg.testing.double import WsgDouble
 
 from memo_core.errors import InvalidArgument, RobotFault, Stopped
-from tests.franka_cell import ACCELERATION, ACCEPTED, ADDRESSES, GRACE_MS, Cell, braking_ms, running_cell, swing, until
+from tests.support.franka_cell import (
+    ACCELERATION,
+    ACCEPTED,
+    ADDRESSES,
+    GRACE_MS,
+    Cell,
+    braking_ms,
+    running_cell,
+    swing,
+    until,
+)
 
 franky = pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [

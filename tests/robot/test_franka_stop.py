@@ -17,8 +17,8 @@ from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 from memo_core.stop_switch import StopSwitch
-from tests.arms import FixedPerception
-from tests.franka_cell import ROBOT, Cell, running_cell, until
+from tests.support.arms import FixedPerception
+from tests.support.franka_cell import ROBOT, Cell, running_cell, until
 
 pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [

@@ -14,7 +14,7 @@ from memo_core.robot.hand_mount import mount_rpy, sideways
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf import link_poses, read_urdf
 from memo_core.scene.pose import Pose
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 BARE = six_joint_arm().urdf  # its flange's z leads along joint 6, which is link6's y
 JOINTS = tuple(f"joint{n}" for n in range(1, 7))

@@ -8,7 +8,7 @@ from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.cli.options import load
 from memo_core.environment.task_verification import verify_task
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 
 @pytest.mark.parametrize("simulator", ["mujoco", "pybullet"])

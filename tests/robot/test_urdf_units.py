@@ -10,7 +10,7 @@ from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.errors import InvalidArgument
 from memo_core.robot.urdf import read_urdf
 from memo_core.robot.urdf_units import check_units, implausible_units
-from tests.arms import six_joint_arm
+from tests.support.arms import six_joint_arm
 
 RIGHT = six_joint_arm().urdf
 FINGERS = tuple(joint.name for joint in read_urdf(RIGHT).joints if joint.kind == "prismatic")

@@ -21,7 +21,7 @@ from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.plugins import Result, check_robot
 from memo_core.testing.robot_page import write_robot_page
-from tests.arms import on_a_rail, six_joint_arm
+from tests.support.arms import on_a_rail, six_joint_arm
 
 RIGHT = ur5e()
 UPSIDE_DOWN = Pose(orientation=quaternion_from_axis_angle((0, 1, 0), math.pi))

@@ -298,7 +298,7 @@ KILLED = textwrap.dedent(
     from memo_core.skillbook.book import Skillbook
     from memo_core.testing.fake_embedder import FakeEmbedder
     from memo_core.testing.fake_store import FakeStore
-    from tests.loop_setup import Bench, BESIDE
+    from tests.support.loop_setup import Bench, BESIDE
     from memo_core.interfaces.teacher import Verdict
     from memo_core.skills.contract import BUILTIN_SKILLS
     from memo_core.skills.skill import skill_library

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import attrs
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -17,11 +17,12 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 from memo_core.testing.fake_control import FakeControl
 
-FOLDER = Path(__file__).parents[1] / "programs" / "hostile"
-WRITTEN_OUT = {  # too long for a file
+ROOT = Path(__file__).parents[2]
+TABLES = ROOT / "tests" / "data" / "programs"
+WRITTEN_OUT = {  # too long for a table
     "names_by_the_thousand": "\n".join(f"unknown_{i}_thing(np.foo_{i})" for i in range(2500)),
 }
-EXPECTED: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "expected.toml").read_text())
+EXPECTED: dict[str, dict[str, Any]] = yaml.safe_load((TABLES / "hostile.yaml").read_text("utf-8"))
 LIMITS = Limits(
     seconds_between_calls=0.8, seconds_in_all=3.0, robot_seconds=60, memory=64 << 20, output=10_000, calls=300
 )
@@ -51,7 +52,7 @@ def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Exe
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox, patient):
-    expected, code = EXPECTED[name], WRITTEN_OUT.get(name) or (FOLDER / f"{name}.py").read_text()
+    expected, code = EXPECTED[name], WRITTEN_OUT.get(name) or EXPECTED[name]["code"]
     if expected.get("kind") == "memory limit" or name in WRITTEN_OUT:
         sandbox = patient
     limits = sandbox.limits
@@ -63,7 +64,7 @@ def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbo
     assert bool(execution.error) == (expected["ends"] != "done")
     assert "\n" not in execution.error and len(execution.error) < 2100
     assert len(execution.printed) <= 6 * LIMITS.output  # control characters are spelt out
-    for ours in ("Traceback", "site-packages", "memo_core", "python-input", str(FOLDER.parents[2])):
+    for ours in ("Traceback", "site-packages", "memo_core", "python-input", str(ROOT)):
         assert ours not in execution.error + execution.printed
     assert control.commands == expected.get("commands", [])
     good, control = run(sandbox, GOOD)
@@ -71,7 +72,7 @@ def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbo
 
 
 def test_there_is_a_program_for_every_expectation_and_the_other_way_round():
-    assert {path.stem for path in FOLDER.glob("*.py")} | set(WRITTEN_OUT) == set(EXPECTED)
+    assert {name for name, program in EXPECTED.items() if "code" in program} | set(WRITTEN_OUT) == set(EXPECTED)
     assert len(EXPECTED) >= 60
 
 
@@ -84,11 +85,11 @@ def test_a_plain_exec_would_fail_these_tests():
     }
     for name in ("builtin_eval", "builtin_eval_aliased"):
         assert EXPECTED[name].get("commands", []) == []
-        exec((FOLDER / f"{name}.py").read_text(), dict(names))
+        exec(EXPECTED[name]["code"], dict(names))
     assert reached == ["move_to", "go_home"]
 
 
-ORDINARY = sorted((FOLDER.parent / "ordinary").glob("*.py"))
+ORDINARY = list(yaml.safe_load((TABLES / "ordinary.yaml").read_text("utf-8")).values())
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -98,7 +99,7 @@ def test_whatever_the_text_is_the_sandbox_answers_in_one_line(sandbox, data):
     if data.draw(st.booleans()):
         code = data.draw(st.text(max_size=200))
     else:
-        code = data.draw(st.sampled_from(ORDINARY)).read_text()
+        code = data.draw(st.sampled_from(ORDINARY))
         for _ in range(data.draw(st.integers(1, 4))):
             a, b, to = sorted(data.draw(st.lists(st.integers(0, len(code)), min_size=3, max_size=3)))
             code = code[:a] + code[b:to] + code[a:b] + code[to:]

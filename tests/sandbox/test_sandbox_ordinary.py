@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from memo_core.errors import InvalidArgument, MemoError, UnknownName
 from memo_core.sandbox import Execution, Sandbox, Workspace
@@ -18,8 +19,9 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import Skill, skill_library
 from memo_core.testing.fake_control import FakeControl
 
-PROGRAMS = sorted((Path(__file__).parents[1] / "programs" / "ordinary").glob("*.py"))
-LANGUAGE = sorted((Path(__file__).parents[1] / "programs" / "language").glob("*.py"))
+TABLES = Path(__file__).parents[1] / "data" / "programs"
+PROGRAMS: dict[str, str] = yaml.safe_load((TABLES / "ordinary.yaml").read_text("utf-8"))
+LANGUAGE: dict[str, str] = yaml.safe_load((TABLES / "language.yaml").read_text("utf-8"))
 WORKSPACE = Workspace((-0.2, -0.9, -0.1), (1.0, 0.9, 1.2), 1.0)
 
 REFUSED = {  # outside the published subset: named before anything moves, with the line
@@ -88,9 +90,9 @@ def spoken(text: str) -> tuple[list[str], list[float]]:
     ]
 
 
-@pytest.mark.parametrize("path", [p for p in PROGRAMS if p.stem not in REFUSED], ids=lambda p: p.stem)
-def test_an_ordinary_program_does_what_python_does(path, sandbox, monkeypatch):
-    code = path.read_text()
+@pytest.mark.parametrize("name", [name for name in PROGRAMS if name not in REFUSED])
+def test_an_ordinary_program_does_what_python_does(name, sandbox, monkeypatch):
+    code = PROGRAMS[name]
     execution, control = in_sandbox(sandbox, code)
     assert execution.error == ""
     assert execution.ended == "done"
@@ -106,9 +108,9 @@ def test_an_ordinary_program_does_what_python_does(path, sandbox, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore::SyntaxWarning")
-@pytest.mark.parametrize("path", LANGUAGE, ids=lambda p: p.stem)
-def test_the_language_means_what_it_means_in_python(path, sandbox, monkeypatch):
-    code = path.read_text()
+@pytest.mark.parametrize("name", LANGUAGE)
+def test_the_language_means_what_it_means_in_python(name, sandbox, monkeypatch):
+    code = LANGUAGE[name]
     execution, _ = in_sandbox(sandbox, code)
     assert execution.error == ""
     printed, _ = in_python(code, monkeypatch)
@@ -116,24 +118,24 @@ def test_the_language_means_what_it_means_in_python(path, sandbox, monkeypatch):
     assert spoken(execution.printed)[1] == pytest.approx(spoken(printed)[1], abs=1e-9, nan_ok=True)
 
 
-@pytest.mark.parametrize("path", [p for p in PROGRAMS if p.stem in REFUSED], ids=lambda p: p.stem)
-def test_what_is_outside_the_subset_is_named_before_anything_moves(path, sandbox):
-    execution, control = in_sandbox(sandbox, path.read_text())
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_outside_the_subset_is_named_before_anything_moves(name, sandbox):
+    execution, control = in_sandbox(sandbox, PROGRAMS[name])
     assert execution.kind == "subset"
-    assert REFUSED[path.stem] in execution.error
+    assert REFUSED[name] in execution.error
     assert "\n" not in execution.error
     assert control.commands == []
 
 
 def test_most_ordinary_programs_run_unchanged():
     assert len(PROGRAMS) >= 40
-    assert set(REFUSED) <= {p.stem for p in PROGRAMS}
+    assert set(REFUSED) <= set(PROGRAMS)
     assert len(REFUSED) / len(PROGRAMS) < 0.15
 
 
 if __name__ == "__main__":  # python tests/sandbox/test_sandbox_ordinary.py: the share that docs/sandbox.md reports
     with Sandbox(skill_library(BUILTIN_SKILLS)) as opened:
-        endings = {p.stem: in_sandbox(opened, p.read_text())[0] for p in PROGRAMS}
+        endings = {name: in_sandbox(opened, code)[0] for name, code in PROGRAMS.items()}
     for name, execution in endings.items():
         print(f"{'ok ' if execution.succeeded else 'NO '} {name} {execution.error}")
     print(sum(e.succeeded for e in endings.values()), "of", len(endings))

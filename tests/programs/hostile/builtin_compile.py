@@ -1,1 +1,0 @@
-exec(compile("go_home()", "x", "exec"))

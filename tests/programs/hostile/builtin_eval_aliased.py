@@ -1,2 +1,0 @@
-e = eval
-e("go_home()")

@@ -1,1 +1,0 @@
-globals()["move_to"]([9, 9, 9])

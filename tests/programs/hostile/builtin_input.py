@@ -1,1 +1,0 @@
-password = input("sudo password: ")

@@ -1,2 +1,0 @@
-t = getattr((), "__class__")
-print(t)

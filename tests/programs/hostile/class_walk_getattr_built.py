@@ -1,2 +1,0 @@
-name = "__cl" + "ass__"
-print(getattr(getattr([], name), "__subclasses__")())

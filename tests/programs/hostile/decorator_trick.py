@@ -1,4 +1,0 @@
-@exec
-@input
-class X:
-    pass

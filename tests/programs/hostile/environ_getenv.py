@@ -1,2 +1,0 @@
-from os import getenv
-print(getenv("HOME"))

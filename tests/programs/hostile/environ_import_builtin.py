@@ -1,2 +1,0 @@
-o = __import__("os")
-print(o.environ)

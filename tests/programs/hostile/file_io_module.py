@@ -1,2 +1,0 @@
-import io
-io.open("/etc/passwd")

@@ -1,1 +1,0 @@
-print(open(__file__).read())

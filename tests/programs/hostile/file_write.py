@@ -1,2 +1,0 @@
-with open("/tmp/owned", "w") as f:
-    f.write("x")

@@ -1,2 +1,0 @@
-from multiprocessing import Process
-Process(target=print).start()

@@ -1,2 +1,0 @@
-import threading
-threading.Thread(target=go_home).start()

@@ -1,1 +1,0 @@
-print(f"{move_to.__globals__['os']}")

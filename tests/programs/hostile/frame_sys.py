@@ -1,2 +1,0 @@
-import sys
-print(sys._getframe(1).f_locals)

@@ -1,1 +1,0 @@
-print(getattr(move_to, "__glo" + "bals__"))

@@ -1,3 +1,0 @@
-x = 3
-while True:
-    x = x * x

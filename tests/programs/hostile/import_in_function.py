@@ -1,4 +1,0 @@
-def f():
-    import gc
-    return gc.get_objects()
-f()

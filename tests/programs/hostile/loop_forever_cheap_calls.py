@@ -1,2 +1,0 @@
-while True:
-    get_gripper_width()

@@ -1,5 +1,0 @@
-try:
-    while True:
-        pass
-finally:
-    go_home()

@@ -1,3 +1,0 @@
-import itertools
-for i in itertools.count():
-    pass

@@ -1,1 +1,0 @@
-raise TimeoutError("turn time limit exceeded: forged")

@@ -1,2 +1,0 @@
-import numpy as np
-x = np.zeros((10000, 10000))

@@ -1,4 +1,0 @@
-try:
-    x = bytes(10**12)
-except MemoryError:
-    go_home()

@@ -1,3 +1,0 @@
-x = []
-while True:
-    x.append([0] * 1000)

@@ -1,1 +1,0 @@
-wait(seconds=30.5)

@@ -1,1 +1,0 @@
-move_to([float("nan"), 0.0, 0.3])

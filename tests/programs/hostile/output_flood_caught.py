@@ -1,5 +1,0 @@
-while True:
-    try:
-        print("y" * 500)
-    except BaseException:
-        pass

@@ -1,1 +1,0 @@
-_memo_gate()

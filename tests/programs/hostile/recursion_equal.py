@@ -1,4 +1,0 @@
-a, b = [], []
-a.append(b)
-b.append(a)
-print(a == b)

@@ -1,2 +1,0 @@
-f = lambda g: g(g)
-f(f)

@@ -1,4 +1,0 @@
-a = []
-for _ in range(100000):
-    a = [a]
-print(a)

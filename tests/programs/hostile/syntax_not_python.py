@@ -1,4 +1,0 @@
-Sure! Here is the code you asked for:
-```python
-go_home()
-```

@@ -1,3 +1,0 @@
-go_home()
-return
-go_home()

@@ -1,3 +1,0 @@
-if True:
-	go_home()
-        go_home()

@@ -1,2 +1,0 @@
-import traceback
-traceback.print_stack()

@@ -1,1 +1,0 @@
-control.move_to([9, 9, 9])

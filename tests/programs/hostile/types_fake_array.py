@@ -1,4 +1,0 @@
-class ndarray:
-    def __init__(self):
-        self.data = "boom"
-move_to(ndarray())

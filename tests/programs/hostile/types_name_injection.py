@@ -1,1 +1,0 @@
-get_position("red cube'; DROP TABLE entries; --")

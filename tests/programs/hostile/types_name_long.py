@@ -1,1 +1,0 @@
-get_position("x" * 10**6)

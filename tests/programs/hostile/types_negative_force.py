@@ -1,1 +1,0 @@
-close_gripper(force=-100)

@@ -1,1 +1,0 @@
-launch_missiles(target="moon")

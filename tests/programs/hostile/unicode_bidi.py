@@ -1,2 +1,0 @@
-s = "‮move‬"
-print(s)

@@ -1,2 +1,0 @@
-print("\ud800")
-get_position("\udfff")

@@ -1,4 +1,0 @@
-def f():
-    try: return 1
-    finally: print('fin')
-print(f())

@@ -1,1 +1,0 @@
-print(*[1,2],sep='');print('a','b',end='|');print()

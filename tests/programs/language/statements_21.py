@@ -1,2 +1,0 @@
-if (n:=len('abc'))>2: print(n)
-print([y:=1, y+1])

@@ -1,8 +1,0 @@
-heights = sum(get_size(n)[2] for n in get_objects() if "cube" in n)
-anything = any(get_position(n)[2] > 0.1 for n in get_objects())
-everything = all(len(get_position(n)) == 3 for n in get_objects())
-first_cube = next((n for n in get_objects() if "cube" in n), None)
-longest = max((len(n) for n in get_objects()), default=0)
-print(round(heights, 3), anything, everything, first_cube, longest)
-joined = ", ".join(n for n in get_objects() if " " in n)
-print(joined)

@@ -1,7 +1,0 @@
-print()
-print("a", 1, 2.5, None, True, [1, 2], {"k": (1,)}, sep=", ", end=".\n")
-print("no newline", end="")
-print(" continued")
-print(*get_position("red cube"))
-print("multi\nline", 'quote"s', "tab\tend")
-print(str(1e-7), 1 / 3, 10**20, 0.1 + 0.2, float("inf"), round(2.5), round(0.125, 2))
