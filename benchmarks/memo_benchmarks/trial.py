@@ -38,6 +38,7 @@ PLACES = (
     ("memo_core/environment/", "perception"),
     ("memo_core/scene/", "perception"),
     ("memo_llm/", "language model"),
+    ("memo_offline/", "language model"),
     ("memo_core/llm/", "language model"),
     ("memo_core/skillbook/", "skillbook"),
     ("memo_embedder/", "skillbook"),

@@ -16,11 +16,15 @@ from memo_core.checkout import uninstalled
 from memo_core.plugins import Registry, UnknownBackend
 
 ROOT = Path(__file__).parents[2]
-ABSENT = {"mujoco": ("memo_sim_mujoco", "mujoco"), "pybullet": ("memo_sim_pybullet", "pybullet")}
+ABSENT = {
+    "mujoco": ("memo_sim_mujoco", "mujoco"),
+    "pybullet": ("memo_sim_pybullet", "pybullet"),
+    "offline": ("memo_offline",),
+}
 
 
 def without(absent: str, site: Path) -> list[str]:
-    """The command of a MEMO in whose site-packages that simulator is not."""
+    """The command of a MEMO in whose site-packages that backend is not."""
     site.mkdir()
     for entry in Path(sysconfig.get_path("purelib")).iterdir():
         name = entry.name.lower().removeprefix("_editable_impl_").removeprefix("__editable__.")
@@ -55,6 +59,13 @@ def test_one_alone_works_and_the_other_is_not_installed(absent, present, tmp_pat
     assert [one["offers"] for one in listed] == [[{"kind": "simulator", "name": absent}]]
     doctor = json.loads(memo(command, "doctor", "--quick", "--json"))["checks"]
     assert any(one["what"] == f"simulator {absent}" and folder in one["remedy"] for one in doctor)
+
+
+def test_without_the_stand_in_for_a_model_its_name_is_refused_with_what_installs_it(tmp_path):
+    command = without("offline", tmp_path / "site")
+    refused = memo(command, "run", "--task", "open-the-fridge", "--set", "llm=offline", "--out", str(tmp_path), code=2)
+    assert "not installed" in refused and "Traceback" not in refused
+    assert f"pip install -e {ROOT / 'plugins/offline'}" in " ".join(refused.split())
 
 
 def test_every_plugin_of_the_checkout_says_what_it_offers():
