@@ -50,7 +50,7 @@ class BookKeys:
     failing: frozenset[int]  # templates that fail when they are run again in a simulator
     actions: np.ndarray  # unit vectors, float32 (n, d)
     objects: np.ndarray  # unit vectors: moved objects, then destination, float32 (n, 2 d)
-    words: np.ndarray  # unit vectors of the keys' words, float32 (n, d)
+    vectors: np.ndarray  # unit vectors of the keys' words, float32 (n, d)
 
     @cached_property
     def row_of(self) -> dict[int, int]:

@@ -70,8 +70,9 @@ def newest_of_people(database: Database, connection: sa.Connection, keys: Sequen
 
 
 def newest_before_older(retrieved: Sequence[_WithEntry], known: Mapping[int, Provenance]) -> list[_WithEntry]:
-    """Sort the entries of one person under one key newest first, within the positions that these entries have. Entries
-    merged from several people's words keep their positions. ``known``: provenance by entry."""
+    """Put what each person said last under a key before their earlier words, which keep their order, within the
+    positions that these entries have. Entries merged from several people's words keep their positions. ``known``:
+    provenance by entry."""
     places_of: dict[tuple[Key, str], list[int]] = {}
     for place, one in enumerate(retrieved):
         who = known[one.entry.id].who if one.entry.id in known else ()

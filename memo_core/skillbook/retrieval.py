@@ -5,8 +5,8 @@
    about gripping made at the opposite action (for actions that take hold of something). Their scores s(q, e) come from
    one formula (``memo_core.skillbook.retrieval_score``); an entry whose action undoes the subtask's is in no other way
    a candidate.
-2. *Ranking.* The best few dozen of each kind are ranked again by how the things they were taught on are built, then by
-   confirmed uses and recency.
+2. *Ranking.* For the best few dozen of each kind the score also counts how the things are built that they were taught
+   on; then the limit of the kind applies. Equal scores: by the text's cosine, then confirmed uses, then recency.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from memo_core.skillbook.keys import Key, as_text
 from memo_core.skillbook.newest import newest_before_older, newest_of_people
 from memo_core.skillbook.provenance import Provenance, provenance_of
 from memo_core.skillbook.retrieval_result import ALIKE, Cut, Retrieval, RetrievedEntry, alike
-from memo_core.skillbook.retrieval_score import TIE, Terms, entry_score, key_score, may_be_retrieved
+from memo_core.skillbook.retrieval_score import TIE, ScoreTerms, entry_score, key_score, may_be_retrieved
 from memo_core.skillbook.retrieval_settings import RetrievalSettings
 from memo_core.skillbook.scene_context import SubtaskContext
 from memo_core.skillbook.text_search import TextSearch
@@ -53,7 +53,7 @@ class _Query:
 
     key: Key
     context: SubtaskContext
-    words: np.ndarray  # unit vector of its words, float32 (d,)
+    vector: np.ndarray  # unit vector of its words, float32 (d,)
     terms: shared_terms.Wanted
     scores: KeyScores
     opposite: np.ndarray  # whether each key's action undoes the subtask's, bool (n,)
@@ -131,7 +131,7 @@ class Retriever:
         """Ids of the entries whose texts are most similar to the subtask's words; none where r(q, v) decides alone."""
         if self._settings.ranking == "key":
             return np.zeros(0, np.int64)
-        return self._texts.nearest(query.words, BY_TEXT, keys)
+        return self._texts.nearest(query.vector, BY_TEXT, keys)
 
     # -- stage 1: candidates -------------------------------------------------------------------------------------------
     def _candidates(self, connection: sa.Connection, query: _Query, keys: BookKeys, proposed: np.ndarray) -> _Found:
@@ -174,7 +174,7 @@ class Retriever:
         action, objects, terms = self._compared(rows, query, keys, found)
         scores = entry_score(terms, self._settings)
         must = np.array([row.id in found.last_words for row in rows])
-        allowed = must | may_be_retrieved(terms, scores, self._settings, min(self._settings.fill, limit))
+        allowed = must | may_be_retrieved(terms, scores, self._settings, self._settings.room(kind))
         order = np.lexsort((-terms.text, -np.round(scores, 6)))
         order = order[allowed[order]]
         best = [n for place, n in enumerate(order.tolist()) if place < _RANKED * limit or must[n]]
@@ -198,7 +198,7 @@ class Retriever:
 
     def _compared(
         self, rows: Sequence[Row], query: _Query, keys: BookKeys, found: _Found
-    ) -> tuple[np.ndarray, np.ndarray, Terms]:
+    ) -> tuple[np.ndarray, np.ndarray, ScoreTerms]:
         """Action cosines, object cosines and the terms of s(q, e) of some candidates. A remark about gripping counts as
         made at gripping what was moved."""
         scores, at = query.scores, np.array([keys.row_of[row.key] for row in rows])
@@ -209,10 +209,10 @@ class Retriever:
         overlap = np.zeros(len(rows))
         if self._settings.ranking == "key-and-text":
             overlap = np.array([self._terms.overlap(query.terms, text) for text in texts])
-        terms = Terms(
+        terms = ScoreTerms(
             key_score(action, objects, *self._settings.weights),
-            np.vecdot(self._vectors.get(texts), query.words).astype(np.float64),
-            np.vecdot(keys.words[at], query.words).astype(np.float64),
+            np.vecdot(self._vectors.get(texts), query.vector).astype(np.float64),
+            np.vecdot(keys.vectors[at], query.vector).astype(np.float64),
             overlap,
             scores.exchanged[at],
         )
@@ -224,7 +224,7 @@ class Retriever:
         rows = [row for row in found.rows if row.kind == "general" and row.text]
         if not rows:
             return []
-        similar = np.vecdot(self._vectors.get([row.text for row in rows]), query.words).astype(np.float64)
+        similar = np.vecdot(self._vectors.get([row.text for row in rows]), query.vector).astype(np.float64)
         nearest = np.lexsort(([row.id for row in rows], -similar))[: self._settings.general].tolist()
         floor, terms = self._settings.general_floor - TIE, self._terms
 

@@ -30,7 +30,7 @@ def key_score(action_cosine: Cosine, objects_cosine: Cosine, lambda_action: floa
 
 
 @attrs.frozen(eq=False)
-class Terms:
+class ScoreTerms:
     """The terms of s(q, e) of n entries, arrays of shape (n,)."""
 
     key: np.ndarray  # r(q, v) of the entry's key
@@ -45,7 +45,7 @@ class Terms:
         return (self.text + self.key_words) / 2
 
 
-def entry_score(terms: Terms, settings: RetrievalSettings) -> np.ndarray:
+def entry_score(terms: ScoreTerms, settings: RetrievalSettings) -> np.ndarray:
     """What entries are ranked by: r(q, v) with ``ranking: key``, else
 
         s(q, e) = (1 - w_t - w_o) r(q, v) + (1 - x(q, v)) (w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)).
@@ -60,7 +60,7 @@ def entry_score(terms: Terms, settings: RetrievalSettings) -> np.ndarray:
     return (1 - by_text - by_terms) * terms.key + (1 - terms.exchanged) * said
 
 
-def may_be_retrieved(terms: Terms, scores: np.ndarray, settings: RetrievalSettings, room: int) -> np.ndarray:
+def may_be_retrieved(terms: ScoreTerms, scores: np.ndarray, settings: RetrievalSettings, room: int) -> np.ndarray:
     """Which entries may be retrieved, bool (n,): those whose key passes the cut, and with ``ranking: key-and-text`` as
     hints, while fewer than ``room`` pass, the best others whose score is within ``reach`` of the best one's and whose
     text shares a term with the subtask or is like it."""

@@ -51,7 +51,7 @@ class RetrievalSettings:
     terms that the text has (``memo_core.skillbook.shared_terms``), and x, 0 to 1, says how far the objects of q and v
     agree in exchanged roles only: words do not tell roles. b, 0 to 1, says how alike the things are built that the two
     are about (``memo_core.scene.structure``). Where the scene of one entry is not known, b is the mean of the others';
-    where none is, that term is left out. It decides only in which order entries are served.
+    where none is, that term is left out. It counts for the best few dozen of each kind only.
     """
 
     lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})

@@ -373,9 +373,7 @@ def test_a_built_in_text_does_not_change_without_a_new_version():
     known = yaml.safe_load((Path(__file__).parents[1] / "data" / "prompt_versions.yaml").read_text(encoding="utf-8"))
     for name in PLACEHOLDERS:
         text = built_in(name)
-        said = (
-            f"{name} v{text.version} is {text.digest}: raise its version, note both in tests/data/prompt_versions.yaml"
-        )
+        said = f"{name} v{text.version} is {text.digest}: raise its version, note both in prompt_versions.yaml"
         assert str(known.get(name, {}).get(int(text.version))) == text.digest, said
 
 
