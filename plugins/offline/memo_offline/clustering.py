@@ -23,7 +23,7 @@ _UNIVERSAL = re.compile(r"\b(?:always|never|everything|anything|any|every|all)\b
 _NOUN = re.compile(r"\b(door|drawer|lid)s?\b")
 _LIGHT_WORDS = """
 it is are be to of with by at in on and then so always should must need have can do does no ok there here for i say you
-open pull lead handle door drawer out about around go move me way hold take grip grab
+open pull lead handle door drawer out about around go move me way hold take grip grab draw use
 """
 _LIGHT = frozenset(_LIGHT_WORDS.split())
 
