@@ -6,6 +6,7 @@ from typing import Any
 
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
+from memo_offline.settings import OfflineSettings
 
 
 def _offline(settings: Any) -> Any:
@@ -22,6 +23,7 @@ def memo_language_models() -> list[Backend]:
             name="offline",
             summary="stand-in for a model, by keywords: no network, no cost; regression figures only",
             factory=_offline,
+            config=OfflineSettings,
             measured="memo_offline/measured.yaml",
             default=True,
         ),
