@@ -86,6 +86,8 @@ def command(
         experiment = replayed(experiment, registry, replay)
     narrator = Narrator(code=verbose)
     _warn_of_reach(experiment)
+    if experiment.section("skillbook").url == "sqlite://":
+        note("memo: the skillbook sqlite:// is in memory: what is learnt is gone when the command ends")
     _say_of_the_teacher(experiment)
     if resume is not None:
         report = resume_experiment(experiment, registry, resume, narrator, view, narrator.on_text)

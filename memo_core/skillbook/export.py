@@ -18,6 +18,8 @@ from memo_core.skillbook.origins import origins_of
 from memo_core.skillbook.revising import kept_read_backs
 
 FORMAT = 3  # 1 has no origins, changes, uses and withdrawn rows, 2 no read-backs
+# Kinds of records whose number the first record says, so that a file with lines missing is noticed.
+COUNTED = {"feedback": tables.feedback, "revision": tables.revisions, "entry": tables.entries}
 IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
 
 
@@ -26,7 +28,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
     was withdrawn. ``record`` names the kind of each."""
     meta = database.meta(connection)
     of = {kind: origins_of(database, connection, kind, meta["book"]) for kind in ("feedback", "entry", "revision")}
-    yield {"record": "book", "format": FORMAT, **meta}
+    yield {"record": "book", "format": FORMAT, **meta, "counts": {kind: _count(connection, kind) for kind in COUNTED}}
     if database.has(connection, tables.books):
         for other in connection.execute(sa.select(tables.books).order_by(tables.books.c.book)):
             yield {"record": "imported", **other._mapping}
@@ -77,6 +79,10 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
             yield {"record": "uses", "entry": use.entry, **_key(key.action, list(key.objects)), **counts}
     for book, number in sorted(of["feedback"].gone):
         yield {"record": "withdrawn", "kind": "feedback", "origin": [book, number]}
+
+
+def _count(connection: sa.Connection, kind: str) -> int:
+    return int(connection.scalar(sa.select(sa.func.count()).select_from(COUNTED[kind])) or 0)
 
 
 def _key(action: str, objects: list[str]) -> dict[str, Any]:

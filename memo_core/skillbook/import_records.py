@@ -12,7 +12,7 @@ import attrs
 
 from memo_core.errors import MemoError
 from memo_core.skillbook.entries import GLOBAL_KEY
-from memo_core.skillbook.export import FORMAT
+from memo_core.skillbook.export import COUNTED, FORMAT
 from memo_core.skillbook.keys import Key, NotAKey
 from memo_core.skillbook.origins import Origin
 
@@ -65,6 +65,7 @@ class ImportRecords:
         if not 1 <= book["format"] <= FORMAT:
             raise BadImport(1, f"it has format {book['format']}, this MEMO reads 1 to {FORMAT}; update memo-core")
         self.book: str = book["book"]
+        self._check_counts()
         self._check_references()
 
     def of(self, kind: str) -> Iterator[dict[str, Any]]:
@@ -90,6 +91,12 @@ class ImportRecords:
     def when(self, revision: int) -> When:
         record = self.revision(revision)
         return (record["time"], *self.origin(record))
+
+    def _check_counts(self) -> None:
+        for kind, expected in (self._at(0).get("counts") or {}).items():
+            if (found := len(self._places.get(kind, ()))) != expected:
+                problem = f"{found} records of kind {kind!r} where the first one says {expected}"
+                raise BadImport(0, f"lines are missing or added: {problem}; export the book again")
 
     def _check_references(self) -> None:
         entries = {record["id"] for record in self.of("entry")}
@@ -183,6 +190,12 @@ def _one_of(*names: str) -> Check:
 
 
 _KEYED: dict[str, Check] = {"action": _text, "objects": _texts}
+
+
+def _counts(value: Any) -> bool:
+    return isinstance(value, dict) and all(kind in COUNTED and _whole(count) for kind, count in value.items())
+
+
 _FIELDS: dict[str, dict[str, Check]] = {
     "book": {"format": _whole, "book": _name},
     "imported": {"book": _name},
@@ -233,6 +246,7 @@ _OPTIONAL: dict[str, Check] = {
     "origin": _origin,
     "phase": _one_of("feedback", "template", "cluster", "edit"),
     "ordinal": _whole,
+    "counts": _counts,
 }
 
 

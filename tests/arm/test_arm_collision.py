@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from arms import box
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
@@ -14,6 +13,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import side_orientation
+from tests.support.arms import box
 
 PANDA = panda()
 KINEMATICS = Kinematics(PANDA)

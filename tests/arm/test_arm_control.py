@@ -9,11 +9,9 @@ import time
 import attrs
 import numpy as np
 import pytest
-from arms import box, control_of, limits_used
 from memo_franka.description import panda
 from memo_perception.ground_truth import GroundTruth
 from memo_sim_mujoco.simulator import MujocoSimulator
-from timing import shortest
 
 from memo_core.arm.control import ArmControl
 from memo_core.arm.simulated_link import SimulatorLink
@@ -23,6 +21,8 @@ from memo_core.scene.description import Body, Free, Geom, SceneDescription
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import BUILTIN_SKILLS, side_orientation, top_orientation
+from tests.support.arms import box, control_of, limits_used
+from tests.support.timing import shortest
 
 TOP = top_orientation.call(None, ())
 CUBE = box("cube", (0.45, 0.1, 0.025), (0.05, 0.05, 0.05), "object")

@@ -9,7 +9,6 @@ import time
 
 import numpy as np
 import pytest
-from arms import FixedPerception, box, control_of, limits_used, six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
@@ -23,6 +22,7 @@ from memo_core.errors import MotionError
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle, quaternion_from_rotation
 from memo_core.skills.contract import side_orientation, top_orientation, turn_orientation, turn_point
+from tests.support.arms import FixedPerception, box, control_of, limits_used, six_joint_arm
 
 KINEMATICS = Kinematics(panda())
 SHAPE = RobotShape(panda(), KINEMATICS)

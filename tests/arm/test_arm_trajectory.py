@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from arms import limits_used, six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
@@ -12,6 +11,7 @@ from memo_franka.description import panda
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.rrt_connect import densified
 from memo_core.arm.trajectory import Speed, stopping, time_path
+from tests.support.arms import limits_used, six_joint_arm
 
 ARMS = {"panda": Kinematics(panda()), "six": Kinematics(six_joint_arm())}
 PERIOD = 0.01

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from arms import FixedPerception, control_of, limits_used, six_joint_arm
 from memo_franka.description import panda
 from memo_sim_mujoco.simulator import MujocoSimulator
 
@@ -18,6 +17,7 @@ from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.scene.description import Body, Geom, Material, SceneDescription
 from memo_core.scene.pose import Pose
 from memo_core.skills.contract import BUILTIN_SKILLS, top_orientation
+from tests.support.arms import FixedPerception, control_of, limits_used, six_joint_arm
 
 DOWN = [0.0, 0.0, -1.0]
 SKILLS = {one.name: one for one in BUILTIN_SKILLS}

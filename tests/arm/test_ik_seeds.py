@@ -6,7 +6,6 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from arms import six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
@@ -15,6 +14,7 @@ from memo_core.arm.ik_seeds import Seeds, seeds_of
 from memo_core.arm.inverse_kinematics import Kinematics, first_of_cells
 from memo_core.errors import Stopped
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from tests.support.arms import six_joint_arm
 from tests.support.planning import bench_planning, hard_motions
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from arms import six_joint_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from memo_franka.description import panda
@@ -15,6 +14,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.wrench import ToolDynamics
 from memo_core.errors import InvalidArgument
 from memo_core.scene.pose import Pose
+from tests.support.arms import six_joint_arm
 
 ARMS = {"panda": Kinematics(panda()), "six": Kinematics(six_joint_arm())}
 

@@ -10,10 +10,10 @@ import pytest
 from memo_benchmarks.sim import SimBench, bench_sim
 from memo_franka.description import panda
 from memo_sim_mujoco.simulator import MujocoSimulator
-from timing import shortest
 
 from memo_core.cli.main import main
 from memo_core.errors import BackendUnavailable
+from tests.support.timing import shortest
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
-from cluster_books import ARC, approve, teach, teach_general, texts
 
 from memo_core.cli.main import main
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval import RetrievalSettings
+from tests.support.cluster_books import ARC, approve, teach, teach_general, texts
 
 SCENE = """## Scene
 Scene: table. The table's top is at z = 0.000.

@@ -7,7 +7,6 @@ import pickle
 from pathlib import Path
 
 import pytest
-from config_backends import Budget, load, registry
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from memo_core.config import ConfigErrors, load_experiment
 from memo_core.config.layers import FromOption
 from memo_core.plugins import Registry
 from memo_core.runs.sections import SECTIONS
+from tests.support.config_backends import Budget, load, registry
 
 
 def issues(text: str | None, *overrides: str, folder: Path | None = None) -> list[tuple[int | None, str, str]]:

@@ -10,7 +10,6 @@ import attrs
 import jsonschema
 import pytest
 import yaml
-from config_backends import Budget, Camera, load, registry
 
 from memo_core.cli.main import main
 from memo_core.config.schema import experiment_schema
@@ -19,6 +18,7 @@ from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
 from memo_core.plugins import NoDefaultBackend, Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
+from tests.support.config_backends import Budget, Camera, load, registry
 
 
 def where(experiment) -> dict[str, str]:

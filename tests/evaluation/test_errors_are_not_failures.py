@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from fake_openai_server import Asked, Reply, Wire, error
 from memo_offline.model import OfflineModel
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped, TaskCodeError
 from memo_core.evaluation.table import ERRORS, read_table
 from memo_core.interfaces.llm import LanguageModelError, Message, Request
 from memo_core.runs.carrying_out import RunError, reason_to_stop, run_error
+from tests.support.fake_openai_server import Asked, Reply, Wire, error
 
 EVALUATION = """
 suite: quirks

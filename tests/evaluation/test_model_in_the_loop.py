@@ -12,11 +12,11 @@ import time
 from pathlib import Path
 
 import pytest
-from fake_openai_server import Asked, Reply, Wire
 from memo_offline.model import OfflineModel
 
 from memo_core.evaluation.table import VARYING, read_table
 from memo_core.interfaces.llm import Message, Request
+from tests.support.fake_openai_server import Asked, Reply, Wire
 
 FILE = """
 suite: quirks

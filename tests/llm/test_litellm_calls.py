@@ -8,13 +8,13 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from fake_openai_server import Reply, Wire, error
 from memo_llm.litellm.model import LiteLLMModel
 from memo_llm.settings import LiteLLMSettings
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request
 from memo_core.testing.llm import RULES, check_language_model, user
+from tests.support.fake_openai_server import Reply, Wire, error
 
 SCHEMA = {"type": "object", "properties": {"general": {"type": "string"}}, "required": ["general"]}
 

@@ -6,12 +6,12 @@ import json
 import socket
 
 import pytest
-from fake_openai_server import Reply, Wire, error, events, report
 from memo_llm.litellm.model import LiteLLMModel
 from memo_llm.settings import LiteLLMSettings
 
 from memo_core.interfaces.llm import Answer, LanguageModelError
 from memo_core.testing.llm import user
+from tests.support.fake_openai_server import Reply, Wire, error, events, report
 
 KEYS = {
     "OPENAI_API_KEY": "sk-0123456789abcdef",

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-from fake_openai_server import Asked, Reply, Wire, error
 from memo_offline.model import OfflineModel
 
 from memo_core.config import load_experiment
@@ -21,6 +20,7 @@ from memo_core.llm.ledger import Ledger, read_ledger
 from memo_core.plugins import Registry
 from memo_core.runs.run import RunReport, run_experiment
 from memo_core.runs.sections import SECTIONS
+from tests.support.fake_openai_server import Asked, Reply, Wire, error
 
 TASK = "stack-the-cubes"
 KEY = "sk-planted-0123456789abcdef"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import attrs
 import pytest
-from offline_prompts import Entry, box_with_door, code_request, request
 from test_replay import player, record
 
 from memo_core.interfaces.llm import LanguageModelError, Message
+from tests.support.offline_prompts import Entry, box_with_door, code_request, request
 
 CRATE = box_with_door()[0]
 OVEN = box_with_door("oven", edge="bottom")[0]

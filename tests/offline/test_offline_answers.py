@@ -8,11 +8,23 @@ import json
 import attrs
 import pytest
 from memo_offline.model import OfflineModel
-from offline_prompts import ARC, MODEL, Entry, box_with_door, code_request, request, run, scene, thing, unfenced, write
 
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Usage
 from memo_core.llm.readers import read_code, read_notes, read_plan, read_template
 from memo_core.testing.llm import check_language_model, user
+from tests.support.offline_prompts import (
+    ARC,
+    MODEL,
+    Entry,
+    box_with_door,
+    code_request,
+    request,
+    run,
+    scene,
+    thing,
+    unfenced,
+    write,
+)
 
 DOOR, *_ = box_with_door()
 

@@ -11,10 +11,22 @@ import numpy as np
 import pytest
 from memo_offline.imagination import Imagination
 from memo_offline.templates import imagine
-from offline_prompts import ARC, MODEL, Entry, box_with_door, held_poses, request, run, scene, thing, unfenced, write
 
 from memo_core.scene.graph import Observation
 from memo_core.scene.pose import Pose
+from tests.support.offline_prompts import (
+    ARC,
+    MODEL,
+    Entry,
+    box_with_door,
+    held_poses,
+    request,
+    run,
+    scene,
+    thing,
+    unfenced,
+    write,
+)
 
 EDGES = ("left", "right", "bottom", "top")
 

@@ -6,9 +6,9 @@ import re
 
 import attrs
 import pytest
-from offline_prompts import HAND, MODEL, box_with_door, plan, request, scene, thing
 
 from memo_core.interfaces.llm import LanguageModelError, Message, Request
+from tests.support.offline_prompts import HAND, MODEL, box_with_door, plan, request, scene, thing
 
 HELD = attrs.evolve(HAND, holding=True)
 

@@ -10,10 +10,10 @@ import pytest
 import yaml
 from memo_offline.phrases import load
 from memo_offline.reading import Edit, read
-from offline_prompts import MODEL, box_with_door, request, thing, write
 
 from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.teachers import simulated_teacher
+from tests.support.offline_prompts import MODEL, box_with_door, request, thing, write
 
 PHRASES = load()
 NAMES = [phrase.name for phrase in PHRASES.all]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from memo_offline.recipe import habits
 from memo_offline.surroundings import Surroundings
 from memo_offline.templates import path_shaped
-from offline_prompts import scene, thing
 
 from memo_core.scene.pose import Pose
 from memo_core.skills.recording_control import Command
+from tests.support.offline_prompts import scene, thing
 
 BOX = scene(thing("crate", (0.6, 0.0, 0.1), (0.2, 0.2, 0.2)))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
 from memo_core.errors import InvalidArgument
 from memo_core.events import FeedbackGiven, Problem
@@ -14,6 +13,7 @@ from memo_core.policy.model_questions import Questions
 from memo_core.reading_limits import LONGEST_WORDS, excerpt, too_long
 from memo_core.skillbook.entries import Note
 from memo_core.skillbook.keys import Key
+from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
 SCRIPT = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "template": [TEMPLATE], "feedback": [NOTES]}
 LONG = "that is not a cup, it is a mug " * 40_000

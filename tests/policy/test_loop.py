@@ -7,7 +7,6 @@ import threading
 import time
 
 import pytest
-from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import CodeEnded, EntryStored, FeedbackGiven, ModelCalled, Problem, Retrieved
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
@@ -23,6 +22,7 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore
+from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 
 def test_a_correction_is_learnt_and_the_second_try_starts_where_the_first_did(sandbox, book):

@@ -7,7 +7,6 @@ import os
 from pathlib import Path
 
 import pytest
-from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Verdict
@@ -15,6 +14,7 @@ from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import read_history
 from memo_core.runlog.run_log import RunLog
 from memo_core.testing.fake_environment import FakeEnvironment
+from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 TWICE = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}
 

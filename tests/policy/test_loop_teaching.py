@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 
 import pytest
-from loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import CodeEnded
 from memo_core.interfaces.teacher import ReadBack, Verdict
@@ -16,6 +15,7 @@ from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_store import FakeStore
+from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 PICK = "PICK_UP(red cube)"
 ARC = "no, in an arc!"

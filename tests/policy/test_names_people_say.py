@@ -3,10 +3,9 @@ with the person."""
 
 from __future__ import annotations
 
-from loop_setup import BESIDE, GRASP, NOTES, TEMPLATE, YES, Bench
-
 from memo_core.events import NameCorrected
 from memo_core.interfaces.teacher import Verdict
+from tests.support.loop_setup import BESIDE, GRASP, NOTES, TEMPLATE, YES, Bench
 
 PICK = "PICK_UP(red cube)"
 WORDS = "That is not a red cube, it is a sugar box."

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 from test_loop_resumes_from_log import log_in
 
 from memo_core.interfaces.llm import Image
 from memo_core.policy.pictures import Picture
 from memo_core.testing.fake_llm import ScriptedModel
+from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
 PICK = "PICK_UP(red cube)"
 SCRIPT = {"plan": [PICK, "DONE"], "code": [BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import attrs
 import pytest
-from cluster_books import approve, new_book
-from loop_setup import NOTES
 
 from memo_core.interfaces.llm import LanguageModel, Request
 from memo_core.llm.budget import Budget
@@ -26,6 +24,8 @@ from memo_core.skillbook.rebuild_input import RawLog
 from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
+from tests.support.cluster_books import approve, new_book
+from tests.support.loop_setup import NOTES
 
 DOOR, CUP = Key.parse("OPEN(door)"), Key.parse("PICK_UP(cup)")
 ARC, HINGE = "Lead it along an arc.", "Doors turn about a hinge."

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 
 import pytest
-from loop_setup import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 from memo_core.events import EntryStored, Problem
 from memo_core.interfaces.llm import Answer, LanguageModelError
 from memo_core.llm.readers import Unreadable
 from memo_core.policy.feedback_processing import FeedbackProcessor, retry
 from memo_core.policy.model_questions import Questions
+from tests.support.loop_setup import GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 BESIDE = "```python\nmove_to([0.4, 0.2, 0.3])\n```"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import pytest
-from cluster_books import new_book, teach, texts
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
@@ -21,6 +20,7 @@ from memo_core.runs.clustering import AfterRun, after_run
 from memo_core.runs.sections import SECTIONS
 from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
+from tests.support.cluster_books import new_book, teach, texts
 
 BOTH = json.dumps({"entries": [{"text": "Swing it.", "from": [1, 2]}], "dropped": []})
 

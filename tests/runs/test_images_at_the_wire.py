@@ -6,7 +6,6 @@ import base64
 import io
 
 import pytest
-from fake_openai_server import Asked, Reply, Wire
 from PIL import Image
 
 from memo_core.config import load_experiment
@@ -14,6 +13,7 @@ from memo_core.plugins import Registry
 from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS
+from tests.support.fake_openai_server import Asked, Reply, Wire
 
 TASK = "put-the-cube-away"
 COMMON = [

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import attrs
 import pytest
-from fake_openai_server import Asked, Reply, Wire
 from memo_offline.model import OfflineModel
 
 from memo_core.config import Experiment, load_experiment
@@ -23,6 +22,7 @@ from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
+from tests.support.fake_openai_server import Asked, Reply, Wire
 
 TASK, OPEN = "open-the-fridge", "OPEN(fridge)"
 QUICK = ("run.video=off", "run.subtasks=1", "run.repairs=0", "run.repeats=1", "run.retry_wait_s=0.01")

@@ -14,7 +14,6 @@ import time
 from pathlib import Path
 
 import pytest
-from timing import shortest
 
 from memo_core.errors import Stopped
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
@@ -22,6 +21,7 @@ from memo_core.runs.signal_handling import Supervisor
 from memo_core.stop_switch import StopSwitch, abandonable
 from memo_core.teachers.silent import SilentTeacher
 from memo_core.testing.fake_environment import FakeEnvironment
+from tests.support.timing import shortest
 
 PROMISE_S = 0.1  # last command within 50 ms of the signal, prompt ready within another 50 ms
 

@@ -7,7 +7,6 @@ import threading
 import time
 
 import pytest
-from timing import shortest
 
 from memo_core.errors import MotionError, Stopped
 from memo_core.events import SkillCalled
@@ -16,6 +15,7 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.control import Control
 from memo_core.skills.skill import skill, skill_library
 from memo_core.testing.fake_control import FakeControl
+from tests.support.timing import shortest
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import json
 
 import pytest
 import sqlalchemy as sa
-from cluster_books import approve, clustering, new_book, only_cluster, teach, texts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
 from memo_core.skillbook.clusters import Condensed, Dropped, Merged, problem_with
+from tests.support.cluster_books import approve, clustering, new_book, only_cluster, teach, texts
 
 WORDS = [
     "pull",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import pytest
-from cluster_books import ARC, Kept, approve, clustering, new_book, only_cluster, teach, teach_general, texts
 from memo_offline.model import OfflineModel
 
 from memo_core.errors import Stopped
@@ -16,6 +15,17 @@ from memo_core.skillbook.clusters import Condensed, Merged
 from memo_core.skillbook.condensing import ClusterChanged
 from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
+from tests.support.cluster_books import (
+    ARC,
+    Kept,
+    approve,
+    clustering,
+    new_book,
+    only_cluster,
+    teach,
+    teach_general,
+    texts,
+)
 
 
 def answer(*entries: tuple[str, list[int]], dropped: tuple[tuple[int, int], ...] = ()) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_openai_server import Reply, Wire, error
 from memo_embedder.litellm_embedder import LiteLLMEmbedder
 from memo_embedder.settings import LiteLLMEmbedderSettings
 
@@ -18,6 +17,7 @@ from memo_core.skillbook.database import SkillbookError
 from memo_core.skillbook.keys import Key
 from memo_core.testing.embedder import RULES
 from memo_core.testing.fake_store import FakeStore
+from tests.support.fake_openai_server import Reply, Wire, error
 
 
 @pytest.fixture(autouse=True)

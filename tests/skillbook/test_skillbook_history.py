@@ -6,11 +6,11 @@ import json
 import sqlite3
 
 import pytest
-from cluster_books import ARC, approve, clustering, new_book, teach, texts
 
 from memo_core.errors import UnknownName
 from memo_core.skillbook.database import ReadOnlyBook
 from memo_core.skillbook.history import CannotRollBack
+from tests.support.cluster_books import ARC, approve, clustering, new_book, teach, texts
 
 
 def other(code: str) -> str:

@@ -14,9 +14,7 @@ import uuid
 import warnings
 from collections.abc import Iterator
 
-import postgres_server
 import pytest
-from cluster_books import approve, new_book, teach, teach_general
 from test_skillbook_durability_kills import KEYS, condense_something, letters
 from test_skillbook_import import content, exported
 
@@ -27,6 +25,8 @@ from memo_core.skillbook.database import ReadOnlyBook, SkillbookError
 from memo_core.skillbook.reembedding import reembed
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
+from tests.support import postgres_server
+from tests.support.cluster_books import approve, new_book, teach, teach_general
 
 WHY_NOT = postgres_server.missing()
 if WHY_NOT:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from cluster_books import ARC, approve
 
 from memo_core.skillbook.book import Skillbook
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
+from tests.support.cluster_books import ARC, approve
 
 OTHER = ARC.replace("def ", "def other_")
 

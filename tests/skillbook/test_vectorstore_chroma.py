@@ -15,7 +15,6 @@ import pytest
 
 pytest.importorskip("chromadb", reason="the extra `chroma` is not installed: pip install chromadb")
 
-from chroma_server import chroma_server
 from memo_vectorstore import chroma_store
 from memo_vectorstore.chroma_store import ChromaStore
 from memo_vectorstore.faiss_store import FaissStore
@@ -28,6 +27,7 @@ from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.vectorstore import RULES
+from tests.support.chroma_server import chroma_server
 
 PLACES = ("memory", "folder", "server")
 Make = Callable[[], ChromaStore]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from arms import FixedPerception
 from memo_franka.description import panda
 from memo_sim_mujoco.simulator import MujocoSimulator
 
@@ -14,6 +13,7 @@ from memo_core.scene.pose import Pose
 from memo_core.skills.contract import top_orientation
 from memo_core.testing.fake_control import FakeControl
 from memo_core.testing.touch import RULES, WRONG_CONTROLS, check_touch
+from tests.support.arms import FixedPerception
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,10 @@ from memo_tabletop.families.furniture import (
     OpenTheWoodenChest,
 )
 from memo_tabletop.families.suite import family_tasks
-from wrong_behaviours import rehearsal_fixture
 
 from memo_core.cli.options import load
 from memo_core.runs.factories import environment_of
+from tests.support.wrong_behaviours import rehearsal_fixture
 
 # Task -> another thing of the same shape, whose solution must not do here, and the reason that the check gives.
 OTHER_FAMILY = {

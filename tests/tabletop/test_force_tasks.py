@@ -13,12 +13,12 @@ import pytest
 from memo_tabletop.reference import solution
 from memo_tabletop.tasks.bottle import CapTurned, CloseTheBottle, OpenTheBottle, cap_on_bottle, screwed_on
 from memo_tabletop.tasks.plate import HEIGHT, SPONGE, Wiped, WipeThePlate
-from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld
+from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 BOTTLE = ("handling", "bottle")
 WIPING = ("handling", "wiping")

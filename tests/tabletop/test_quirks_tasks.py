@@ -19,13 +19,13 @@ from memo_tabletop.quirks.doors import (
 )
 from memo_tabletop.quirks.drawers import OpenTheDresser, OpenTheNightstand, OpenTheWorkbench
 from memo_tabletop.quirks.turning import OpenTheMedicineBottle, TurnOnTheHeater
-from wrong_behaviours import Wrong, each, rehearsal_fixture
 
 from memo_core.cli.options import load
 from memo_core.environment.task_verification import run_code
 from memo_core.interfaces.teacher import Episode
 from memo_core.runs.factories import environment_of, sandbox_of
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
+from tests.support.wrong_behaviours import Wrong, each, rehearsal_fixture
 
 SHUT = "is shut"
 

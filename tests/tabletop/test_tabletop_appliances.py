@@ -14,11 +14,11 @@ from memo_tabletop.tasks.cooking import CookTheFood
 from memo_tabletop.tasks.faucet import TurnOnTheFaucet
 from memo_tabletop.tasks.heating import HeatTheFood, Started
 from memo_tabletop.tasks.toast import MakeToast
-from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.interfaces.simulator import Contact
 from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld
+from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 LEVER = ("turn_lever",)
 TOAST = ("make_toast",)

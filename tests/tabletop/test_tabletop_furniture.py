@@ -10,7 +10,8 @@ from memo_tabletop.tasks.drawer import PutTheCubeAway
 from memo_tabletop.tasks.fridge import OpenTheFridge
 from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 from memo_tabletop.tasks.oven import PutTheFoodInTheOven
-from wrong_behaviours import Wrong, judged, rehearsal_fixture
+
+from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 DOOR = ("handling", "open_door", "put_inside")
 DRAWER = ("handling", "put_the_cube_away")

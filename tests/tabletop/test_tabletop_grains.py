@@ -19,7 +19,6 @@ from memo_tabletop.objects import block
 from memo_tabletop.tasks import pouring, seasoning
 from memo_tabletop.tasks.pouring import PourTheCan
 from memo_tabletop.tasks.seasoning import SeasonTheFood
-from wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 from memo_core.arm.attached_objects import Attachment, grasped
 from memo_core.arm.collision import obstacles_of
@@ -28,6 +27,7 @@ from memo_core.robot.description import GripperDescription
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld, cupboard_scene, still_context
+from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 POUR = ("pour",)
 OVER_BOWL = 'tilt, back, before = lift_over("can", "bowl", 0.02, get_size("can")[2] + 0.015)\n'

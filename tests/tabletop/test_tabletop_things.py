@@ -13,7 +13,8 @@ from memo_tabletop.tasks.lonely import MoveTheLonelyObjectToTheOthers
 from memo_tabletop.tasks.pan_in_microwave import PutTheFoodInThePanAndPlaceItInTheMicrowave
 from memo_tabletop.tasks.set_table import SetTheTable
 from memo_tabletop.tasks.trash import PutTheTrashAway
-from wrong_behaviours import Wrong, judged, rehearsal_fixture
+
+from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
 CANS = ("handling", "cans")
 TIDIED = 'throw_into("tub", "cup", 0.09)\nthrow_into("tub", "spoon", -0.045, "width")\nthrow_into("bin", "napkin", 0.0)'

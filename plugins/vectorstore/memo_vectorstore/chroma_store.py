@@ -199,6 +199,9 @@ class ChromaStore(VectorStore):
                 raise BackendUnavailable("vectorstore", "chroma", reason, remedy) from error
         if not self._settings.folder:
             return chromadb.EphemeralClient(settings)
+        if Path(self._settings.folder).is_file():
+            reason = f"vectorstore.folder: {self._settings.folder} is a file"
+            raise BackendUnavailable("vectorstore", "chroma", reason, "name a folder, or one that is not there yet")
         try:
             return chromadb.PersistentClient(self._settings.folder, settings)
         except Exception as error:
