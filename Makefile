@@ -10,7 +10,7 @@ EXTRAS_franka := $(if $(filter Linux-x86_64,$(shell uname -s)-$(shell uname -m))
 STAMP := $(VENV)/.set-up
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: setup demo test lint docs lock release-check clean
+.PHONY: setup demo test test-fast lint docs lock release-check clean
 
 setup: $(STAMP)
 
@@ -31,6 +31,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
+
+test-fast: setup
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal -m 'fast and not on_request'
 
 lint: setup
 	$(BIN)/ruff check .

@@ -36,7 +36,7 @@ def close_match(name: str, valid: Iterable[str]) -> str:
 
 
 def unwritable(error: BaseException) -> str:
-    """What is wrong with the file or disk that an error of the system is about; empty for other errors."""
+    """The fault of the file or disk that an error of the system is about; empty for other errors."""
     if not isinstance(error, OSError) or error.errno not in _UNWRITABLE | _NO_FOLDER | {errno.EISDIR}:
         return ""
     problem = "a file is where a folder is needed" if error.errno in _NO_FOLDER else error.strerror

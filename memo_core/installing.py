@@ -46,9 +46,9 @@ def pip_install(*arguments: str) -> str:
 
 
 def install(wanted: str, module: str = "") -> str:
-    """How to make ``module`` importable with a distribution, and an extra if ``wanted`` names one: from the folder that
-    it was installed from, anew if it is installed and the module is not there, else in the version that an installed
-    plugin asks for; ``install NAME`` if none is known."""
+    """The command that makes ``module`` importable with a distribution, and an extra if ``wanted`` names one: from the
+    folder that it was installed from, anew if it is installed and the module is not there, else in the version that an
+    installed plugin asks for; ``install NAME`` if none is known."""
     name, extra, _ = _parts(wanted)
     if (folder := folder_of(name)) is not None:
         return pip_install("-e", f"{folder}{extra}")
@@ -113,7 +113,7 @@ def _files(distribution: Distribution, module: str) -> tuple[str, ...]:
 
 
 def _requirement(name: str) -> str:
-    """What an installed plugin requires of a distribution, such as ``numpy>=2``; empty if none does."""
+    """The requirement of an installed plugin on a distribution, such as ``numpy>=2``; empty if none does."""
     for point in installed("memo")[0]:
         for text in (point.dist.requires or ()) if point.dist is not None else ():
             required, extra, versions = _parts(text)

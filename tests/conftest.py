@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -17,6 +18,36 @@ settings.load_profile("unhurried")
 # A shell that runs the tests in its background has Ctrl-C ignored, and with them every process that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+SLOWER = ("sim", "process", "wire")
+_STARTS = {"subprocess.Popen": "process", "os.posix_spawn": "process", "os.fork": "process", "socket.connect": "wire"}
+_forbidden = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as ``fast`` what has no marker of a slower kind."""
+    for item in items:
+        if not any(item.get_closest_marker(name) for name in SLOWER):
+            item.add_marker("fast")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Let a fast test that starts a process or connects to a server fail, naming the marker it needs."""
+    global _forbidden
+    _forbidden = item.get_closest_marker("fast") is not None
+    try:
+        return (yield)
+    finally:
+        _forbidden = False
+
+
+def _refuse(event: str, arguments: tuple[object, ...]) -> None:
+    if _forbidden and event in _STARTS and not (event == "socket.connect" and isinstance(arguments[1], str | bytes)):
+        pytest.fail(f"a fast test does {event}: mark it with pytest.mark.{_STARTS[event]}")
+
+
+sys.addaudithook(_refuse)
 
 
 @pytest.fixture

@@ -137,7 +137,7 @@ def _tried(what: str, attempt: Callable[[], str]) -> Finding:
 
 
 def _told(error: Exception) -> tuple[str, str]:
-    """What is wrong, in one line, and the remedy."""
+    """Say what is wrong, in one line, and the remedy."""
     return " ".join(str(getattr(error, "reason", error)).split()), getattr(error, "remedy", "")
 
 

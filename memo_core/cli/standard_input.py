@@ -8,7 +8,7 @@ from memo_core.errors import InvalidArgument, Stopped
 
 
 def answer_to(question: str) -> str:
-    """What is typed in answer, without surrounding space. Raises ``Stopped`` at the end of input, and
+    """Ask, and return what is typed, without surrounding space. Raises ``Stopped`` at the end of input, and
     ``InvalidArgument`` if standard input is closed."""
     from memo_core.teachers.typed_line import TypedLine
 

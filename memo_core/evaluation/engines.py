@@ -39,7 +39,7 @@ class Group:
 
 @attrs.frozen
 class GroupResult:
-    """What became of a group: of each trial that was tried, in order, the error by which it could not be carried out;
+    """The outcome of a group: of each trial that was tried, in order, the error by which it could not be carried out;
     and what kept the group from its end, if something did (``stopped``: a person or a limit)."""
 
     errors: tuple[RunError | None, ...] = ()

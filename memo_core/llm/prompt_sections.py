@@ -66,7 +66,7 @@ class Prompt:
 
     @classmethod
     def read(cls, messages: Iterable[Message]) -> Prompt:
-        """From a request's messages. Raises ``UnreadablePrompt`` when there is no user message with a title."""
+        """Read a request's messages. Raises ``UnreadablePrompt`` when there is no user message with a title."""
         text = "\n".join(message.text for message in messages if message.role == "user")
         title, sections, heading, fenced = "", {}, "", False
         body: list[str] = []

@@ -12,7 +12,7 @@ _PAPER, _OURS = "paper", "ours"
 
 
 def paper_tables(findings: Findings) -> list[Table]:
-    """What the paper says, table by table, with our figures beside where there are any."""
+    """The paper's figures, table by table, with our figures beside where there are any."""
     makers = (methods_beside_the_paper, table_2_beside_the_paper, table_1_beside_the_paper)
     return [*(maker(findings) for maker in makers), paper_numbers()]
 

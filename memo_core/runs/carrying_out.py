@@ -57,7 +57,7 @@ class Halted(MemoError):
 
 
 def run_error(error: MemoError) -> RunError | None:
-    """What an error that ended a run says of carrying it out; None for a limit or a person that ended it."""
+    """The error that a run which could not be carried out has; None for a limit or a person that ended it."""
     if isinstance(error, (Stopped, BudgetExceeded)):
         return None
     if isinstance(

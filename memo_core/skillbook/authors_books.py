@@ -216,7 +216,7 @@ def _scene(text: str) -> str:
 
 
 def _count_of_vectors(vectors: Any, items: int) -> int:
-    """How many vectors there are. Raises ``NotALorebook`` unless there is none, or one for each item."""
+    """Count the vectors. Raises ``NotALorebook`` unless there is none, or one for each item."""
     if isinstance(vectors, Opaque):  # an array
         return items
     if not isinstance(vectors, (list, tuple)):

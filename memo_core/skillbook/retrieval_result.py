@@ -74,7 +74,7 @@ class Cut:
 
 @attrs.frozen
 class Retrieval:
-    """What is retrieved for one subtask."""
+    """The entries retrieved for one subtask."""
 
     query: Key
     corrections: tuple[RetrievedEntry, ...] = ()

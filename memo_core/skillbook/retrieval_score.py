@@ -46,7 +46,7 @@ class ScoreTerms:
 
 
 def entry_score(terms: ScoreTerms, settings: RetrievalSettings) -> np.ndarray:
-    """What entries are ranked by: r(q, v) with ``ranking: key``, else
+    """Score entries: r(q, v) with ``ranking: key``, else
 
         s(q, e) = (1 - w_t - w_o) r(q, v) + (1 - x(q, v)) (w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)).
 
@@ -61,9 +61,9 @@ def entry_score(terms: ScoreTerms, settings: RetrievalSettings) -> np.ndarray:
 
 
 def may_be_retrieved(terms: ScoreTerms, scores: np.ndarray, settings: RetrievalSettings, room: int) -> np.ndarray:
-    """Which entries may be retrieved, bool (n,): those whose key passes the cut, and with ``ranking: key-and-text`` as
-    hints, while fewer than ``room`` pass, the best others whose score is within ``reach`` of the best one's and whose
-    text shares a term with the subtask or is like it."""
+    """Select the entries that may be retrieved, bool (n,): those whose key passes the cut, and with ``ranking:
+    key-and-text`` as hints, while fewer than ``room`` pass, the best others whose score is within ``reach`` of the best
+    one's and whose text shares a term with the subtask or is like it."""
     passing = terms.key >= settings.cut - TIE
     if settings.ranking == "key" or passing.all():
         return passing

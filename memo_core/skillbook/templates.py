@@ -1,5 +1,5 @@
-"""Versions of templates: of those under one key for things that are built alike one is served, the others stay in the
-book with their record.
+"""Versions of templates: under one key, one version for things that are built alike is retrieved; the others stay in
+the book with their record.
 
 Approved code becomes the new version, because it worked most recently and includes earlier corrections. A version whose
 code is corrected is replaced by an older one with a better record: the share of approvals, (confirmed uses + 1) / (uses

@@ -61,8 +61,8 @@ def run_study(
 
 
 def _teach(history: History, teaching: Teaching) -> None:
-    """As ``teach``. Raises ``Halted`` when a run could not be carried out: the study is paused, the run counts for
-    nothing and is gone on with."""
+    """Teach as ``teach`` does. Raises ``Halted`` when a run could not be carried out: the study is paused, the run
+    counts for nothing and is gone on with."""
     try:
         teach(history, teaching)
     except NotCarriedOut as error:

@@ -1,4 +1,4 @@
-"""What the offline backend understands by keywords, and what it asks back instead of guessing."""
+"""The remarks that the offline backend understands by keywords, and what it asks back instead of guessing."""
 
 from __future__ import annotations
 
@@ -210,3 +210,15 @@ def test_the_page_lists_what_is_understood():
     ]
     missing = [row for row in rows if row not in page]
     assert not missing, "these rows belong into docs/offline-backend.md:\n" + "\n".join(rows)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "hold it a little tighter, I thought you were going to drop it",
+        "um, my hand was right there, please leave me more room",
+        "it almost came right out",
+    ],
+)
+def test_what_nearly_happened_and_where_a_person_was_is_asked_about(said):
+    assert names(said) == []

@@ -30,7 +30,7 @@ def run(command: Sequence[str]) -> tuple[int | None, str, str]:
 
 
 def faults_of(code: int | None, out: str, err: str) -> Iterator[str]:
-    """What is wrong with how a command ended and with what it printed."""
+    """Name what is wrong with how a command ended and with what it printed."""
     if code not in DOCUMENTED:
         yield f"exit {code}: {err.strip()[-300:]}"
     if "Traceback (most recent call last)" in err or "Exception ignored" in err:

@@ -130,8 +130,8 @@ def _defaults(arguments: ast.arguments) -> list[tuple[str, ast.expr]]:
 
 
 def _one_of(value: ast.expr) -> list[ast.expr]:
-    """What an expression may be: the branches of a condition, without ``enumerate``, ``sorted``, ``reversed``, ``list``
-    or ``tuple`` around them."""
+    """List the values that an expression may have: the branches of a condition, without ``enumerate``, ``sorted``,
+    ``reversed``, ``list`` or ``tuple`` around them."""
     if isinstance(value, ast.IfExp):
         return _one_of(value.body) + _one_of(value.orelse)
     if isinstance(value, ast.BoolOp):

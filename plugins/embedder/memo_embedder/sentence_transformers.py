@@ -91,7 +91,7 @@ class SentenceTransformersEmbedder(Embedder):
         return vectors
 
     def export_path(self) -> Path:
-        """Where this model's export is, under whichever title, or will be kept."""
+        """The folder of this model's export, under whichever title, existing or not."""
         base = Path(self._settings.cache_dir).expanduser() if self._settings.cache_dir else default_cache()
         folder = self._model()
         kept = f"{folder.fingerprint}-{FORMAT}.onnx"

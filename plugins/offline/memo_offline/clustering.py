@@ -113,7 +113,7 @@ def _covering(note: _Note, key: str, templates: Sequence[_Template]) -> int:
 
 
 def _does(text: str) -> dict[str, str]:
-    """What a template's docstring says that it does, by matter; empty for what does not parse."""
+    """Read what a template's docstring says that it does, by matter; empty for what does not parse."""
     try:
         function = next((node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)), None)
     except (SyntaxError, ValueError, RecursionError):

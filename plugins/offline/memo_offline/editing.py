@@ -59,7 +59,7 @@ def reach(edit: Edit, recipe: Recipe, went: float) -> float:
 
 
 def length_of(recipe: Recipe) -> float:
-    """How far a recipe goes: degrees of an arc or a turn, else metres."""
+    """The length of a recipe: degrees of an arc or a turn, else metres."""
     if _turns(recipe):
         return abs(recipe.turn) or recipe.angle if recipe.shape != "arc" else recipe.angle
     return recipe.distance

@@ -63,7 +63,7 @@ def plainly(sentence: str) -> str:
 
 
 def _of_plans(said: str, prompt: Prompt, scene: SceneGraph) -> NotesAnswer | None:
-    """A note for whoever plans, in the person's words, where they ask for a step; None where they do not."""
+    """A note for plans, in the person's words, where they ask for a step; None where they do not."""
     planning = prompt.subtask[0] == PLANNING
     if '"plan"' not in prompt.section("answer") or "?" in said:
         return None

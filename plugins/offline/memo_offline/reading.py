@@ -1,5 +1,5 @@
-"""From a remark to edits by keywords. What is denied, bound to a condition, asked, or contradicts itself is a doubt and
-yields no edits: it is never guessed."""
+"""Reading a remark as edits, by keywords. What is denied, bound to a condition, asked, or contradicts itself is a doubt
+and yields no edits: it is never guessed."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def with_names_replaced(text: str, nodes: Iterable[Node]) -> str:
 
 
 def read(text: str, nodes: Iterable[Node] = ()) -> Reading:
-    """What a remark or a note asks for. ``nodes`` are the things of the scene, whose names may be said."""
+    """Read what a remark or a note asks for. ``nodes`` are the things of the scene, whose names may be said."""
     phrases = load()
     text = with_names_replaced(text, nodes)
     tokens = phrases.tokens(text)
@@ -147,7 +147,7 @@ def _with_amounts(
 
 
 def _joined(edits: list[Edit]) -> list[Edit]:
-    """Without what is said twice: of a phrase with and without an amount, the one with it."""
+    """Drop what is said twice: of a phrase with and without an amount, the one with it."""
     kept: list[Edit] = []
     for edit in edits:
         same = next((one for one in kept if one.phrase is edit.phrase), None)

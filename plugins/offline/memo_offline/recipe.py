@@ -15,8 +15,9 @@ Vector = tuple[float, float, float]
 
 @attrs.frozen
 class Recipe:
-    """How one subtask is done. Lengths in metres, angles in degrees. Directions are words whose meaning the code works
-    out when it runs: ``out`` and ``in`` belong to the thing; ``up``, ``left``, ``towards`` (the robot) to the base."""
+    """The way in which one subtask is done. Lengths in metres, angles in degrees. Directions are words whose meaning
+    the code works out when it runs: ``out`` and ``in`` belong to the thing; ``up``, ``left``, ``towards`` (the robot)
+    to the base."""
 
     kind: str  # open, close, pick, place, push, pull, turn; press: a part of it, whatever the subtask
     thing: str

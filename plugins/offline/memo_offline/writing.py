@@ -27,7 +27,7 @@ class Code:
 
 
 def write_code(prompt: Prompt, imagination: Imagination) -> Code:
-    """Python for the prompt's subtask. Instead of what was tried in vain, the same without what was taught of other
+    """Python for the prompt's subtask. Instead of what failed, the same without what was taught of other
     things; where that was tried too, the same code again says that there is no other idea. Raises
     ``UnreadablePrompt`` naming what the prompt lacks."""
     tried = prompt.tried()

@@ -49,7 +49,7 @@ class Frictions:
     common_torsion: float = Material().torsional  # m
 
     def copies(self, material: Material) -> tuple[Surface, ...]:
-        """What a surface of this material consists of."""
+        """List the copies that a surface of this material consists of."""
         if material.friction >= self.common:
             return ("plain",)
         return ("for smooth", "for others", "for pads") if self.apart else ("for others", "for pads")
