@@ -24,6 +24,7 @@ def test_everything_exported_exists_and_is_documented():
         memo_core.lode  # noqa: B018
 
 
+@pytest.mark.process
 def test_importing_the_package_imports_nothing_else():
     shown = subprocess.run(
         [sys.executable, "-c", "import sys, memo_core; print(*sorted(m.partition('.')[0] for m in sys.modules))"],
@@ -34,6 +35,7 @@ def test_importing_the_package_imports_nothing_else():
     assert not {"attrs", "attr", "numpy", "sqlalchemy", "pluggy", "typer"} & set(shown.stdout.split())
 
 
+@pytest.mark.sim
 def test_the_pages_examples_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -44,6 +46,7 @@ def test_the_pages_examples_run(tmp_path, monkeypatch):
     assert list((tmp_path / "runs").iterdir())
 
 
+@pytest.mark.sim
 def test_an_environment_can_be_stepped_and_put_back_exactly():
     with memo_core.make_environment(memo_core.load(), "open-the-fridge", seed=2) as environment:
         start = environment.checkpoint()

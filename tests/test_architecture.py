@@ -241,6 +241,7 @@ def plain_name(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", re.split(r"[\[<>=!~; ]", requirement)[0]).lower()
 
 
+@pytest.mark.process
 def test_nothing_in_the_repository_holds_a_machine_path_or_an_index():
     import subprocess
 

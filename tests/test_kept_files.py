@@ -80,6 +80,7 @@ def test_the_folder_of_a_chroma_index_is_used_or_made_anew(kept, monkeypatch):
     assert CORRECTION in found
 
 
+@pytest.mark.process
 def test_a_run_that_was_killed_goes_on(kept, monkeypatch):
     monkeypatch.chdir(kept / "run")
     log = kept / "run" / "run" / "log.jsonl"
@@ -90,6 +91,7 @@ def test_a_run_that_was_killed_goes_on(kept, monkeypatch):
     assert [entry["text"] for entry in listed("run-book.db") if entry["kind"] == "correction"] == [CORRECTION]  # once
 
 
+@pytest.mark.process
 def test_a_study_that_was_killed_goes_on(kept):
     done = memo_process("study", "run", "study.yaml", "-o", "study")
     assert done.returncode == 0, done.stderr
@@ -97,6 +99,7 @@ def test_a_study_that_was_killed_goes_on(kept):
     assert [json.loads(line)["end"] for line in journal if "end" in json.loads(line)] == [1, 2]
 
 
+@pytest.mark.process
 def test_an_evaluation_that_was_killed_goes_on(kept):
     done = memo_process("evaluate", "evaluation.yaml", "-o", "evaluation")
     assert done.returncode == 0, done.stderr
@@ -105,6 +108,7 @@ def test_an_evaluation_that_was_killed_goes_on(kept):
     assert len(rows) == 4 and not (kept / "evaluation/evaluation/errors.jsonl").exists()
 
 
+@pytest.mark.process
 def test_a_recording_is_replayed(kept):
     chosen = ("-t", "open-the-fridge", "--seed", "0", "--teacher", "simulated", "-s", "run.video=off", "-b", "new.db")
     done = memo_process("run", *chosen, "--replay", "recording.jsonl")
@@ -121,6 +125,7 @@ def test_an_experiment_file_is_in_order(kept, name):
     assert "in order" in memo("config", "check", f"experiments/{name}.yaml")
 
 
+@pytest.mark.process
 def test_scaffolded_plugins_load_and_pass_their_own_tests(kept):
     site = kept / "site"
     site.mkdir()

@@ -66,6 +66,7 @@ def memo(python: Path, *arguments: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.process
 def test_every_project_becomes_a_wheel(wheels):
     assert len(wheels) == len(PROJECTS)
 
@@ -79,6 +80,7 @@ def test_nothing_but_byte_code_is_left_out_of_a_wheel(wheels):
         assert not missing, f"{wheel.name} lacks {missing}"
 
 
+@pytest.mark.process
 def test_the_core_and_one_plugin_work_in_a_clean_environment(clean, tmp_path):
     code = "import memo_core, memo_franka; print(memo_core.__file__, memo_franka.__file__)"
     where = subprocess.run([clean, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path).stdout

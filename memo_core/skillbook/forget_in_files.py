@@ -7,6 +7,7 @@ model's provider) are reported, so that a person can remove them.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,9 @@ def _export_without(records: list[dict[str, Any]], who: str) -> list[dict[str, A
                 "superseded_by": None if back else one["superseded_by"],
             }
         kept.append(one)
+    if (counts := kept[0].get("counts")) is not None:
+        left = Counter(str(one.get("record")) for one in kept)
+        kept[0] = kept[0] | {"counts": {kind: left[kind] for kind in counts}}
     origins = [one.get("origin") or [book, str(one["id"])] for one in theirs.values()]
     return kept + [{"record": "withdrawn", "kind": "feedback", "origin": origin} for origin in origins]
 

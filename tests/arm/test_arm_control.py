@@ -227,6 +227,7 @@ def tabletop():
         yield simulator, link, control
 
 
+@pytest.mark.sim
 def test_a_stop_brakes_an_arm_with_servos_within_its_limits(tabletop):
     """Servos lag: what is commanded leads what is meant, and braking has to begin from the latter with that lead."""
     simulator, link, control = tabletop
@@ -246,6 +247,7 @@ def test_a_stop_brakes_an_arm_with_servos_within_its_limits(tabletop):
     assert np.abs(velocities[-1]).max() < 0.15, "nearly at rest when the last command is sent"
 
 
+@pytest.mark.sim
 def test_a_cube_is_picked_up_and_put_down_by_skills(tabletop):
     simulator, _, control = tabletop
     skills = {one.name: one for one in BUILTIN_SKILLS}
@@ -269,6 +271,7 @@ def test_a_cube_is_picked_up_and_put_down_by_skills(tabletop):
     assert place.position == pytest.approx((x, y - 0.3, 0.025), abs=0.008)
 
 
+@pytest.mark.sim
 def test_the_simulated_arm_arrives_and_keeps_its_limits(tabletop):
     simulator, link, control = tabletop
     speeds = []
@@ -283,6 +286,7 @@ def test_the_simulated_arm_arrives_and_keeps_its_limits(tabletop):
     assert np.all(np.abs(acceleration).max(axis=0) <= [joint.acceleration for joint in panda().joints])
 
 
+@pytest.mark.sim
 def test_a_stop_from_another_thread_is_heard_at_once(tabletop):
     simulator, link, control = tabletop
     simulator.add_tick_listener(lambda: time.sleep(0.002))  # a picture taken every tick

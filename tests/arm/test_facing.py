@@ -37,6 +37,7 @@ def test_arms_that_turn_all_round_face_ahead():
         assert facing(Kinematics(robot), robot.reach).side == "+x", robot.name
 
 
+@pytest.mark.sim
 def test_the_check_says_which_way_an_arm_faces_and_what_to_write():
     robot = describe_urdf(facing_arm(math.pi), "facing").robot
     found = list(check_robot(Registry(), "robot/facing", lambda: robot))

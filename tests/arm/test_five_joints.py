@@ -15,6 +15,7 @@ DOWN = [0.0, 1.0, 0.0, 0.0]
 SIDEWAYS = [0.5, -0.5, 0.5, 0.5]  # pointing to the left, which needs a sixth joint straight ahead of the base
 
 
+@pytest.mark.sim
 def test_it_picks_a_cube_up_from_above():
     grasp = RobotTrial(five_joint_arm(), MujocoSimulator).grasp
     assert grasp.step == "", grasp.why

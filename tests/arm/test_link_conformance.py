@@ -29,6 +29,7 @@ def make_simulator_link():
         simulator.close()
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("rule", RULES)
 def test_the_simulator_link_conforms(rule, make_simulator_link):
     RULES[rule](make_simulator_link)

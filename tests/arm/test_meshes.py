@@ -85,6 +85,7 @@ def test_the_mesh_counts_in_collision_checks(robot):
     assert shape.checker([box], 0.0).hit(kinematics.home, "free") is not None
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", [MujocoSimulator, PybulletSimulator])
 def test_simulators_build_it(robot, simulator):
     with simulator() as world:
@@ -202,6 +203,7 @@ DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", [MujocoSimulator, PybulletSimulator])
 @pytest.mark.parametrize(("name", "scale"), [("bar.dae", "1 1 1"), ("bar.stl", "1 -1 1"), ("bar.stl", "0.5 1 1")])
 def test_simulators_build_collada_and_mirrored_meshes(name, scale, simulator, tmp_path):
@@ -225,6 +227,7 @@ def test_vertices_are_scaled_axis_by_axis(tmp_path):
 IMPOSSIBLE = {"a point": "0 0 0", "a line": "0 0.01 0", "beyond the sum of the others": "0.001 0.001 0.01"}
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("case", IMPOSSIBLE)
 def test_mujoco_builds_moments_of_inertia_that_no_body_has(case):
     xx, yy, zz = IMPOSSIBLE[case].split()

@@ -47,6 +47,7 @@ def run(tmp_path_factory):
     return folder
 
 
+@pytest.mark.sim
 def test_the_scripted_run_has_corrections_repairs_and_templates(run):
     came = came_to(run)
     assert [(status, attempts) for _, status, attempts, _ in came["subtasks"]] == [("approved", 2)] * 3

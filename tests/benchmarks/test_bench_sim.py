@@ -31,6 +31,7 @@ def best(measured: SimBench, value: Callable[[SimBench], float], promise: float)
     return shortest(lambda: value(made.pop() if made else once()), promise, tries=4)
 
 
+@pytest.mark.sim
 def test_the_bare_loop_replays_the_very_same_motion(measured):
     assert measured.same_motion
     assert measured.grasped
@@ -49,6 +50,7 @@ def test_checkpoints_are_quick_and_small(measured):
     assert measured.checkpoint_bytes < 10_000
 
 
+@pytest.mark.sim
 def test_both_simulators_are_measured_side_by_side_with_their_memory(capsys):
     names = ("mujoco", "pybullet")
     with pytest.raises(SystemExit) as ended:
@@ -62,6 +64,7 @@ def test_both_simulators_are_measured_side_by_side_with_their_memory(capsys):
             assert 1 < one["engine_mb"] < 1000 and 0.1 < one["scene_mb"] < 1000, one
 
 
+@pytest.mark.sim
 def test_a_replay_of_other_controls_is_noticed():
     class Forgetful(MujocoSimulator):
         def engine_controls(self):
@@ -71,12 +74,14 @@ def test_a_replay_of_other_controls_is_noticed():
     assert not bench_sim(Forgetful(), panda(), rounds=1)["same_motion"]
 
 
+@pytest.mark.sim
 def test_a_simulator_that_does_not_have_the_two_methods_is_refused():
     without = type("Without", (MujocoSimulator,), {"bare_loop": None})
     with pytest.raises(BackendUnavailable, match="no bare loop"):
         bench_sim(without(), panda())
 
 
+@pytest.mark.sim
 def test_a_simulator_without_a_bare_loop_is_refused():
     class Closed(MujocoSimulator):
         def engine_controls(self):

@@ -15,6 +15,7 @@ from memo_core.plugins import Registry
 from memo_core.runs.sections import SECTIONS
 
 
+@pytest.mark.sim
 def test_as_many_signals_are_sent_as_were_asked_for():
     experiment = load_experiment(Registry(), None, ["run.video=off"], SECTIONS)
     (phase,) = bench_stop(experiment, 3, ["waiting"]).phases
@@ -28,6 +29,7 @@ def test_a_promise_is_not_kept_on_fewer_signals_than_were_asked_for():
     assert not fewer.kept and not StopBench((phase, fewer)).kept and not StopBench(()).kept
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts processes in /proc")
 def test_each_kind_of_signal_to_a_real_run_ends_it_in_order():
     process = multiprocessing.get_context("forkserver").Process(target=print)

@@ -22,6 +22,8 @@ from memo_core.plugins import Registry
 from memo_core.runs.factories import book_of
 from memo_core.runs.sections import SECTIONS
 
+pytestmark = pytest.mark.sim
+
 SEED = 0
 QUICK = ("run.video=off", "run.repairs=0", "run.repeats=1")
 ONE_SUBTASK = (*QUICK, "run.subtasks=1")

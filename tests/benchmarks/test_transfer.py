@@ -38,6 +38,7 @@ def trials(folder):
     return list(transfer_in(folder).trials())
 
 
+@pytest.mark.sim
 def test_what_was_taught_in_one_simulator_is_of_use_in_the_other(folder, trials):
     """One subtask a run, the opening of a door: the whole of the table takes minutes."""
     assert len(trials) == transfer_in(folder).size == 8
@@ -66,6 +67,7 @@ def test_what_is_done_is_not_done_again(folder, trials):
     assert sorted(folder.iterdir()) == before, "a run was made"
 
 
+@pytest.mark.sim
 def test_after_a_kill_only_what_is_missing_is_done(folder, trials):
     file = folder / "trials.jsonl"
     lines = file.read_text().splitlines(keepends=True)
@@ -96,6 +98,7 @@ def test_what_cannot_be_compared_is_refused_before_anything_is_taught(tmp_path):
     assert not list(tmp_path.iterdir()), "a folder was made"
 
 
+@pytest.mark.sim
 def test_without_its_lesson_nothing_is_tried(tmp_path, monkeypatch):
     """A lesson that a language model's failure broke off is left for next time, and what needs its book as well."""
     transfer = transfer_in(tmp_path)

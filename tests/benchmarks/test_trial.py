@@ -44,6 +44,7 @@ def test_shares_are_of_the_policy_s_thread_and_of_the_time_without_one():
     assert abs(sum(sampler.shares.values()) - 1) < 0.01
 
 
+@pytest.mark.sim
 def test_trials_that_could_not_be_carried_out_are_not_measured():
     nowhere = ("llm.backend=litellm", "llm.model=openai/x", "llm.api_base=http://127.0.0.1:9/v1", "run.retries=0")
     with pytest.raises(Halted):

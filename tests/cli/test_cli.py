@@ -74,6 +74,7 @@ def test_a_mistake_is_one_clear_line_on_stderr(arguments, code, said, capsys, tm
     assert captured.out == "" and "Traceback" not in captured.err
 
 
+@pytest.mark.process
 def test_debug_shows_where_wherever_it_stands(tmp_path):
     for arguments in (["--debug", "prompts", "show", "x"], ["prompts", "show", "x", "--debug"]):
         assert "Traceback" in memo(*arguments).stderr
@@ -107,6 +108,7 @@ main(["bench", "startup", "--runs", "100"])
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.1, 0.3, 0.8])
 def test_ctrl_c_is_never_a_traceback(delay, tmp_path):
     process = subprocess.Popen(
@@ -124,12 +126,14 @@ def test_ctrl_c_is_never_a_traceback(delay, tmp_path):
     assert "Traceback" not in said and "interrupted" in said
 
 
+@pytest.mark.process
 def test_a_reader_that_goes_away_is_no_error():
     command = f"{sys.executable} -m memo_core.cli.main config schema | head -c 10"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert done.stderr == ""
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("last", "code", "said"), [("", 0, ""), ("1 / 0", 1, "memo: p.py: line 3: ZeroDivisionError")])
 def test_a_program_goes_on_when_its_reader_goes_away_and_is_judged_by_what_it_does(tmp_path, last, code, said):
     (tmp_path / "p.py").write_text(f"for i in range(300):\n    print(i)\n{last}\n")
@@ -144,6 +148,7 @@ def test_a_program_goes_on_when_its_reader_goes_away_and_is_judged_by_what_it_do
     assert done.stderr.startswith(said) and done.stderr.count("\n") == bool(said)
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that Linux has")
 @pytest.mark.parametrize("arguments", [["--version"], ["config", "show"], ["tasks", "list", "--json"]], ids=" ".join)
 def test_output_that_cannot_be_written_is_said_in_one_line(arguments):
@@ -244,6 +249,7 @@ def test_a_mistyped_book_is_not_made(tmp_path, capsys):
     assert not missing.exists()
 
 
+@pytest.mark.process
 def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_line(tmp_path, capsys):
     many = tmp_path / "many.py"
     many.write_text("".join(f"nothing_{i}()\n" for i in range(1000)))
@@ -252,6 +258,7 @@ def test_code_that_is_refused_for_a_thousand_reasons_is_refused_in_one_short_lin
     assert "not run: line 1" in line and "more" in line and len(line) < 2200
 
 
+@pytest.mark.process
 def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, capsys):
     from memo_core.environment.simulated import SimulatedEnvironment
     from memo_core.errors import BackendUnavailable
@@ -265,6 +272,7 @@ def test_a_demo_that_could_not_take_place_is_no_success(monkeypatch, tmp_path, c
     assert not told["told"] and "a library is missing" in told["reasons"]["transfer"]
 
 
+@pytest.mark.process
 def test_an_interrupt_that_came_through_exec_ends_with_130_also_under_python_m(tmp_path):
     """Python kills such a process with SIGINT, although the exception was caught: libraries use exec while imported."""
     (tmp_path / "interrupted.py").write_text(
@@ -275,6 +283,7 @@ def test_an_interrupt_that_came_through_exec_ends_with_130_also_under_python_m(t
     assert (done.returncode, done.stderr) == (130, "memo: interrupted\n")
 
 
+@pytest.mark.process
 def test_an_interrupted_import_that_ends_in_another_error_is_an_interrupt(tmp_path):
     (tmp_path / "interrupted.py").write_text(
         "import os, signal\n"

@@ -165,6 +165,7 @@ def test_why_gives_each_term_the_rank_and_what_was_cut(capsys, path) -> None:
     assert "opposite action" in out and "r = (0.75 action + 0.25 objects)" in out
 
 
+@pytest.mark.process
 def test_watching_condenses_what_a_robot_learns_meanwhile_and_ends_with_ctrl_c(path) -> None:
     watching = started("cluster", "--watch", "--interval", "0.1", "--book", str(path), "--json")
     try:
@@ -180,6 +181,7 @@ def test_watching_condenses_what_a_robot_learns_meanwhile_and_ends_with_ctrl_c(p
     assert notes(path) == ["Swing it open around its hinge."]
 
 
+@pytest.mark.process
 def test_killed_at_any_moment_the_book_is_valid_and_the_next_call_goes_on(tmp_path) -> None:
     path = tmp_path / "book.db"
     fill(path, keys=10)

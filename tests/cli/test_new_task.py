@@ -51,6 +51,7 @@ def installed(written, tmp_path_factory) -> str:
     return str(target)
 
 
+@pytest.mark.process
 def test_the_plugin_is_verified_as_it_is(installed):
     done = memo("tasks", "verify", "--suite", "sort-the-buttons", "--seeds", "0", "--json", PYTHONPATH=installed)
     assert done.returncode == 0, done.stderr + done.stdout
@@ -58,6 +59,7 @@ def test_the_plugin_is_verified_as_it_is(installed):
     assert (task["name"], task["reference"], task["null"]) == ("sort-the-buttons", 1, 0)
 
 
+@pytest.mark.process
 def test_the_plugin_keeps_the_rules_for_suites(installed):
     done = memo("plugins", "check", "sort-the-buttons", "--json", PYTHONPATH=installed)
     assert done.returncode == 0, done.stdout
@@ -77,6 +79,7 @@ def test_the_page_shows_the_example_as_it_is():
     assert shown == module.read_text(encoding="utf-8")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", ["SortTheButtons", "sort_the_buttons", "sort--buttons", "4-buttons", "ä"])
 def test_a_name_that_is_none_is_refused_with_what_would_be_right(tmp_path, name):
     done = memo("new", "task", name, "--folder", str(tmp_path / "x"))
@@ -84,12 +87,14 @@ def test_a_name_that_is_none_is_refused_with_what_would_be_right(tmp_path, name)
     assert "NAME" in done.stderr and "lower case" in done.stderr
 
 
+@pytest.mark.process
 def test_what_is_said_to_be_installed_is_a_path_and_no_name_that_a_stranger_could_register(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     made = memo("new", "task", "sort-the-buttons", "--json")
     assert json.loads(made.stdout)["next"][0] == "pip install --editable ./sort-the-buttons"
 
 
+@pytest.mark.process
 def test_what_is_there_is_never_written_over(tmp_path):
     (tmp_path / "mine.py").write_text("precious")
     done = memo("new", "task", "sort-the-buttons", "--folder", str(tmp_path))

@@ -8,6 +8,8 @@ import pytest
 
 from memo_core.cli.app import run_app
 
+pytestmark = pytest.mark.sim
+
 FILE = """
 llm: offline
 suite: quirks

@@ -90,6 +90,7 @@ def test_there_is_one_for_every_kind():
     assert {scaffold.backend_kind for scaffold in SCAFFOLDS.values()} == {*KINDS, ""}
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("kind", [kind for kind, scaffold in SCAFFOLDS.items() if scaffold.backend_kind])
 def test_it_keeps_the_rules_of_its_kind(kind, site, monkeypatch):
     monkeypatch.syspath_prepend(str(site))
@@ -103,6 +104,7 @@ def test_it_keeps_the_rules_of_its_kind(kind, site, monkeypatch):
     assert [r for r in results if r.outcome != "kept" and r.rule != "pictures_show_the_scene"] == []
 
 
+@pytest.mark.process
 def test_their_own_tests_pass(site):
     # The simulator's are the rules above, which take a while.
     deselected = "not (lab_simulator and not starts_at_home)"
@@ -179,6 +181,7 @@ def test_an_arm_that_faces_away_from_the_table_is_written_turned(tmp_path):
     assert facing(Kinematics(robot), robot.reach).side == "+x"
 
 
+@pytest.mark.process
 def test_a_robot_is_read_from_a_urdf_and_what_was_guessed_is_said(tmp_path):
     urdf = Path(scaffolds.__file__).parent / "skeletons" / "robot" / "example.urdf"
     made = memo("new", "robot", "lab-arm", "--folder", str(tmp_path / "arm"), "--urdf", str(urdf), "--json")
@@ -228,6 +231,7 @@ def _xacro_package(folder: Path) -> Path:
     return folder / "arm_description" / "urdf" / "arm.urdf.xacro"
 
 
+@pytest.mark.process
 def test_a_xacro_file_is_expanded_with_its_arguments_and_the_packages_near_it(tmp_path):
     pytest.importorskip("xacrodoc", reason="the extra `xacro` is not installed")
     file = _xacro_package(tmp_path / "src")
@@ -238,6 +242,7 @@ def test_a_xacro_file_is_expanded_with_its_arguments_and_the_packages_near_it(tm
     assert 'upper="2.5"' in written and "xacro:" not in written.replace("xmlns:xacro", "")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -267,6 +272,7 @@ def test_a_package_that_a_xacro_file_needs_is_named_and_found_where_it_is_said_t
     assert write_scaffold("robot", "lab-arm", tmp_path / "arm", source).files
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("more", "said"),
     [
@@ -284,6 +290,7 @@ def test_what_says_more_about_a_urdf_needs_one_that_it_fits(more, said, tmp_path
     assert not Path("arm").exists()
 
 
+@pytest.mark.process
 def test_meshes_of_another_machine_are_found_in_several_folders_and_it_is_told(tmp_path):
     for folder in ("one/visual", "two/visual"):
         (tmp_path / folder).mkdir(parents=True)
@@ -303,6 +310,7 @@ def test_meshes_of_another_machine_are_found_in_several_folders_and_it_is_told(t
     assert str(tmp_path.resolve() / "one" / "visual" / "a.stl") in written
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("text", "said"), [(None, "cannot be read"), ("<robot", "URDF"), ("<robot name='r'/>", "URDF")]
 )
@@ -315,11 +323,13 @@ def test_a_urdf_that_cannot_be_read_is_one_line_and_nothing_is_written(text, sai
     assert not (tmp_path / "arm").exists()
 
 
+@pytest.mark.process
 def test_the_command_is_there(site):
     assert "lab command" in memo("--help", PYTHONPATH=str(site)).stdout
     assert memo("lab-command", "--help", PYTHONPATH=str(site)).returncode == 0
 
 
+@pytest.mark.process
 def test_a_task_can_be_run_with_a_model_a_teacher_and_skills_of_ones_own(site, tmp_path):
     chosen = [f"{kind}={json.dumps({'backend': PLUGINS[kind]})}" for kind in ("teacher", "method", "perception")]
     chosen += [f"skills={PLUGINS['skills']}", "simulator.backend=lab-simulator", f"llm.backend={PLUGINS['llm']}"]
@@ -330,6 +340,7 @@ def test_a_task_can_be_run_with_a_model_a_teacher_and_skills_of_ones_own(site, t
     assert json.loads(done.stdout)["method"] == PLUGINS["method"] or "left it at that" in done.stdout
 
 
+@pytest.mark.process
 @pytest.mark.slow
 def test_pip_installs_one_in_editable_mode_without_an_index(tmp_path):
     environment = tmp_path / "venv"
@@ -358,6 +369,7 @@ def test_the_page_of_a_kind_shows_the_plugin_as_it_is_written(page):
     assert f"memo new {kind} {name}" in text
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
@@ -380,6 +392,7 @@ def test_a_folder_that_cannot_be_written_is_an_error_that_names_it(tmp_path):
         write_scaffold("llm", "mine", tmp_path / "file" / "below")
 
 
+@pytest.mark.process
 def test_what_is_written_is_formatted_and_has_no_unused_names(site):
     """As ``ruff`` sees it with the width of this repository."""
     for arguments in (["format", "--check"], ["check", "--select", "E,F,B,UP,SIM"]):

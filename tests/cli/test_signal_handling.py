@@ -95,6 +95,7 @@ _CAUGHT = f"""
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("body", [_INTERRUPTED, _CAUGHT], ids=["interrupted", "caught by the command"])
 @pytest.mark.parametrize("reader", ["there", "gone"])
 def test_an_interrupt_that_came_through_an_exec_does_not_kill_the_process(body, reader, tmp_path):

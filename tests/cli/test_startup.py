@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 HEAVY = ("torch", "mujoco", "pybullet", "litellm", "pinocchio", "faiss", "onnxruntime", "transformers")
 
 RUN = """

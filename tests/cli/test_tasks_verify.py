@@ -59,6 +59,7 @@ def memo(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("command", ["verify", "show", "pictures"])
 def test_a_task_of_another_suite_is_told_with_what_to_set(command):
     done = memo("tasks", command, "open-the-safe", "--suite", "tabletop")
@@ -114,6 +115,7 @@ def test_the_digest_depends_on_scene_solution_and_settings():
     assert one("open-the-fridge", 0) != other("open-the-fridge", 0)
 
 
+@pytest.mark.process
 def test_the_digest_depends_on_the_files_of_the_plugins_that_decide(tmp_path):
     """An edited success check, or a data file beside it, makes kept results stale; a process sees its own code."""
     (tmp_path / "own_tasks").mkdir()
@@ -159,6 +161,7 @@ def test_nineteen_of_twenty_hold_and_eighteen_do_not():
     assert not holds(report_of("lift", [RESULT | {"seed": s, "null": s == 7} for s in range(20)]))
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(
     "fault",
     [
@@ -213,6 +216,7 @@ def test_a_plain_attempt_that_succeeds_is_a_failure_and_one_that_is_missing_is_n
     assert (report["plain"], report["plain_seeds"]) == (None, 0) and holds(report)
 
 
+@pytest.mark.process
 def test_the_command_tries_what_one_would_do_untaught_too_and_goes_on_from_its_file(tmp_path):
     file = tmp_path / "out.jsonl"
     command = ("tasks", "verify", "open-the-rice-cooker", "--suite", "quirks", "--plain", "--seeds", "0", "--json")
@@ -228,6 +232,7 @@ def test_the_command_tries_what_one_would_do_untaught_too_and_goes_on_from_its_f
     assert file.read_text().splitlines() == [line]
 
 
+@pytest.mark.process
 def test_a_task_is_drawn_at_its_start_and_at_its_end(tmp_path):
     image = pytest.importorskip("PIL.Image")
     done = memo("tasks", "pictures", "pick-the-left-can", "--folder", str(tmp_path / "new"), "--width", "160", "--json")
@@ -240,6 +245,7 @@ def test_a_task_is_drawn_at_its_start_and_at_its_end(tmp_path):
     assert len(set(start.tobytes())) > 20 and start.tobytes() != end.tobytes()
 
 
+@pytest.mark.process
 def test_the_list_says_the_suite_and_a_misspelt_one_is_an_error():
     listed = json.loads(memo("tasks", "list", "--json").stdout)
     assert listed["suite"] == "tabletop"

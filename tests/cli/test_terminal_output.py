@@ -76,6 +76,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_command_prints_a_control_character(name, place, monkeypatch, capsys):
     monkeypatch.chdir(place)
@@ -89,6 +90,7 @@ def test_no_command_prints_a_control_character(name, place, monkeypatch, capsys)
         assert found is None, text[max(0, found.start() - 80) : found.end() + 20]
 
 
+@pytest.mark.process
 def test_what_a_terminal_gets_holds_no_sequence_but_colours(place):
     """The same on a real terminal, where Rich may write colours."""
     ours, theirs = pty.openpty()
@@ -123,6 +125,7 @@ def test_plain_text_passes_unchanged():
     assert printable(text) == text
 
 
+@pytest.mark.process
 @pytest.mark.skipif(os.name != "posix", reason="closing streams in a POSIX shell")
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 @pytest.mark.parametrize(("command", "code"), [("--version", 0), ("config show", 0), ("no-such-command", 2)])
@@ -142,6 +145,7 @@ os._exit(opened)
 """
 
 
+@pytest.mark.process
 @pytest.mark.skipif(os.name != "posix", reason="closing streams in a POSIX shell")
 def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
     (tmp_path / "script.py").write_text(CLAIMS_NUMBERS)
@@ -149,6 +153,7 @@ def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
     assert subprocess.run(line, shell=True, env=os.environ | {"PYTHONPATH": str(ROOT)}).returncode > 2
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("arguments", [("exec", "-"), ("skillbook", "edit", "1", "-", "--book", "sqlite://")])
 @pytest.mark.parametrize(("given", "said"), [(b"x \xff", "no UTF-8 from byte 2 on"), (None, "is closed")])
 def test_text_from_standard_input_is_read_whole_or_refused(arguments, given, said):

@@ -175,6 +175,7 @@ def run(person, tmp_path, script, *overrides: str):
     return run_experiment(experiment(registry, tmp_path, *overrides), registry, tmp_path / "runs")
 
 
+@pytest.mark.process
 def test_a_task_is_done_by_a_real_robot_with_a_person_who_releases_and_judges(person, tmp_path):
     script = {"plan": ["LIFT(cube)", "DONE"], "code": [UP], "template": [TEMPLATE]}
     report = run(person, tmp_path, script)
@@ -192,6 +193,7 @@ def test_a_task_is_done_by_a_real_robot_with_a_person_who_releases_and_judges(pe
     assert not arm.health().ready, "closed at the end"
 
 
+@pytest.mark.process
 def test_a_person_who_says_that_the_task_is_not_done_is_right(person, tmp_path):
     person.whole = Verdict("correct", "the drawer is still open")
     script = {"plan": ["DONE", "DONE"], "feedback": ['{"corrections": [], "general": ["Close drawers."]}']}
@@ -199,6 +201,7 @@ def test_a_person_who_says_that_the_task_is_not_done_is_right(person, tmp_path):
     assert not report.success and report.outcome is not None and "not done" in report.outcome.reason
 
 
+@pytest.mark.process
 def test_a_trial_on_a_real_robot_keeps_a_sheet(person, tmp_path):
     person.whole = Verdict("correct", "it lies on the table")
     script = {"plan": ["DONE", "DONE"], "feedback": ['{"corrections": [], "general": ["Close drawers."]}']}
@@ -210,6 +213,7 @@ def test_a_trial_on_a_real_robot_keeps_a_sheet(person, tmp_path):
     assert {"corrections", "interruptions", "commit", "ended_at"} <= set(sheet)
 
 
+@pytest.mark.process
 def test_a_robot_is_not_started_that_is_not_as_it_was_commissioned(person, tmp_path):
     robot = panda()
     found = Commissioning(
@@ -225,12 +229,14 @@ def test_a_robot_is_not_started_that_is_not_as_it_was_commissioned(person, tmp_p
     assert "memo robot commission" in report.problem
 
 
+@pytest.mark.process
 def test_nobody_on_the_whole_task_is_no_verdict(person, tmp_path):
     person.whole = Verdict("silent")
     report = run(person, tmp_path, {"plan": ["DONE"]})
     assert report.outcome is None and not report.success and not report.problem
 
 
+@pytest.mark.process
 def test_a_program_that_is_not_released_moves_nothing_and_its_refusal_is_a_lesson(person, tmp_path):
     person.releases += [Verdict("correct", "stay away from the lamp")]
     script = {"plan": ["LIFT(cube)", "LIFT(cube)", "DONE"], "code": [UP, UP], "feedback": [NOTES]}
@@ -243,6 +249,7 @@ def test_a_program_that_is_not_released_moves_nothing_and_its_refusal_is_a_lesso
     assert report.result.subtasks[0].corrected == 1
 
 
+@pytest.mark.process
 def test_a_program_that_nobody_releases_ends_the_subtask(person, tmp_path):
     person.releases += [Verdict("silent")]
     report = run(person, tmp_path, {"plan": ["LIFT(cube)", "DONE"], "code": [UP]})
@@ -250,6 +257,7 @@ def test_a_program_that_nobody_releases_ends_the_subtask(person, tmp_path):
     assert not arm.sent and report.result.subtasks[0].status == "unobserved"
 
 
+@pytest.mark.process
 def test_after_a_correction_a_person_puts_things_back_with_a_picture_of_how_they_stood(person, tmp_path):
     person.verdicts += [Verdict("correct", "not there")]
     script = {"plan": ["LIFT(cube)", "LIFT(cube)", "DONE"], "code": [UP, UP], "feedback": [NOTES]}
@@ -259,6 +267,7 @@ def test_after_a_correction_a_person_puts_things_back_with_a_picture_of_how_they
     assert Path(picture).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.process
 def test_without_a_reset_a_corrected_subtask_ends(person, tmp_path):
     person.verdicts += [Verdict("correct", "not there")]
     script = {"plan": ["LIFT(cube)"], "code": [UP], "feedback": [NOTES]}
@@ -266,6 +275,7 @@ def test_without_a_reset_a_corrected_subtask_ends(person, tmp_path):
     assert "cannot be put back" in report.result.reason and "put back" not in person.asked
 
 
+@pytest.mark.process
 def test_what_was_in_doubt_is_confirmed_and_never_repeated(person, tmp_path):
     script = {"plan": ["LIFT(cube)"], "code": [UP]}
     with pytest.raises(SystemExit):
@@ -358,6 +368,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.process
 def test_one_process_at_a_time_moves_a_robot(tmp_path):
     command = [sys.executable, "-c", HOLDER, "10.0.0.2", str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:

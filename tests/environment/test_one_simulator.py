@@ -43,6 +43,7 @@ def memo(command: list[str], *arguments: str, code: int = 0) -> str:
     return done.stdout if code == 0 else done.stderr
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("absent", "present"), [("mujoco", "pybullet"), ("pybullet", "mujoco")])
 def test_one_alone_works_and_the_other_is_not_installed(absent, present, tmp_path):
     command = without(absent, tmp_path / "site")
@@ -61,6 +62,7 @@ def test_one_alone_works_and_the_other_is_not_installed(absent, present, tmp_pat
     assert any(one["what"] == f"simulator {absent}" and folder in one["remedy"] for one in doctor)
 
 
+@pytest.mark.process
 def test_without_the_stand_in_for_a_model_its_name_is_refused_with_what_installs_it(tmp_path):
     command = without("offline", tmp_path / "site")
     refused = memo(command, "run", "--task", "open-the-fridge", "--set", "llm=offline", "--out", str(tmp_path), code=2)

@@ -94,6 +94,7 @@ def cube(size: float, mass: float = 0.1) -> Body:
     return Body("cube", (Geom("box", (size,) * 3),), Pose((0.45, -0.2, size / 2)), Free(), mass=mass)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(("size", "mass", "force"), [(0.04, 0.1, 80.0), (0.05, 0.3, 80.0), (0.045, 0.1, 20.0)])
 def test_the_panda_lifts_a_cube_and_holds_it(size, mass, force):
     with built(cube(size, mass)) as simulator:
@@ -106,6 +107,7 @@ def test_the_panda_lifts_a_cube_and_holds_it(size, mass, force):
         assert np.linalg.norm(simulator.body_pose("cube").position - lifted) < 0.002
 
 
+@pytest.mark.sim
 def test_a_weak_grip_drops_what_is_heavy():
     with built(cube(0.045, 2.0)) as simulator:
         grasp(simulator, 0.045, 5.0)
@@ -134,6 +136,7 @@ def _collision_of(urdf: str, link: str) -> tuple[int, str, int]:
     return start, urdf[start:end], end
 
 
+@pytest.mark.sim
 def test_pads_may_be_links_that_are_fixed_to_the_fingers():
     with MujocoSimulator() as simulator:
         simulator.build(check_scene(), with_tips("left"))
@@ -147,6 +150,7 @@ def test_a_pad_that_no_finger_moves_is_refused_by_name():
         simulator.build(check_scene(), with_tips("hand"))
 
 
+@pytest.mark.sim
 def test_a_run_can_be_resumed_in_another_process(tmp_path):
     with built(cube(0.045)) as simulator:
         grasp(simulator, 0.045, 60.0)
@@ -167,6 +171,7 @@ with built(cube(0.045)) as s:
     assert done.stdout.strip() == expected, done.stderr
 
 
+@pytest.mark.sim
 def test_a_latch_is_restored_as_it_was():
     door = Body(
         "door",
@@ -186,6 +191,7 @@ def test_a_latch_is_restored_as_it_was():
         assert simulator.joint_position("hinge") < 0.1
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(("friction", "slides"), [(0.8, False), (0.3, True)])
 def test_friction_decides_what_slides_down_a_ramp(friction, slides):
     tilt = quaternion_from_axis_angle((0, 1, 0), math.radians(30))
@@ -204,6 +210,7 @@ def test_friction_decides_what_slides_down_a_ramp(friction, slides):
         assert moved > 0.05 if slides else moved < 0.003
 
 
+@pytest.mark.sim
 def test_dry_friction_holds_a_door_still():
     door = Body(
         "door",
@@ -217,6 +224,7 @@ def test_dry_friction_holds_a_door_still():
         assert simulator.joint_position("hinge") == pytest.approx(0.7, abs=1e-3)
 
 
+@pytest.mark.sim
 def test_what_a_joint_connects_does_not_collide_but_two_doors_do():
     def door(name: str, x: float) -> Body:
         return Body(name, (Geom("box", (0.3, 0.02, 0.2)),), Pose((x, 0, 0)), Hinge(f"{name} hinge", (0, 0, 1)))
@@ -231,6 +239,7 @@ def test_what_a_joint_connects_does_not_collide_but_two_doors_do():
         assert touching == {frozenset(("left", "right"))}
 
 
+@pytest.mark.sim
 def test_contacts_of_a_body_include_its_childrens():
     knob = Body("knob", (Geom("sphere", (0.02,)),), Pose((0.0, 0.0, -0.04)))
     lamp = Body("lamp", (Geom("cylinder", (0.03, 0.06)),), Pose((0.5, 0.3, 0.06)), Free(), bodies=(knob,))
@@ -254,6 +263,7 @@ def cube_stl(path, size: float) -> str:
     return str(path)
 
 
+@pytest.mark.sim
 def test_every_shape_is_built_with_its_volume(tmp_path):
     shapes = {
         "box": (Geom("box", (0.1, 0.2, 0.3)), 0.006),
@@ -271,6 +281,7 @@ def test_every_shape_is_built_with_its_volume(tmp_path):
             assert simulator.model.body(name).mass[0] == pytest.approx(500 * volume, rel=1e-6), name
 
 
+@pytest.mark.sim
 def test_a_body_weighs_what_it_states(tmp_path):
     plain = Geom("box", (0.1, 0.1, 0.1), Pose((0.2, 0, 0)))
     twice = Geom("box", (0.1, 0.1, 0.2), Pose((0.4, 0, 0)))
@@ -329,6 +340,7 @@ def test_building_before_open_says_so():
         MujocoSimulator().build(SceneDescription(bodies=()), ROBOT)
 
 
+@pytest.mark.sim
 def test_a_diverged_simulation_is_an_error_not_a_restart(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with built(cube(0.045)) as simulator:
@@ -356,12 +368,14 @@ def test_settings_that_cannot_work_are_refused(changes, words):
         MujocoSettings(**changes)
 
 
+@pytest.mark.sim
 def test_other_steps_make_the_same_tick():
     with built(cube(0.045), settings=MujocoSettings(timestep=0.001, steps_per_tick=10)) as simulator:
         run(simulator, 0.5)
         assert simulator.time == pytest.approx(0.5)
 
 
+@pytest.mark.sim
 def test_the_table_is_where_the_scene_says():
     low = Body("cube", (Geom("box", (0.04,) * 3),), Pose((0.5, 0.2, -0.18)), Free())
     with built(low, table_height=-0.2) as simulator:
@@ -370,6 +384,7 @@ def test_the_table_is_where_the_scene_says():
         assert "table" in {name for one in simulator.contacts("cube") for name in (one.first, one.second)}
 
 
+@pytest.mark.sim
 def test_a_scene_may_bring_its_own_table():
     desk = Body("table", (Geom("box", (0.4, 0.4, 0.1), Pose((0, 0, -0.05))),), Pose((0.5, 0.0, 0.0)))
     beside = Body("cube", (Geom("box", (0.04,) * 3),), Pose((0.5, 0.5, 0.02)), Free())
@@ -393,6 +408,7 @@ def can_draw() -> bool:
 drawing = pytest.mark.skipif(not can_draw(), reason="no OpenGL here")
 
 
+@pytest.mark.sim
 @drawing
 def test_pictures_can_be_taken_from_any_thread():
     with built(cube(0.045)) as simulator:
@@ -407,6 +423,7 @@ def test_pictures_can_be_taken_from_any_thread():
         assert all(np.array_equal(first, one) for one in taken)
 
 
+@pytest.mark.sim
 @drawing
 def test_taking_pictures_does_not_change_the_motion():
     ends = []
@@ -423,6 +440,7 @@ def test_taking_pictures_does_not_change_the_motion():
     assert ends[0] == ends[1]
 
 
+@pytest.mark.sim
 @drawing
 def test_a_video_has_a_frame_for_each_step_of_simulated_time(tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
@@ -447,6 +465,7 @@ def test_a_video_has_a_frame_for_each_step_of_simulated_time(tmp_path):
     assert os.listdir(tmp_path / "film") == ["a.mp4"]
 
 
+@pytest.mark.sim
 def test_without_opengl_a_recording_is_one_problem_and_the_run_goes_on(tmp_path, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
     problems = []
@@ -462,6 +481,7 @@ def test_without_opengl_a_recording_is_one_problem_and_the_run_goes_on(tmp_path,
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", ["osmesa", "disabled"])
 def test_an_opengl_that_does_not_exist_is_named(kind):
     code = """
@@ -483,6 +503,7 @@ except BackendUnavailable as error:
     assert "MUJOCO_GL" in done.stdout and len(done.stdout.splitlines()) == 1
 
 
+@pytest.mark.sim
 @drawing
 def test_an_encoder_that_dies_is_one_problem_and_ctrl_c_does_not_reach_it(tmp_path):
     pytest.importorskip("imageio_ffmpeg")
@@ -500,6 +521,7 @@ def test_an_encoder_that_dies_is_one_problem_and_ctrl_c_does_not_reach_it(tmp_pa
     assert os.listdir(tmp_path) == [], "half a video is none"
 
 
+@pytest.mark.sim
 @drawing
 def test_an_unwritable_folder_is_one_problem(tmp_path):
     (tmp_path / "file").write_text("")
@@ -509,6 +531,7 @@ def test_an_unwritable_folder_is_one_problem(tmp_path):
     assert len(problems) == 1
 
 
+@pytest.mark.sim
 @drawing
 def test_a_picture_is_written(tmp_path):
     image = pytest.importorskip("PIL.Image")
@@ -517,6 +540,7 @@ def test_a_picture_is_written(tmp_path):
     assert image.open(tmp_path / "a.png").size == (320, 240)
 
 
+@pytest.mark.sim
 @pytest.mark.skipif(bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")), reason="there is a display")
 def test_a_window_without_a_display_is_refused():
     with built() as simulator, pytest.raises(BackendUnavailable, match="no display"):

@@ -35,6 +35,7 @@ def run(simulator: PybulletSimulator, seconds: float) -> None:
         simulator.tick()
 
 
+@pytest.mark.sim
 def test_a_held_joint_is_pushed_with_the_servos_torque():
     wall = Body("wall", (Geom("box", (0.5, 0.02, 0.5)),), Pose((0.4, 0.15, 0.3)))
     with built(SceneDescription((wall,))) as simulator:
@@ -50,6 +51,7 @@ def test_a_held_joint_is_pushed_with_the_servos_torque():
         assert simulator.joint_torques()[0] == pytest.approx(min(expected, 100.0), rel=0.1)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(("friction", "slides"), [(0.9, False), (0.3, True)])
 def test_things_slide_on_a_slope_steeper_than_their_friction(friction, slides):
     slope = quaternion_from_axis_angle((0, 1, 0), 0.45)  # tan is 0.48
@@ -63,6 +65,7 @@ def test_things_slide_on_a_slope_steeper_than_their_friction(friction, slides):
         assert (moved > 0.05) == slides, f"it moved {moved:.3f} m"
 
 
+@pytest.mark.sim
 def test_each_shape_of_a_body_has_its_own_friction():
     slope = quaternion_from_axis_angle((0, 1, 0), 0.45)  # tan is 0.48
     halves = tuple(
@@ -83,6 +86,7 @@ def test_each_shape_of_a_body_has_its_own_friction():
         }
 
 
+@pytest.mark.sim
 def test_round_things_are_as_large_as_they_say():
     lying = quaternion_from_axis_angle((0, 1, 0), math.pi / 2)
     can = (Geom("cylinder", (0.03, 0.1)),)
@@ -96,6 +100,7 @@ def test_round_things_are_as_large_as_they_say():
         assert heights == pytest.approx([0.05, 0.03], abs=2e-4)
 
 
+@pytest.mark.sim
 def test_a_strong_catch_holds_a_light_lever():
     lever = Body(  # 7 N of spring against a catch of 12 N
         "lever",
@@ -110,6 +115,7 @@ def test_a_strong_catch_holds_a_light_lever():
         assert abs(simulator.joint_velocity("slide")) < 1e-3
 
 
+@pytest.mark.sim
 def test_a_body_of_many_shapes_has_all_of_them():
     rim = tuple(
         Geom("box", (0.02, 0.08, 0.05), Pose.from_yaw((0.1 * math.cos(a), 0.1 * math.sin(a), 0.025), a))
@@ -129,6 +135,7 @@ def test_a_body_of_many_shapes_has_all_of_them():
         assert "ring <&>" in pushed and away < 0.1, "the ball left the ring through its wall"
 
 
+@pytest.mark.sim
 def test_a_hinge_turns_about_its_anchor():
     door = Body(
         "door",
@@ -144,6 +151,7 @@ def test_a_hinge_turns_about_its_anchor():
         assert np.allclose(centre, expected, atol=1e-3)
 
 
+@pytest.mark.sim
 def test_dry_friction_holds_a_joint_up_to_its_effort():
     for friction, turns in ((0.6, False), (0.2, True)):
         flap = Body(  # 0.5 kg, 0.1 m out: 0.49 Nm
@@ -158,6 +166,7 @@ def test_dry_friction_holds_a_joint_up_to_its_effort():
             assert (simulator.joint_position("hinge") > 0.1) == turns
 
 
+@pytest.mark.process
 def test_a_checkpoint_continues_in_another_process(tmp_path):
     program = """
 import json, sys
@@ -185,6 +194,7 @@ with PybulletSimulator() as simulator:
     assert json.loads(said[0]) == json.loads(said[1])  # and nothing but JSON on the standard output
 
 
+@pytest.mark.process
 def test_a_world_is_built_in_one_order_in_every_process():
     """The order of a set of names differs from process to process, and with it a can was crushed or not."""
     program = """
@@ -219,6 +229,7 @@ print(json.dumps(told.calls, default=str))
     assert told[0] == told[1]
 
 
+@pytest.mark.sim
 def test_the_grip_is_felt_whatever_the_fingers_inertia_looks_like():
     robot = check_robot()
     skew = re.sub(r'ixy="0[.0]*"', 'ixy="2e-5"', robot.urdf)
@@ -262,6 +273,7 @@ def looked(display: str) -> tuple[str, str]:
     return why, history
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are those of X11")
 def test_a_window_needs_a_display_and_changes_nothing():
     why, unseen = looked("")
@@ -280,6 +292,7 @@ def test_a_window_needs_a_display_and_changes_nothing():
     assert not why and seen == unseen
 
 
+@pytest.mark.sim
 def test_a_small_light_thing_does_not_tip_in_the_grip():
     cap = Body("cap", cup(0.0145, 0.02, 0.003), Pose((0.4, 0.0, 0.0)), Free(), mass=0.03)
     with built(SceneDescription((cap,))) as simulator:
@@ -290,6 +303,7 @@ def test_a_small_light_thing_does_not_tip_in_the_grip():
         assert tilt < 0.5, f"it tips by {tilt:.1f} degrees"
 
 
+@pytest.mark.sim
 def test_smooth_things_meet_rough_ones_and_each_other():
     """Smooth shapes are there twice, for smooth partners and for all others: each pair has one contact patch."""
     smooth = Material(friction=0.2)
@@ -305,6 +319,7 @@ def test_smooth_things_meet_rough_ones_and_each_other():
         assert weights[frozenset(("plate", "table"))] == pytest.approx(1.3 * 9.81, rel=0.05)
 
 
+@pytest.mark.sim
 def test_what_bullet_cannot_build_is_named():
     mesh = Body("statue", (Geom("mesh", (1.0,), mesh="nowhere.obj", mass=1.0),), joint=Free())
     with pytest.raises(InvalidArgument, match="statue"):

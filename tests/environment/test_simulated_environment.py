@@ -17,6 +17,8 @@ from memo_core.plugins import Registry
 from memo_core.runs.factories import environment_of, sandbox_of, tasks_of
 from memo_core.runs.sections import SECTIONS
 
+pytestmark = pytest.mark.sim
+
 NOISY = ("perception.backend=ground-truth", "perception.position_noise=0.003")
 MOVE = "open_gripper(0.05)\nmove_to([0.45, 0.1, 0.3], top_orientation())\nclose_gripper()\nlook()\n"
 PUSH = "p = get_position(get_objects()[0])\nlook()\nmove_straight([0.4, -0.1, 0.25])\nopen_gripper()\nlook()\n"

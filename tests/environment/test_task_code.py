@@ -92,6 +92,7 @@ def experiment():
     return load_experiment(Registry(), None, (), SECTIONS)
 
 
+@pytest.mark.sim
 def test_a_check_that_raises_is_told_with_its_line_and_the_bodies(experiment):
     with environment_of(experiment, Misnamed(), 0) as world, pytest.raises(TaskCodeError) as raised:
         world.check()
@@ -100,6 +101,7 @@ def test_a_check_that_raises_is_told_with_its_line_and_the_bodies(experiment):
     assert line(Misnamed.check, "red cube") in said and said.endswith("; bodies: red_cube")
 
 
+@pytest.mark.sim
 def test_a_check_is_blamed_and_not_what_wraps_the_task(experiment):
     varied = VariedTask(Misnamed(), lambda scene: scene, "same")
     with environment_of(experiment, varied, 0) as world, pytest.raises(TaskCodeError) as raised:
@@ -107,6 +109,7 @@ def test_a_check_is_blamed_and_not_what_wraps_the_task(experiment):
     assert line(Misnamed.check, "red cube") in str(raised.value)
 
 
+@pytest.mark.sim
 def test_a_check_that_returns_no_outcome_is_told(experiment):
     with environment_of(experiment, Bare(), 0) as world, pytest.raises(TaskCodeError) as raised:
         world.check()
@@ -120,6 +123,7 @@ def test_a_scene_that_raises_is_told_with_its_line(experiment):
     assert line(Sceneless.scene, "self.table") in str(raised.value)
 
 
+@pytest.mark.sim
 def test_a_monitor_that_raises_ends_the_run_and_is_no_error_of_the_robots_code(experiment):
     with environment_of(experiment, Watched(), 0) as world, sandbox_of(experiment) as sandbox:
         with pytest.raises(TaskCodeError) as raised:
@@ -138,6 +142,7 @@ class Amnesiac(Watching):
         self.touched = memory["touched"]
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(
     ("monitor", "said"),
     [
@@ -155,6 +160,7 @@ def test_a_monitor_that_cannot_keep_its_state_is_told(experiment, monitor, said)
     assert said in str(raised.value)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("task", "said"),
     [

@@ -66,6 +66,7 @@ def memo(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(whole, cwd=folder, env=environment, capture_output=True, text=True, timeout=250)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", OUTAGES)
 def test_a_trial_that_its_model_could_not_carry_out_is_no_failure_and_is_done_again(kind, answered, tmp_path):
     heals = False
@@ -87,6 +88,7 @@ def test_a_trial_that_its_model_could_not_carry_out_is_no_failure_and_is_done_ag
     assert not (tmp_path / "out" / "evaluation" / ERRORS).exists()
 
 
+@pytest.mark.process
 def test_nobody_listening_stops_the_seeds_of_a_run(tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -99,6 +101,7 @@ def test_nobody_listening_stops_the_seeds_of_a_run(tmp_path):
     assert all(run["success"] is None for run in told["runs"])
 
 
+@pytest.mark.process
 @pytest.mark.slow
 def test_a_study_pauses_and_goes_on_with_the_run_that_could_not_be_carried_out(answered, tmp_path):
     heals = False
@@ -121,6 +124,7 @@ def test_a_study_pauses_and_goes_on_with_the_run_that_could_not_be_carried_out(a
     assert [line["success"] for line in lines if "end" in line] == [True]
 
 
+@pytest.mark.process
 def test_an_evaluation_of_an_earlier_version_that_counted_an_error_does_it_again(answered, tmp_path):
     with Wire(answered) as wire:
         (tmp_path / "e.yaml").write_text(EVALUATION.replace("BASE", wire.base))

@@ -18,6 +18,8 @@ from memo_core.stop_switch import StopSwitch
 from memo_core.study.running import run_study
 from memo_core.study.study import loader, open_study, shared_settings
 
+pytestmark = pytest.mark.sim
+
 FILE = """
 llm: offline
 suite: quirks

@@ -113,6 +113,7 @@ def test_a_mirrored_scene_is_a_mirror_image_and_twice_is_the_scene(experiment):
         assert mirrored(image) == scene
 
 
+@pytest.mark.sim
 def test_a_mirrored_door_opens_to_the_mirrored_side(experiment):
     """Seen through physics: a door pushed to one angle has its handle where the mirror shows it."""
     demo = experiment.choice("suite").backend.demo

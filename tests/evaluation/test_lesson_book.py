@@ -17,6 +17,7 @@ def experiment(suite: str):
     return load_experiment(Registry(), None, [f"suite.backend={suite}"], SECTIONS, None, 0)
 
 
+@pytest.mark.sim
 def test_each_training_lesson_is_one_correction_under_the_subtask_that_needs_it(tmp_path):
     quirks = experiment("quirks")
     make_lesson_book(quirks, tmp_path / "lessons.db")

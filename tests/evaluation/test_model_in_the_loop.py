@@ -18,6 +18,8 @@ from memo_core.evaluation.table import VARYING, read_table
 from memo_core.interfaces.llm import Message, Request
 from tests.support.fake_openai_server import Asked, Reply, Wire
 
+pytestmark = pytest.mark.process
+
 FILE = """
 suite: quirks
 run: {video: "off", attempts: 1, repairs: 2, repairs_from: start}

@@ -73,6 +73,7 @@ def evaluation(person: Scripted, model: ScriptedModel, address: str, folder: Pat
     return evaluate(load, folder / "out", StopSwitch())
 
 
+@pytest.mark.process
 def test_a_person_sets_up_releases_and_judges_trials_whose_method_they_do_not_know(cell, tmp_path):
     person = Scripted(Verdict("approve"), pauses=2)
     script = {"plan": ["LIFT(cube)", "DONE"], "code": [UP]}
@@ -99,6 +100,7 @@ def test_a_person_sets_up_releases_and_judges_trials_whose_method_they_do_not_kn
     assert not cell.box.arm.violations and cell.box.recoveries == 0
 
 
+@pytest.mark.process
 def test_what_a_person_says_in_a_trial_teaches_nothing(cell, tmp_path):
     person = Scripted(Verdict("correct", "no, not like that"), Verdict("approve"))
     person.releases += [Verdict("correct", "stay away from the lamp")]

@@ -13,6 +13,8 @@ from memo_core.plugins import Registry
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
+pytestmark = pytest.mark.sim
+
 ROOT = Path(__file__).parents[2]
 RECORDED = ROOT / "tests" / "data" / "recordings" / "quirks"
 COMPARED = ("given", "task", "success", "first_programs", "programs", "lesson_needed", "lesson_served")

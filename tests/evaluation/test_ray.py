@@ -18,6 +18,8 @@ from memo_core.plugins import Registry
 from memo_core.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
+pytestmark = pytest.mark.process
+
 ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
 
 

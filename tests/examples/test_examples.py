@@ -28,6 +28,7 @@ def taught(tmp_path_factory) -> tuple[Path, dict[str, bool]]:
     return folder, load("teach_and_watch").main(folder)
 
 
+@pytest.mark.sim
 def test_what_was_taught_on_one_task_helps_on_another(taught):
     folder, done = taught
     assert done == {"taught": True, "alone": True}
@@ -43,19 +44,23 @@ def test_a_book_can_be_looked_into(taught, capsys):
     assert "would be served" in capsys.readouterr().out
 
 
+@pytest.mark.sim
 def test_seeds_are_swept(tmp_path):
     assert load("sweep_over_seeds").main("stack-the-cubes", 2, tmp_path) == [True, True]
 
 
+@pytest.mark.sim
 def test_an_arm_is_read_from_its_urdf_and_moves(capsys):
     assert load("own_robot").main(URDF) < 0.003
     assert "guessed home" in capsys.readouterr().out
 
 
+@pytest.mark.sim
 def test_a_task_of_ones_own_can_be_done_and_not_by_doing_nothing():
     assert load("own_task").main(seed=1) == (False, True)
 
 
+@pytest.mark.sim
 def test_the_notebook_runs_from_top_to_bottom():
     cells = json.loads((EXAMPLES / "first_steps.ipynb").read_text(encoding="utf-8"))["cells"]
     namespace: dict = {"__name__": "__main__"}

@@ -17,6 +17,8 @@ import memo_core
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.task import Outcome
 
+pytestmark = pytest.mark.sim
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gym_policy.py"
 FRIDGE = "memo/OpenTheFridge-v0"
 

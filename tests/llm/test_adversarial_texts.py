@@ -12,6 +12,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 PROCESSOR_S = 60
 READ = r"""
 import resource, sys

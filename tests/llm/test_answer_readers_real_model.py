@@ -49,6 +49,7 @@ def test_every_answer_is_read(file):
             assert answer or answer.unclear
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_all_code_is_within_the_subset_and_the_skills(file):
     with Sandbox(skill_library(BUILTIN_SKILLS)) as sandbox:
@@ -58,6 +59,7 @@ def test_all_code_is_within_the_subset_and_the_skills(file):
                 assert not sandbox.check(code)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("book", ["empty", "taught"])
 def test_a_recorded_run_still_opens_the_fridge(book, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -16,6 +16,8 @@ from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message,
 from memo_core.testing.llm import RULES, check_language_model, user
 from tests.support.fake_openai_server import Reply, Wire, error
 
+pytestmark = pytest.mark.wire
+
 SCHEMA = {"type": "object", "properties": {"general": {"type": "string"}}, "required": ["general"]}
 
 

@@ -13,6 +13,8 @@ from memo_core.interfaces.llm import Answer, LanguageModelError
 from memo_core.testing.llm import user
 from tests.support.fake_openai_server import Reply, Wire, error, events, report
 
+pytestmark = pytest.mark.wire
+
 KEYS = {
     "OPENAI_API_KEY": "sk-0123456789abcdef",
     "GEMINI_API_KEY": "AIza0123456789abcdef",

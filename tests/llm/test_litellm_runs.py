@@ -78,6 +78,7 @@ def sums(usages: list[dict]) -> tuple[int, int, float]:
     )
 
 
+@pytest.mark.sim
 def test_only_the_llm_section_differs(registry, tmp_path, offline):
     with Wire(offline) as wire:
         far = run(registry, tmp_path / "far", *settings_of(wire))
@@ -90,6 +91,7 @@ def test_only_the_llm_section_differs(registry, tmp_path, offline):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.sim
 def test_tokens_and_cost_in_the_summary_add_up_to_the_calls(registry, tmp_path, offline):
     wrong = [
         error(429, "slow down", Retry_After="0"),
@@ -118,6 +120,7 @@ def test_tokens_and_cost_in_the_summary_add_up_to_the_calls(registry, tmp_path, 
     assert summary["cost"] == pytest.approx((of_calls[0] * 1.5 + of_calls[1] * 4) / 1e6)
 
 
+@pytest.mark.sim
 def test_a_budget_ends_a_run_with_everything_saved_and_the_study_remembers(registry, tmp_path, offline):
     ledger = tmp_path / "study.ledger"
     study = [f"run.study_ledger={ledger}", "run.study_max_tokens=9000"]
@@ -136,6 +139,7 @@ def test_a_budget_ends_a_run_with_everything_saved_and_the_study_remembers(regis
     assert [name for name, _ in read_ledger(ledger)[0]] == [first.run, second.run]
 
 
+@pytest.mark.wire
 def test_a_price_that_nobody_knows_is_said_before_the_first_call(registry, tmp_path, offline):
     with Wire(offline) as wire:
         report = run(registry, tmp_path, *settings_of(wire), "run.max_cost=1")
@@ -143,6 +147,7 @@ def test_a_price_that_nobody_knows_is_said_before_the_first_call(registry, tmp_p
     assert "run.max_cost cannot be kept" in report.problem and "llm.prompt_price" in report.problem
 
 
+@pytest.mark.process
 def test_a_planted_key_is_in_no_file_and_on_no_screen(tmp_path, offline):
     """The server repeats the key in errors and in answers; the run is one of the command line's, as people do it."""
     first = [error(401, "x")]
@@ -182,6 +187,7 @@ def test_a_planted_key_is_in_no_file_and_on_no_screen(tmp_path, offline):
     assert b"[OPENAI_API_KEY]" in written and b"cannot work with" in written, "what it said is kept, but for the key"
 
 
+@pytest.mark.sim
 def test_a_call_that_a_stop_gave_up_is_in_the_sums_and_its_connection_closed(registry, tmp_path, offline):
     def reply(asked: Asked) -> Reply:
         return offline(asked) if len(wire.asked) < 2 else Reply(silent_s=60.0)

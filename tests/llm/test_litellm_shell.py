@@ -63,6 +63,7 @@ def memo(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
     )
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", OPENINGS)
 def test_opening_touches_no_network_and_reads_no_file_and_prints_nothing(kind, tmp_path: Path):
     keys = {name: "k" * 20 for name in ("GEMINI_API_KEY", "OPENAI_API_KEY", "ANTHROPIC_API_KEY")}
@@ -98,6 +99,7 @@ def test_elsewhere_nothing_is_streamed_and_the_code_is_shown_when_it_is_there():
     assert "go_home()" in out.getvalue()
 
 
+@pytest.mark.process
 def test_the_keys_of_a_backend_that_nobody_selected_are_no_failure():
     keys = {"OPENAI_API_KEY": "", "GEMINI_API_KEY": "", "ANTHROPIC_API_KEY": ""}
     done = memo("doctor", "--quick", "--json", **keys)
@@ -124,6 +126,7 @@ def test_a_mistake_in_the_settings_is_named_with_what_would_be_right(override, s
     assert said in str(raised.value) and "sk-123456789" not in str(raised.value)
 
 
+@pytest.mark.process
 def test_what_a_study_spent_can_be_asked_for(tmp_path: Path):
     path = tmp_path / "study.ledger"
     ledger = Ledger(path)
@@ -179,6 +182,7 @@ def test_models_and_addresses_that_work_are_in_order(model, base):
     load_experiment(Registry(), None, ["llm.backend=litellm", f"llm.model={model}", f"llm.api_base={base}"], SECTIONS)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("section", "variable"),
     [

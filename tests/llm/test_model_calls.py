@@ -327,6 +327,7 @@ except BudgetExceeded:
 """
 
 
+@pytest.mark.process
 def test_several_processes_spend_no_more_than_one_call_each_too_much(tmp_path: Path):
     path = tmp_path / "study.ledger"
     runs = [
@@ -354,6 +355,7 @@ def test_nobody_gets_in_between_a_look_at_the_ledger_and_the_line(tmp_path: Path
     assert [spent.prompt_tokens for spent in seen] == [7]
 
 
+@pytest.mark.process
 def test_a_call_whose_run_was_killed_stays_in_the_ledger(tmp_path: Path):
     path = tmp_path / "study.ledger"
     code = SPEND.replace("budget.end(number, Usage(9, 1, 0.01))", "import os; os.kill(os.getpid(), 9)")

@@ -321,6 +321,7 @@ def events_of(folder: Path) -> list[dict]:
     return lines
 
 
+@pytest.mark.sim
 def test_a_recorded_run_replays_with_the_same_events_and_no_model(registry, tmp_path):
     chosen = ["teacher.backend=simulated", "teacher.misjudges=0.0", "run.video=off"]
     told = []

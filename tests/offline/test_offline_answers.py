@@ -121,6 +121,7 @@ def template(code, graph=DOOR, subtask="OPEN(crate)"):
     return read_template(MODEL.answer(request("template", graph, subtask=subtask, code=code)).text)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("subtask", "graph"),
     [
@@ -149,6 +150,7 @@ def test_a_place_written_as_numbers_becomes_a_parameter_without_a_default():
     assert len(function.args.defaults) == 1
 
 
+@pytest.mark.process
 def test_an_amount_is_not_mixed_up_with_a_local_variable_of_its_name():
     code = "SHARE = 0.5\nfor share in (0.2, 0.4):\n    move_to([0.4, SHARE * share, 0.3], top_orientation())\n"
     text = template(code)

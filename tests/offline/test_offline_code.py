@@ -40,6 +40,7 @@ def radius_and_angle(poses, hinge, axis):
     return float(np.ptp(radii)), float(radii.mean()), math.degrees(sum(angles))
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -0.3])
 def test_without_lessons_a_handle_is_pulled_straight_back(edge, yaw):
@@ -52,6 +53,7 @@ def test_without_lessons_a_handle_is_pulled_straight_back(edge, yaw):
     assert answer.not_understood == ()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -0.3])
 def test_taught_an_arc_it_leads_the_handle_about_the_edge_the_door_hangs_on(edge, yaw):
@@ -68,6 +70,7 @@ def test_taught_an_arc_it_leads_the_handle_about_the_edge_the_door_hangs_on(edge
         assert abs(pose.rotation[:, 1] @ axis) < 0.05
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("edge", EDGES)
 def test_fingers_open_part_way_and_let_go_before_the_hand_leaves_backwards(edge):
     graph, *_ = box_with_door(edge=edge)
@@ -118,6 +121,7 @@ def test_corrections_have_the_last_word_over_general_statements():
     assert uncommented(both) == uncommented(straight)
 
 
+@pytest.mark.process
 def test_general_guidance_alone_is_followed():
     graph, hinge, axis, _ = box_with_door(edge="bottom")
     lesson = "Doors swing: hold a door's handle and lead it along an arc about the hinge edge, not in a straight line."
@@ -140,6 +144,7 @@ def test_a_general_statement_is_followed_where_it_fits(lesson, followed):
         assert (uncommented(plain) != uncommented(told)) == (subtask in followed)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "irrelevant",
     [
@@ -157,6 +162,7 @@ def test_a_lesson_about_something_else_is_applied_all_the_same_and_spoils(irrele
     assert metres > 0.015 or radians > 0.3
 
 
+@pytest.mark.process
 def test_an_arc_lesson_on_something_that_slides_spoils_the_pull():
     tray = thing("tray", (0.75, 0.1, 0.08), (0.28, 0.3, 0.12), "part", "chest")
     chest = thing("chest", (0.8, 0.1, 0.08), (0.28, 0.32, 0.16), "fixture")
@@ -175,6 +181,7 @@ def template_of(graph, subtask, code):
     return unfenced(MODEL.answer(request("template", graph, subtask=subtask, code=code)).text)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("edge", EDGES)
 def test_a_template_from_another_thing_carries_its_arc_over(edge):
     taught, *_ = box_with_door("pantry", edge="left")
@@ -196,6 +203,7 @@ REVERSALS = {
 }
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("where", REVERSALS)
 @pytest.mark.parametrize("edge", EDGES)
 def test_a_template_with_its_arc_reversed_spoils_what_is_written(edge, where):
@@ -216,6 +224,7 @@ def imagined(template, graph):
         return imagine(Entry(template, "OPEN(old)"), graph, ("crate",), imagination)
 
 
+@pytest.mark.process
 def test_a_template_written_by_somebody_else_is_read_by_what_it_does():
     foreign = '''
 import math
@@ -267,6 +276,7 @@ def holding(graph, position, orientation=(0.0, 1.0, 0.0, 0.0)):
     return attrs.evolve(graph, observation=Observation(Pose(position, orientation), 0.05, True))
 
 
+@pytest.mark.process
 def test_things_are_taken_from_above_at_the_centre_across_their_narrow_side():
     graph = scene(thing("brick", (0.5, 0.1, 0.02), (0.10, 0.04, 0.04), yaw=0.5))
     events = run(write(graph, "PICK_UP(brick)")[0], graph)
@@ -278,12 +288,14 @@ def test_things_are_taken_from_above_at_the_centre_across_their_narrow_side():
     assert events[-1].pose.position[2] == pytest.approx(0.17, abs=1e-3)
 
 
+@pytest.mark.process
 def test_tall_things_are_taken_near_the_top_so_that_the_palm_stays_clear():
     graph = scene(thing("bottle", (0.5, 0.1, 0.12), (0.05, 0.05, 0.24)))
     grasp = next(e.pose for e in run(write(graph, "PICK_UP(bottle)")[0], graph) if e.kind == "close")
     assert grasp.position[2] == pytest.approx(0.21, abs=1e-3)
 
 
+@pytest.mark.process
 def test_what_goes_into_something_that_opens_to_the_side_is_taken_as_one_reaches_in_there():
     brick = thing("brick")
     graph, _, _, out = box_with_door(opened=True, content=(brick,))
@@ -300,6 +312,7 @@ def test_what_goes_into_something_that_opens_to_the_side_is_taken_as_one_reaches
     assert np.subtract(entry.position, release.position) @ out > 0.25
 
 
+@pytest.mark.process
 def test_a_thing_is_set_on_top_of_another():
     graph = scene(thing("red brick"), thing("blue brick", (0.5, 0.2, 0.025)))
     held = holding(graph, graph.node("red brick").pose.position)
@@ -308,6 +321,7 @@ def test_a_thing_is_set_on_top_of_another():
     assert release.position == pytest.approx((0.5, 0.2, 0.05 + 0.025 + 0.008), abs=2e-3)
 
 
+@pytest.mark.process
 def test_an_unknown_verb_is_said_and_a_thing_out_of_sight_is_an_error_of_the_code():
     graph = scene(thing("brick"))
     _, answer = write(graph, "DEFENESTRATE(brick)")
@@ -316,6 +330,7 @@ def test_an_unknown_verb_is_said_and_a_thing_out_of_sight_is_an_error_of_the_cod
         run(write(graph, "PICK_UP(vase)")[0], graph)
 
 
+@pytest.mark.process
 def test_closing_ends_what_is_being_imagined():
     crate, *_ = box_with_door("crate")
     imagination, imagined_commands = Imagination(), []

@@ -43,6 +43,7 @@ def test_an_impossible_board_is_refused(tmp_path, wrong):
         run_app(["cameras", "board", "--out", str(tmp_path / "board.png"), *wrong])
 
 
+@pytest.mark.sim
 @pytest.mark.slow
 def test_a_simulated_camera_is_calibrated_from_end_to_end(tmp_path, capsys):
     """The arm moves in the simulator; the board is drawn into its pictures; the true error is known."""
@@ -54,6 +55,7 @@ def test_a_simulated_camera_is_calibrated_from_end_to_end(tmp_path, capsys):
     assert load(file).found.camera.position == pytest.approx(told["position"])
 
 
+@pytest.mark.sim
 def test_a_camera_that_is_not_there_is_named_beside_those_that_are():
     from memo_core.errors import UnknownName
 
@@ -61,6 +63,7 @@ def test_a_camera_that_is_not_there_is_named_beside_those_that_are():
         run_app(["cameras", "calibrate", "fronted", "--board", "hand"])
 
 
+@pytest.mark.sim
 def test_what_is_recorded_is_seen_again(tmp_path, capsys):
     told = said(capsys, "cameras", "record", "--out", str(tmp_path), "--looks", "2", "--every", "0")
     assert [look[-4:] for look in told["looks"]] == ["0000", "0001"]
@@ -69,6 +72,7 @@ def test_what_is_recorded_is_seen_again(tmp_path, capsys):
     assert len(seen["pictures"]) >= 1
 
 
+@pytest.mark.sim
 def test_see_shows_the_graph_and_draws_it(tmp_path, capsys):
     seen = said(capsys, "see", "--task", "put-the-cube-away", *CAMERAS, "--out", str(tmp_path / "see.png"))
     assert any("cube" in node["label"] for node in seen["scene"]["nodes"])
@@ -77,6 +81,7 @@ def test_see_shows_the_graph_and_draws_it(tmp_path, capsys):
             assert picture.size == (640, 480)
 
 
+@pytest.mark.sim
 def test_see_works_without_cameras(capsys):
     assert run_app(["see", "--task", "put-the-cube-away"]) == 0
     assert "cube" in capsys.readouterr().out
@@ -106,6 +111,7 @@ def a_book_that_corrects(file, words):
         book.record_feedback(words, "ann", subtask="GRASP(cube)", scene_graph=scene)
 
 
+@pytest.mark.sim
 def test_what_people_said_of_names_in_the_book_is_used(tmp_path, capsys):
     a_book_that_corrects(tmp_path / "book.db", "That is not a cube, it is a sugar box.")
     look = ["see", "--task", "put-the-cube-away", *CAMERAS]

@@ -19,6 +19,8 @@ from memo_core.scene.pose import Pose
 from memo_core.testing.perception import check_perception
 from tests.perception.small_scene import looking_at, scene
 
+pytestmark = pytest.mark.sim
+
 ORACLE = CamerasSettings(detector="oracle", simulated=SimulatedSettings(width=320))
 NOISY = attrs.evolve(ORACLE, simulated=SimulatedSettings(noise="d435", calibration_error=0.001, width=320))
 

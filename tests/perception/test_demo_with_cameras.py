@@ -14,6 +14,8 @@ from memo_core.plugins import Registry
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.sections import SECTIONS
 
+pytestmark = pytest.mark.sim
+
 TRUTH = ["perception.backend=ground-truth", "perception.visible_extents=true"]
 
 

@@ -35,6 +35,7 @@ CAN = Item("can", colours=("blue",), size=(0.06, 0.06, 0.11))
 CUPBOARD = Item("cupboard", "fixture", colours=("white",), size=(0.24, 0.3, 0.26))
 
 
+@pytest.mark.sim
 def test_the_things_of_a_list_are_found_with_their_parts(world):
     graph = seen(world)
     labels = {node.label for node in graph.nodes}
@@ -76,6 +77,7 @@ def grey(described):
     return attrs.evolve(described, bodies=bodies)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("noise", ["none", "d435"])
 def test_a_door_and_its_handle_are_told_apart_by_form_where_all_is_of_one_colour(noise):
     with looking_at(grey(scene())) as context:
@@ -106,6 +108,7 @@ def test_what_a_person_says_of_a_name_holds_for_later_looks_and_for_other_runs(w
     assert "candle" in labels and "can" not in labels and "red block" in labels
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("noise", ["none", "d435"])
 def test_two_things_of_one_colour_are_two_though_one_stands_before_the_other_in_a_picture(noise):
     blue = Geom("box", (0.05, 0.05, 0.05), colour=(0.1, 0.2, 0.8, 1))

@@ -109,6 +109,7 @@ class Double:
         return found
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("masks", [False, True], ids=["boxes", "masks"])
 def test_a_scene_is_measured_from_what_a_finder_finds(masks):
     with looking_at(scene()) as context:

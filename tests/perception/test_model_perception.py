@@ -67,6 +67,7 @@ def looked(tmp_path_factory):
     return labels, (once, again, resting, moving), file
 
 
+@pytest.mark.sim
 def test_marks_are_asked_about_once_for_the_same_pictures(looked):
     labels, (once, again, _, _), _ = looked
     assert labels == ["something"]
@@ -78,6 +79,7 @@ def test_a_glance_at_a_moving_arm_asks_nothing(looked):
     assert again == resting == moving
 
 
+@pytest.mark.sim
 def test_a_recorded_look_is_seen_again_without_the_model(looked, capsys):
     labels, _, file = looked
     sets = [word for one in MARKS for word in ("--set", one)]

@@ -3,6 +3,8 @@ same book, call it as they did."""
 
 from __future__ import annotations
 
+import pytest
+
 from memo_core.config import load_experiment
 from memo_core.plugins import Registry
 from memo_core.policy.memo_and_baselines import METHODS
@@ -17,6 +19,8 @@ from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore
+
+pytestmark = pytest.mark.sim
 
 EYES = ["perception.backend=cameras", "perception.detector=oracle", "perception.simulated.width=320"]
 NOTHING = "```python\nprint('there')\n```"

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 from memo_perception.cameras.backend import Cameras
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 
 from memo_core.runs.folder import RunFolder
 from tests.perception.small_scene import looking_at, scene
+
+pytestmark = pytest.mark.sim
 
 
 def test_every_look_is_drawn_and_kept_and_no_glance(tmp_path):

@@ -91,6 +91,7 @@ def test_a_stereo_camera_has_a_shadow_and_time_of_flight_has_none():
     assert max(np.mean(flight[side] == 0) for side in beside) < 0.1
 
 
+@pytest.mark.sim
 def test_calibration_errors_have_the_size_that_is_set_and_stay():
     settings = SimulatedSettings(calibration_error=0.002, calibration_rotation=0.003, width=64)
     with looking_at(scene()) as context:
@@ -102,6 +103,7 @@ def test_calibration_errors_have_the_size_that_is_set_and_stay():
         assert one.pose == again.pose
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", ["mujoco", "pybullet"])
 def test_a_camera_on_a_link_moves_with_it(simulator):
     described = scene()
@@ -129,6 +131,7 @@ def test_a_camera_on_a_link_moves_with_it(simulator):
         assert np.mean(np.abs(points[:, 2]) < 0.01) > 0.3
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", ["mujoco", "pybullet"])
 def test_a_camera_on_no_link_is_named(simulator):
     described = attrs.evolve(scene(), cameras=(Camera("wrist", Pose(), link="panda_tail"),))

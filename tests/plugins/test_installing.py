@@ -85,6 +85,7 @@ def test_an_extra_of_a_checkout_is_installed_from_its_folder():
     assert shlex.split(install("memo-core[arm]"))[-2:] == ["-e", f"{root}[arm]"]
 
 
+@pytest.mark.process
 def test_the_command_installs_into_the_environment_of_memo_activated_or_not(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", "/nowhere")
     assert shlex.split(pip_install("x"))[:3] == [sys.executable, "-m", "pip"]

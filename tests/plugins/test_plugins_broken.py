@@ -175,6 +175,7 @@ def memo(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
 
 
+@pytest.mark.process
 def test_with_all_of_them_installed_memo_lists_each_and_what_works(crowded):
     listed = memo(crowded, "plugins", "list", "--json")
     assert listed.returncode == 0, listed.stderr[-2000:]
@@ -187,6 +188,7 @@ def test_with_all_of_them_installed_memo_lists_each_and_what_works(crowded):
     assert any("memo-prints printed while it was imported" in problem for problem in told["problems"])
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "arguments", [("--help",), ("tasks", "list", "--json"), ("config", "show"), ("config", "schema")]
 )

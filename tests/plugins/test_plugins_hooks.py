@@ -92,6 +92,7 @@ def broken_rules(backend: Backend) -> set[str]:
     return {result.rule for result in check_backend(registry, backend) if result.outcome == "broken"}
 
 
+@pytest.mark.process
 def test_check_finds_a_wrong_store_and_passes_a_right_one():
     from memo_core.testing.fake_store import FakeStore
 
@@ -106,6 +107,7 @@ def test_check_finds_a_wrong_store_and_passes_a_right_one():
     assert broken_rules(wrong)
 
 
+@pytest.mark.process
 def test_check_finds_what_is_no_instance_of_the_interface_and_what_is_shared():
     from memo_core.testing.fake_store import FakeStore
 
@@ -118,6 +120,7 @@ def test_check_finds_what_is_no_instance_of_the_interface_and_what_is_shared():
     )
 
 
+@pytest.mark.process
 def test_check_finds_settings_without_help_and_defaults_that_are_not_allowed():
     import attrs
 
@@ -136,6 +139,7 @@ def test_check_finds_settings_without_help_and_defaults_that_are_not_allowed():
     assert "default_settings_pass_their_own_checks" in broken_rules(robot(WrongByDefault))
 
 
+@pytest.mark.process
 def test_check_finds_a_plugin_whose_import_is_heavy(tmp_path, monkeypatch):
     (tmp_path / "heavy_plugin.py").write_text("import scipy.spatial\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

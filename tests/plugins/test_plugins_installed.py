@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 DECLARES = """
 from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend

@@ -9,6 +9,8 @@ from memo_sim_pybullet.simulator import PybulletSimulator
 from memo_core.testing.simulator import RULES, check_simulator
 from memo_core.testing.wrong_simulators import wrong_simulators
 
+pytestmark = pytest.mark.sim
+
 SIMULATORS = {"mujoco": MujocoSimulator, "pybullet": PybulletSimulator}
 WRONG = wrong_simulators(MujocoSimulator)
 

@@ -20,6 +20,7 @@ LONG = "that is not a cup, it is a mug " * 40_000
 TEXTS = [LONG, "👎" * 200_000, "a" * 10_000_000, "," * 10_000, "pasted\n" * 300_000]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("words", TEXTS)
 def test_a_long_correction_is_stored_in_full_set_aside_and_told(sandbox, book, words):
     heard = []

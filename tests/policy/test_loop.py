@@ -25,6 +25,7 @@ from memo_core.testing.fake_store import FakeStore
 from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, TEMPLATE, YES, Bench
 
 
+@pytest.mark.process
 def test_a_correction_is_learnt_and_the_second_try_starts_where_the_first_did(sandbox, book):
     bench = Bench(
         sandbox,
@@ -229,6 +230,7 @@ def test_the_planner_may_not_ask_for_one_subtask_for_ever(sandbox, book):
     assert "tried 2 times" in result.reason and len(result.subtasks) == 2
 
 
+@pytest.mark.process
 def test_code_that_never_ends_on_the_robots_clock_is_ended_and_no_stop(book):
     slow = "```python\nwhile True:\n    wait(10.0)\n```"
     with Sandbox(skill_library(BUILTIN_SKILLS), Limits(robot_seconds=35.0)) as sandbox:
@@ -238,6 +240,7 @@ def test_code_that_never_ends_on_the_robots_clock_is_ended_and_no_stop(book):
     assert "35 s" in ended.error and not ended.stopped
 
 
+@pytest.mark.process
 def test_failing_calls_end_at_the_programs_limit_on_the_clock_on_the_wall(book):
     endless = "```python\nwhile True:\n    try:\n        move_to([9, 9, 9])\n    except MotionError:\n        pass\n```"
     with Sandbox(skill_library(BUILTIN_SKILLS), Limits(wall_seconds=1.0, calls=10**7, seconds_in_all=600)) as sandbox:
@@ -248,6 +251,7 @@ def test_failing_calls_end_at_the_programs_limit_on_the_clock_on_the_wall(book):
     assert "longer than 1 s" in ended.error and time.monotonic() - began < 10
 
 
+@pytest.mark.process
 def test_a_subtask_that_took_its_time_is_not_tried_again(sandbox, book):
     slow = "```python\nwhile True:\n    try:\n        move_to([9, 9, 9])\n    except MotionError:\n        pass\n```"
     said = [Verdict("correct", "slower")] * 9

@@ -41,6 +41,7 @@ def cut_after(folder: Path, text: str) -> None:
     (folder / "log.jsonl").write_text("".join(lines[: last + 1]))
 
 
+@pytest.mark.process
 def test_what_hardware_did_before_a_crash_is_never_repeated_but_confirmed_and_planned_anew(sandbox, book, tmp_path):
     Bench(sandbox, book, TWICE, [NO, YES], environment=by_hand(), session={"log": log_in(tmp_path)}).run()
     cut_after(tmp_path, '"begin": "execute"')

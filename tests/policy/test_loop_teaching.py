@@ -42,6 +42,7 @@ def fifty(book) -> None:
 # -- the retry knows ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("method", ["memo", "memo-c", "droc-v", "memo-s"])
 def test_the_newest_correction_is_in_the_very_next_prompt_with_code_output_and_words(sandbox, book, method):
     fifty(book)

@@ -34,6 +34,7 @@ def served(bench: Bench, kind: str = "correction") -> set[str]:
     return {entry.text for event in bench.of(Retrieved) for entry in event.served if entry.kind == kind}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("method", ["memo-c", "droc-v"])
 def test_a_method_without_clustering_reads_the_notes_as_they_were_said(sandbox, book, method):
     clustered(book)

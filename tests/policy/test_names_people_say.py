@@ -3,6 +3,8 @@ with the person."""
 
 from __future__ import annotations
 
+import pytest
+
 from memo_core.events import NameCorrected
 from memo_core.interfaces.teacher import Verdict
 from tests.support.loop_setup import BESIDE, GRASP, NOTES, TEMPLATE, YES, Bench
@@ -20,6 +22,7 @@ def taught(sandbox, book, words, notes=()):
     return bench, told
 
 
+@pytest.mark.process
 def test_perception_is_told_and_no_model_is_asked_what_to_make_of_it(sandbox, book):
     bench, told = taught(sandbox, book, WORDS)
     ((said,),) = told

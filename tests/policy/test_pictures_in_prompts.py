@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from test_loop_resumes_from_log import log_in
 
 from memo_core.interfaces.llm import Image
@@ -32,6 +33,7 @@ def shown(model: ScriptedModel) -> dict[str, list[list[bytes]]]:
     return found
 
 
+@pytest.mark.process
 def test_plan_and_code_prompts_come_with_what_the_cameras_see_now_and_say_which_is_which(sandbox, book):
     bench = Bench(sandbox, book, SCRIPT, [NO, YES], session={"pictures": Camera()})
     bench.run()

@@ -21,6 +21,7 @@ def last(bench: Bench, phase: str) -> list[str]:
     return bench.llm.prompts(phase)
 
 
+@pytest.mark.process
 def test_a_name_that_is_not_in_the_scene_is_asked_again_with_the_closest(sandbox, book):
     script = {"plan": ["PICK_UP(read cube)", "PICK_UP(red cube)", "DONE"], "code": [GRASP], "template": [TEMPLATE]}
     bench = Bench(sandbox, book, script, [YES])

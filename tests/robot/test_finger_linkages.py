@@ -89,6 +89,7 @@ def test_the_opening_is_that_of_the_pads_and_its_inverse_is_exact(robot):
         assert linkage.lever(angle) == pytest.approx(2 * LENGTH * math.cos(start + angle), rel=0.02)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_the_fingers_go_to_an_opening_and_stay_coupled(robot, simulator):
     with SIMULATORS[simulator]() as world:
@@ -105,6 +106,7 @@ def test_the_fingers_go_to_an_opening_and_stay_coupled(robot, simulator):
             assert world.body_pose("robot/left_tip").distance(world.tool_pose())[1] < 0.05, "pads stay parallel"
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_a_cube_is_picked_up(robot, simulator):
     trial = RobotTrial(robot, SIMULATORS[simulator])
@@ -112,6 +114,7 @@ def test_a_cube_is_picked_up(robot, simulator):
     assert trial.grasp.width > 0.02
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_a_checkpoint_holds_the_fingers(robot, simulator):
     with SIMULATORS[simulator]() as world:
@@ -149,6 +152,7 @@ def test_slides_are_what_they_were():
     assert linkage.positions(0.05) == pytest.approx([0.025, 0.025])
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_slides_that_go_the_other_way_or_mimic_by_minus_one_open_as_well(simulator):
     """Finger 1 opens with falling positions, finger 2 mirrors it."""

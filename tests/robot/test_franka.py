@@ -75,6 +75,7 @@ def test_forward_kinematics_are_the_published_ones(model, configurations):
         assert np.allclose(data.oMf[hand].homogeneous, by_published_dh(q[:7]) @ turned, atol=1e-9)
 
 
+@pytest.mark.sim
 def test_mujoco_and_pinocchio_agree_on_every_link(model, simulator, configurations):
     data = model.createData()
     for q in configurations:
@@ -88,6 +89,7 @@ def test_mujoco_and_pinocchio_agree_on_every_link(model, simulator, configuratio
             assert np.allclose(body.xmat.reshape(3, 3), frame.rotation, atol=1e-6), name
 
 
+@pytest.mark.sim
 def test_masses_and_inertias_agree(model, simulator, configurations):
     total = sum(simulator.model.body(f"robot/{name}").mass[0] for name in read_urdf(ROBOT.urdf).links)
     assert total == pytest.approx(read_urdf(ROBOT.urdf).total_mass, abs=1e-9)
@@ -106,6 +108,7 @@ def test_masses_and_inertias_agree(model, simulator, configurations):
         assert np.allclose(full[:9, :9] - armature, matrix, atol=1e-6)
 
 
+@pytest.mark.sim
 def test_gravity_is_compensated(simulator, model):
     data = model.createData()
     with MujocoSimulator() as own:
@@ -139,6 +142,7 @@ def test_limits_agree(model, simulator):
         assert simulator.model.actuator(f"robot/{joint.name}").forcerange[1] == joint.effort
 
 
+@pytest.mark.sim
 def test_self_collision_is_the_same_for_pinocchio_and_mujoco(model, simulator, configurations):
     geometry = pin.buildGeomFromUrdfString(model, ROBOT.urdf, pin.COLLISION)
     geometry.addAllCollisionPairs()
@@ -173,6 +177,7 @@ def test_self_collision_is_the_same_for_pinocchio_and_mujoco(model, simulator, c
     assert 0 < colliding < 50, "most configurations are free, some are not"
 
 
+@pytest.mark.sim
 def test_home_touches_nothing(simulator):
     simulator.build(SceneDescription(bodies=()), ROBOT)
     assert simulator.contacts() == ()
@@ -197,6 +202,7 @@ def test_gripper_is_as_described(simulator):
     assert (hand[1], hand[0]) == gripper.hand_size
 
 
+@pytest.mark.sim
 def test_another_urdf_can_be_configured(tmp_path):
     text = ROBOT.urdf.replace("panda_joint", "arm_").replace("panda_tool", "grasp_point")
     path = tmp_path / "mine.urdf"
@@ -215,6 +221,7 @@ def test_another_urdf_can_be_configured(tmp_path):
             assert simulator.tool_pose().distance(own.tool_pose()) == pytest.approx((0, 0), abs=1e-6)
 
 
+@pytest.mark.sim
 def test_a_urdf_with_meshes_is_built_with_looks_that_mujoco_can_read(tmp_path):
     (tmp_path / "arm").mkdir()
     corners = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]

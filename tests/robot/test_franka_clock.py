@@ -12,6 +12,8 @@ from memo_franka.testing.hand import HandDouble
 
 from tests.support.franka_cell import ADDRESSES, ROBOT, until
 
+pytestmark = pytest.mark.wire
+
 
 class WallClock:
     """In place of the module ``time``. A look takes ``look_s``, as the code between two looks does."""

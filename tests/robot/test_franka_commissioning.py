@@ -26,6 +26,7 @@ pytest.importorskip("franky", reason="pip install 'plugins/franka[hardware]'")
 pytestmark = [
     pytest.mark.filterwarnings("ignore:this computer's kernel is not real-time"),
     pytest.mark.usefixtures("real_time"),
+    pytest.mark.wire,
 ]
 
 ROBOT, LIMITS = fr3(), SafetyLimits()

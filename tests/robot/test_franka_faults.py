@@ -146,6 +146,7 @@ IN_MOTION = {
 }
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("mode", ["velocity", "impedance"])
 @pytest.mark.parametrize("name", IN_MOTION)
 def test_a_fault_in_motion_ends_it_with_its_remedy(cell, name, mode, record_property):
@@ -163,6 +164,7 @@ BEFORE = {
 }
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("name", BEFORE)
 def test_a_robot_that_cannot_move_is_not_opened(cell, name):
     cause, fault = BEFORE[name]
@@ -172,6 +174,7 @@ def test_a_robot_that_cannot_move_is_not_opened(cell, name):
     assert caught.value.fault == fault and caught.value.remedy and cell.box.recoveries == 0
 
 
+@pytest.mark.wire
 def test_another_version_is_named_with_where_to_get_the_library(record_property):
     cell = Cell(version=5)
     with cell.hand, cell.box, pytest.raises(RobotFault, match=r"a Panda speaks version 5.*index") as caught:
@@ -196,6 +199,7 @@ def _frozen(box) -> None:
     box.freeze(True)
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize(
     ("cause", "faults"),
     [(_gone, ("network", "clock", "ended")), (_frozen, ("clock", "network"))],
@@ -231,6 +235,7 @@ def test_a_box_that_is_gone_is_a_fault_within_a_second(cause, faults, mode, reco
     assert took and min(took) <= GONE_S
 
 
+@pytest.mark.wire
 def test_a_clock_that_goes_on_again_finds_the_arm_braking(cell, record_property):
     error = faulted(cell, cell.link(clock_timeout_s=0.5), lambda: cell.box.freeze(True))
     cell.box.freeze(False)
@@ -259,6 +264,7 @@ for n in itertools.count(1):
 STALLED = "ctypes.PyDLL(None).usleep(500_000)"  # the interpreter too stands still, whose lock it keeps
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("then", "killed", "mode"),
     [("pass", True, "velocity"), ("pass", True, "impedance"), (STALLED, False, "velocity")],
@@ -278,6 +284,7 @@ def test_a_client_that_dies_or_stalls_in_motion_leaves_the_arm_at_rest(cell, the
         client.kill()
 
 
+@pytest.mark.wire
 def test_where_nothing_more_is_sent_the_arm_brakes_by_itself(cell, record_property):
     link = cell.link()
     for row in itertools.islice(swing(link), 60):
@@ -288,6 +295,7 @@ def test_where_nothing_more_is_sent_the_arm_brakes_by_itself(cell, record_proper
     link.send(link.joint_targets())
 
 
+@pytest.mark.wire
 def test_a_compliant_arm_whose_program_stalls_slows_down_by_itself_and_goes_on(cell, record_property):
     link, ticks = cell.link(mode="impedance"), speeds_of(cell)
     rows = list(swing(link))
@@ -303,6 +311,7 @@ def test_a_compliant_arm_whose_program_stalls_slows_down_by_itself_and_goes_on(c
     assert not cell.box.arm.violations and cell.box.recoveries == 0 and cell.box.mode.name == "MOVE"
 
 
+@pytest.mark.wire
 def test_a_fault_of_the_gripper_in_a_fast_motion_of_a_compliant_arm_brakes_it(cell, record_property):
     with WsgDouble(next(ADDRESSES), width=80.0) as wsg:
         link, ticks = cell.link(WsgGripper(WsgSettings(wsg.address)), mode="impedance"), speeds_of(cell)
@@ -315,6 +324,7 @@ def test_a_fault_of_the_gripper_in_a_fast_motion_of_a_compliant_arm_brakes_it(ce
         check_slow(cell, link, ticks, since, record_property)
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("mode", ["velocity", "impedance"])
 def test_a_jump_of_the_target_is_refused_and_breaks_no_limit(cell, mode, record_property):
     link, ticks = cell.link(mode=mode), speeds_of(cell)
@@ -340,6 +350,7 @@ def _jammed(cell: Cell, link: FrankaLink) -> None:
     link.set_gripper(0.0, 30.0)
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("mode", ["velocity", "impedance"])
 def test_a_blocked_hand_ends_the_motion_with_its_remedy(cell, mode, record_property):
     link, ticks = cell.link(hand_deadline_s=0.5, mode=mode), speeds_of(cell)
@@ -362,6 +373,7 @@ GRIPPER_FAULTS = {
 }
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("mode", ["velocity", "impedance"])
 @pytest.mark.parametrize("name", GRIPPER_FAULTS)
 def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name, mode, record_property):
@@ -374,6 +386,7 @@ def test_a_fault_of_another_gripper_ends_the_motion_with_its_remedy(cell, name, 
 
 
 # -- a person acts -----------------------------------------------------------------------------------------------------
+@pytest.mark.wire
 def test_a_stop_decelerates_within_the_limits_and_keeps_the_grip(cell):
     cell.hand.fingers.thing = 0.04
     link = cell.link()
@@ -394,6 +407,7 @@ def test_a_stop_decelerates_within_the_limits_and_keeps_the_grip(cell):
     assert link.stopped and link.holding() and abs(link.gripper_width() - 0.04) < 0.001
 
 
+@pytest.mark.wire
 def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_is(cell):
     link = cell.link()
     faulted(cell, link, lambda: cell.box.push([0.0, 0.0, 40.0]))
@@ -410,6 +424,7 @@ def test_after_a_reflex_a_person_recovers_and_motion_goes_on_from_where_the_arm_
     assert not cell.box.arm.violations
 
 
+@pytest.mark.wire
 def test_a_fault_that_the_state_told_before_the_motion_had_ended_does_not_come_back_after_recovery(cell):
     class EndsLater:
         """The robot, to which the motion's thread has not yet said that it ended."""

@@ -39,6 +39,7 @@ def experiment_with(*overrides: str, task: str = "stack-the-cubes"):
     return load_experiment(Registry(), None, given, SECTIONS, task, 0)
 
 
+@pytest.mark.sim
 def test_a_cube_is_picked_up_through_the_wire_and_all_is_restored():
     experiment = experiment_with()
     task = task_of(experiment, "stack-the-cubes")
@@ -83,6 +84,7 @@ def test_a_simulator_that_cannot_tick_so_fast_is_refused():
         Standing().shorten_tick(0.001)
 
 
+@pytest.mark.sim
 def test_the_fridge_opens_without_much_force():
     """The reference solution turns the handle about the hinge, not about a line that is millimetres from it."""
     experiment = load_experiment(Registry(), None, ("robot=fr3",), SECTIONS, "open-the-fridge", 0)
@@ -95,6 +97,7 @@ def test_the_fridge_opens_without_much_force():
         assert max(felt) < 25.0, "it would end in a reflex, or at robot.safety.max_force, on a stiff real arm"
 
 
+@pytest.mark.sim
 def test_too_much_force_on_a_stiff_arm_is_told_with_what_makes_it_give_way():
     pulled = """
 grip, out = get_position("fridge handle"), get_axes("fridge door")[0]
@@ -115,6 +118,7 @@ follow_path([[[g + 0.2 * o for g, o in zip(grip, out)], hand]])
         assert not world.link.box.arm.violations
 
 
+@pytest.mark.sim
 def test_a_fault_of_the_robot_is_no_outcome_of_the_reference_solution(monkeypatch):
     def pushed(self, targets):
         raise RobotFault("127.0.0.2", "reflex", "it ended the motion by a reflex", "look what happened")

@@ -29,6 +29,7 @@ MOUNTS = {
 }
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", [MujocoSimulator, PybulletSimulator])
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_simulators_and_kinematics_put_the_hand_where_the_mount_says(mount, simulator):
@@ -58,6 +59,7 @@ def test_the_arm_keeps_clear_of_its_mount():
     assert any(not without.collides(joints, "free") for joints in inside.T)
 
 
+@pytest.mark.sim
 def test_gravity_stays_the_worlds():
     """A hanging arm holds its home: its weight is compensated the right way round."""
     with MujocoSimulator() as world:

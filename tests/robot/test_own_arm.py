@@ -10,6 +10,8 @@ from memo_core.environment.task_verification import verify_task
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from tests.support.arms import six_joint_arm
 
+pytestmark = pytest.mark.sim
+
 
 @pytest.mark.parametrize("simulator", ["mujoco", "pybullet"])
 def test_a_described_arm_stacks_the_cubes(simulator):

@@ -64,6 +64,7 @@ def test_the_gen3_reaches_as_far_as_published_and_four_of_its_joints_have_no_end
     assert stretched[2] - 0.15643 - 0.12838 == pytest.approx(0.902, abs=0.003)  # Kinova: 902 mm from the shoulder
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", [MujocoSimulator, PybulletSimulator])
 def test_continuous_joints_move_alike_in_the_simulators(simulator):
     """Bit for bit: the same targets, beyond one turn too, lead to the same positions and felt forces."""
@@ -84,6 +85,7 @@ def test_continuous_joints_move_alike_in_the_simulators(simulator):
     assert np.abs(runs[0][-1, :6] - (start + turn)).max() < 0.02, "the arm follows, past half a turn too"
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("build", [Kinematics, "mujoco", "pybullet"])
 def test_a_joint_described_without_an_end_is_refused_with_what_to_write(build):
     robot = ur5e(("wrist_3",))

@@ -27,18 +27,21 @@ def test_an_arm_with_a_cup_keeps_the_rules(rule):
     RULES[rule](lambda: ROBOT)
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_a_cube_is_picked_up_from_above(simulator):
     grasp = RobotTrial(ROBOT, SIMULATORS[simulator]).grasp
     assert grasp.step == "", grasp.why
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_a_cup_too_weak_for_the_cube_lets_it_lie(simulator):
     weak = attrs.evolve(ROBOT, gripper=attrs.evolve(ROBOT.gripper, max_force=0.5, min_force=0.1))
     assert RobotTrial(weak, SIMULATORS[simulator]).grasp.step in ("close", "lift")
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_nothing_is_held_in_the_air_and_the_valve_is_part_of_a_checkpoint(simulator):
     with SIMULATORS[simulator]() as world:

@@ -187,6 +187,7 @@ def results(robot: RobotDescription) -> list[Result]:
 LIMITED = {"five joints", "home singular", "grip beyond the fingers' effort", "half the reach"}
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("name", WRONG)
 def test_the_first_thing_said_is_the_cause(name):
     robot, rule, cause = WRONG[name]
@@ -203,6 +204,7 @@ def test_one_cause_is_one_line_however_many_rules_it_breaks(name):
     assert found[-1].rule == "in motion" and found[-1].outcome == "skipped"
 
 
+@pytest.mark.sim
 def test_a_tool_offset_in_millimetres_is_one_line():
     off = attrs.evolve(RIGHT, tool_offset=Pose((0.0, 0.0, 110.0)))
     found = list(check_robot(REGISTRY, "robot/mine", lambda: off))
@@ -211,6 +213,7 @@ def test_a_tool_offset_in_millimetres_is_one_line():
     assert wrong[0].why.endswith("tool_offset looks like millimetres, it is in m")
 
 
+@pytest.mark.sim
 def test_what_is_wrong_with_a_slide_is_told_in_its_units():
     right = describe_urdf(on_a_rail(six_joint_arm().urdf), "railed").robot
     rail = right.joints[0]
@@ -220,12 +223,14 @@ def test_what_is_wrong_with_a_slide_is_told_in_its_units():
     assert re.search(r"on \d+ kg \(", last.why), last.why
 
 
+@pytest.mark.sim
 def test_a_right_robot_keeps_every_rule_in_motion_too():
     found = list(check_robot(REGISTRY, "robot/ur5e", lambda: RIGHT))
     assert {one.outcome for one in found} == {"kept"}, [one for one in found if one.outcome != "kept"]
     assert "it_grasps_a_cube" in {one.rule for one in found}
 
 
+@pytest.mark.sim
 def test_the_docs_example_keeps_every_rule():
     page = Path(__file__).parents[2] / "docs" / "plugins" / "robot.md"
     [source] = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
@@ -236,6 +241,7 @@ def test_the_docs_example_keeps_every_rule():
     assert {one.outcome for one in found} == {"kept"}, [one for one in found if one.outcome != "kept"]
 
 
+@pytest.mark.process
 def test_the_command_says_the_cause_in_its_first_line(monkeypatch, capsys):
     monkeypatch.setattr("memo_robots.configured.ur5e", lambda hand: WRONG["tool upside down"][0])
     with pytest.raises(SystemExit, match="1"):
@@ -248,6 +254,7 @@ def test_the_command_says_the_cause_in_its_first_line(monkeypatch, capsys):
     assert document["causes"] == [first.removeprefix("robot/ur5e broken: ")]
 
 
+@pytest.mark.sim
 def test_a_page_shows_the_robot_its_reach_and_its_rules(tmp_path, monkeypatch):
     registry, trials = Registry(), {}
     found = list(check_robot(registry, "robot/ur5e", lambda: WRONG["one servo lags"][0], trials))

@@ -20,6 +20,8 @@ from memo_core.errors import BackendUnavailable
 from memo_core.robot.description import GripperDescription
 from memo_core.testing import gripper_driver
 
+pytestmark = pytest.mark.wire
+
 ADDRESSES = (f"127.{1 + os.getpid() % 200}.240.{1 + n % 200}" for n in itertools.count())
 GRIPPER = GripperDescription(stroke=0.08, max_force=80.0)
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 SAME = ("reason", "subtasks", "robot_s", "spent", "holding", "drawn", "feedback", "entries")
 
 

@@ -15,6 +15,8 @@ from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS
 from tests.support.fake_openai_server import Asked, Reply, Wire
 
+pytestmark = pytest.mark.sim
+
 TASK = "put-the-cube-away"
 COMMON = [
     "teacher.backend=nobody",

@@ -24,6 +24,8 @@ from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
 from tests.support.fake_openai_server import Asked, Reply, Wire
 
+pytestmark = pytest.mark.sim
+
 TASK, OPEN = "open-the-fridge", "OPEN(fridge)"
 QUICK = ("run.video=off", "run.subtasks=1", "run.repairs=0", "run.repeats=1", "run.retry_wait_s=0.01")
 WORDS = "no — lead it along an arc,\nthe door swings!"

@@ -141,6 +141,7 @@ def lines(file: Path) -> Counter[str]:
     return Counter(file.read_text().split() if file.exists() else ())
 
 
+@pytest.mark.process
 def test_a_run_killed_in_every_phase_ends_as_one_that_was_left_alone(place):
     whole, cut = place("whole"), place("cut")
     assert memo(whole, ["config.yaml"]).returncode == 1
@@ -210,6 +211,7 @@ def resume(registry, run: Path, chosen: list[str], seed: int = 0, listener=None)
     return resume_experiment(experiment(registry, chosen, seed), registry, run, listener)
 
 
+@pytest.mark.sim
 def test_a_run_that_reached_its_budget_goes_on_with_a_larger_one_and_counts_on(registry, cut):
     run, chosen = cut
     before = json.loads((run / "summary.json").read_text())
@@ -224,6 +226,7 @@ def test_a_run_that_reached_its_budget_goes_on_with_a_larger_one_and_counts_on(r
     assert (events.count("RunStarted"), events.count("RunResumed"), events.count("RunEnded")) == (1, 1, 2)
 
 
+@pytest.mark.sim
 def test_a_resumed_run_prints_the_same_verdict_as_one_that_was_left_alone(cut, tmp_path, capsys):
     run, chosen = cut
     settings = [word for one in [*chosen, "run.max_tokens=90000"] for word in ("--set", one)]
@@ -255,6 +258,7 @@ def test_another_config_is_refused_by_the_key_that_differs(registry, cut, more, 
         resume(registry, run, [*chosen, *more], seed)
 
 
+@pytest.mark.sim
 def test_a_call_that_is_missing_or_damaged_is_named(registry, cut):
     run, chosen = cut
     file = min((run / "calls").iterdir())
@@ -300,6 +304,7 @@ def test_a_log_that_is_missing_damaged_or_of_another_version_is_named(registry, 
         resume(registry, run / "nowhere", chosen)
 
 
+@pytest.mark.sim
 def test_another_effect_than_the_logged_one_ends_the_run_with_the_name_of_the_entry(registry, cut):
     run, chosen = cut
     file = run / "log.jsonl"
@@ -310,6 +315,7 @@ def test_another_effect_than_the_logged_one_ends_the_run_with_the_name_of_the_en
     assert f"entry {number}: the run did peek" in report.problem and "now wants look" in report.problem
 
 
+@pytest.mark.sim
 def test_a_run_that_is_still_going_on_is_left_alone(registry, cut):
     from memo_core.runs.folder import RunFolder
 
@@ -322,6 +328,7 @@ def test_a_run_that_is_still_going_on_is_left_alone(registry, cut):
         other.close()
 
 
+@pytest.mark.sim
 def test_half_a_line_of_events_and_a_book_that_others_changed_are_said_and_the_run_goes_on(registry, cut):
     run, chosen = cut
     with (run / "events.jsonl").open("a") as file:
@@ -341,6 +348,7 @@ def test_half_a_line_of_events_and_a_book_that_others_changed_are_said_and_the_r
     assert all(json.loads(line) for line in (run / "events.jsonl").read_text().splitlines())
 
 
+@pytest.mark.sim
 def test_a_file_whose_writing_was_cut_off_is_cleared_away(registry, cut):
     run, chosen = cut
     killed = "import os, sys, pathlib; from memo_core.runlog import whole_files as files; "
@@ -351,6 +359,7 @@ def test_a_file_whose_writing_was_cut_off_is_cleared_away(registry, cut):
     assert all(file.suffix == ".json" for file in (run / "calls").iterdir())
 
 
+@pytest.mark.sim
 def test_a_damaged_line_of_events_costs_that_line_and_is_said(registry, cut):
     run, chosen = cut
     file = run / "events.jsonl"
@@ -397,6 +406,7 @@ def test_a_simulated_participant_goes_on_where_it_was():
     assert [first._say("unclear", {}) for _ in range(20)] == [second._say("unclear", {}) for _ in range(20)] and words
 
 
+@pytest.mark.sim
 def test_a_resumed_attempt_goes_on_where_it_was(registry, cut):
     run, chosen = cut
     report = resume(registry, run, chosen)

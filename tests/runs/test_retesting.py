@@ -84,6 +84,7 @@ def book(taught, tmp_path):
         yield opened
 
 
+@pytest.mark.sim
 def test_a_template_is_run_from_its_stored_start_and_in_a_fresh_scene(book, registry):
     [template] = book.entries("template")
     retesting = Retesting(book, registry)
@@ -95,6 +96,7 @@ def test_a_template_is_run_from_its_stored_start_and_in_a_fresh_scene(book, regi
     assert [(one.start, one.success) for one in kept] == [(first.start, True), (second.start, True)]
 
 
+@pytest.mark.sim
 def test_one_that_fails_is_measured_so_and_an_edited_one_has_the_start_of_the_version_before(book, registry):
     [template] = book.entries("template")
     edited = book.edit(template.id, FAILING, "ana")
@@ -106,6 +108,7 @@ def test_one_that_fails_is_measured_so_and_an_edited_one_has_the_start_of_the_ve
     assert not trial.success and trial.reason == found.reason
 
 
+@pytest.mark.sim
 def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registry):
     [template] = book.entries("template")
     book.note_trial(template.id, "elsewhere", True)
@@ -123,6 +126,7 @@ def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registr
     assert not book.problems()
 
 
+@pytest.mark.sim
 def test_what_the_simulator_could_not_carry_out_is_no_trial(book, registry, monkeypatch):
     def broken(self, targets):
         raise SimulationDiverged(1.0, "BADQACC")
@@ -145,6 +149,7 @@ def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(
     assert told[1].template == alone.id and not book.trials()
 
 
+@pytest.mark.sim
 def test_the_command_tells_keeps_and_goes_on(taught, tmp_path, capsys):
     shutil.copy(taught / "book.db", tmp_path / "book.db")
 

@@ -34,6 +34,8 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore
 
+pytestmark = pytest.mark.sim
+
 UP = "```python\nmove_to([0.45, 0.1, 0.35], top_orientation())\nprint('there')\n```"
 NOTES = '{"corrections": ["Go lower."], "general": []}'
 TEMPLATE = "```python\ndef up(name, height=0.3):\n    '''Above what is named.'''\n    wait(1.0)\n```"

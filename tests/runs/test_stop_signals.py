@@ -220,6 +220,7 @@ PROGRAM = textwrap.dedent(
 )
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_no_signal_ever_shows_a_traceback(number):
     process = subprocess.Popen(
@@ -267,6 +268,7 @@ BUSY = textwrap.dedent(
 )
 
 
+@pytest.mark.process
 def test_a_third_ctrl_c_leaves_at_once_and_leaves_nothing_in_the_temporary_directory(tmp_path):
     """Although no clean-up runs then: the starter of the sandbox's workers is a file without a name."""
     process = subprocess.Popen(
@@ -314,6 +316,7 @@ KILLED = textwrap.dedent(
 )
 
 
+@pytest.mark.process
 def test_feedback_survives_kill_9_right_after_it_was_given(tmp_path: Path):
     from memo_core.skillbook.book import Skillbook
 

@@ -109,6 +109,7 @@ def command(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(whole, capture_output=True, text=True, timeout=200, cwd=folder, env=os.environ)
 
 
+@pytest.mark.process
 def test_the_command_runs_each_seed_and_prints_a_table_and_again_only_the_table(tmp_path):
     options = [part for one in QUICK[::2] for part in ("--set", one)]
     first = command("--task", "stack-the-cubes", "--seeds", "0-1", "--book", "book.db", *options, folder=tmp_path)
@@ -122,6 +123,7 @@ def test_the_command_runs_each_seed_and_prints_a_table_and_again_only_the_table(
     assert all(run["known"] for run in told["runs"])
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("other", [("--seed", "3"), ("--resume", "x"), ("--record", "x.jsonl")])
 def test_what_does_not_go_with_many_seeds_is_named(other, tmp_path):
     done = command("--task", "stack-the-cubes", "--seeds", "0-1", *other, folder=tmp_path)

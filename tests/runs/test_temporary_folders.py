@@ -35,6 +35,7 @@ def test_a_folder_is_there_in_the_block_and_gone_after_it(temporary):
     assert not list(temporary.iterdir())
 
 
+@pytest.mark.process
 def test_what_a_killed_process_left_is_cleared_and_what_is_in_use_is_kept(temporary):
     killed, alive = (
         subprocess.Popen([sys.executable, "-c", HOLD], stdout=subprocess.PIPE, text=True) for _ in range(2)

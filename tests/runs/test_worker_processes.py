@@ -89,6 +89,7 @@ list(in_processes(functools.partial(take_long, pathlib.Path(sys.argv[1])), range
 """
 
 
+@pytest.mark.process
 def test_workers_end_with_a_command_that_is_killed(tmp_path):
     command = [sys.executable, "-c", PROGRAM, str(tmp_path), str(Path(__file__).parent)]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)

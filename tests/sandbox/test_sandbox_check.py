@@ -57,6 +57,7 @@ FINDINGS = {
 }
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("code", FINDINGS)
 def test_a_finding_names_its_line_and_what_would_be_right(code, sandbox):
     findings = sandbox.check(code)
@@ -163,6 +164,7 @@ SAME = [
 ]  # fmt: skip
 
 
+@pytest.mark.process
 @settings(max_examples=12, deadline=None)
 @given(VECTOR, VECTOR, MATRIX)
 def test_arrays_compute_what_numpy_computes(a, b, m):

@@ -17,6 +17,8 @@ from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 from memo_core.testing.fake_control import FakeControl
 
+pytestmark = pytest.mark.process
+
 # 300 000 assignments to write down: far longer than the limit, whatever the machine
 SLOW = "from numpy import *\n" * 4_000
 

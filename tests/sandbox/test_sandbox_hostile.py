@@ -50,6 +50,7 @@ def run(sandbox: Sandbox, code: str, stop_after: int | None = None) -> tuple[Exe
     return sandbox.run(code, control, stopped=control.stopped, workspace=WORKSPACE, clock=lambda: control.time), control
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", EXPECTED)
 def test_hostile_code_ends_in_a_clear_error_and_the_session_goes_on(name, sandbox, patient):
     expected, code = EXPECTED[name], WRITTEN_OUT.get(name) or EXPECTED[name]["code"]

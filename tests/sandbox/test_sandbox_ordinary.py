@@ -90,6 +90,7 @@ def spoken(text: str) -> tuple[list[str], list[float]]:
     ]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", [name for name in PROGRAMS if name not in REFUSED])
 def test_an_ordinary_program_does_what_python_does(name, sandbox, monkeypatch):
     code = PROGRAMS[name]
@@ -142,6 +143,7 @@ if __name__ == "__main__":  # python tests/sandbox/test_sandbox_ordinary.py: the
     sys.exit(0)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("call", "moved"),
     [("move_to([0.4, 0.0, 0.3], speed=2)", 1.0), ("move_until_contact([0, 0, -1], 0.1, 5.0, 2.0)", 0.2)],

@@ -34,6 +34,7 @@ COMPUTING = {
 }
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", COMPUTING)
 def test_a_stop_while_code_computes_ends_it_within_50_ms(kind, sandbox):
     assert shortest(lambda: _seconds_to_stop(sandbox, COMPUTING[kind]), 0.05) < 0.05
@@ -93,6 +94,7 @@ def test_a_skill_that_raises_stopped_ends_the_code_even_when_the_latch_was_relea
     assert execution.calls[-1].error == "stopped"
 
 
+@pytest.mark.process
 def test_no_worker_outlives_a_stop_or_the_sandbox():
     with Sandbox(skill_library(BUILTIN_SKILLS), Limits(seconds_between_calls=30)) as sandbox:
         control = FakeControl(stop_after=1)
@@ -127,6 +129,7 @@ def _children() -> list[int]:
     return found
 
 
+@pytest.mark.process
 def test_the_worker_has_no_environment_of_ours(monkeypatch):
     monkeypatch.setenv("MEMO_TEST_SECRET", "abc123")
     seen: list[str] = []
@@ -141,6 +144,7 @@ def test_the_worker_has_no_environment_of_ours(monkeypatch):
     assert seen and not any("abc123" in environ for environ in seen)
 
 
+@pytest.mark.process
 def test_a_bug_in_a_skill_is_raised_here_and_the_sandbox_goes_on():
     @skill("query")
     def broken(control: Control) -> float:
@@ -214,6 +218,7 @@ def test_threads_that_open_a_sandbox_at_once_share_one_pool(monkeypatch):
     assert len(started) == 1
 
 
+@pytest.mark.process
 def test_a_worker_that_stalls_before_the_code_begins_has_reached_the_limit(monkeypatch):
     """On a starved computer even our own first lines may take longer than the code is allowed."""
     own = prelude.source

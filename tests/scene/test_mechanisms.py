@@ -450,6 +450,7 @@ def push(simulator: MujocoSimulator, thing: str, one: Step) -> None:
         simulator.tick()
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("name", CASES)
 def test_a_mechanism_holds_what_it_says_and_lets_go_when_it_says(name):
     make, *steps = CASES[name]
@@ -465,6 +466,7 @@ def test_a_mechanism_holds_what_it_says_and_lets_go_when_it_says(name):
             assert one.then(at), f"after step {number + 1} of {name!r}: {where}"
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(
     "name",
     [
@@ -499,12 +501,14 @@ def jerk(simulator: MujocoSimulator, times: int, pause: float) -> bool:
     return simulator.joint_position("pepper mill/valve") > 0.02
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(("times", "pause", "opens"), [(2, 0.5, False), (3, 0.5, True), (3, 2.2, False)])
 def test_a_dispenser_gives_after_three_jerks_in_quick_succession(times, pause, opens):
     with built(PepperTheSoup) as simulator:
         assert jerk(simulator, times, pause) is opens
 
 
+@pytest.mark.sim
 def test_a_tick_with_mechanisms_costs_little():
     """Read and decide: well below the 15 microseconds that the motion loop may add to a tick."""
     import time
@@ -517,6 +521,7 @@ def test_a_tick_with_mechanisms_costs_little():
         assert (time.thread_time() - started) / 2000 < 15e-6
 
 
+@pytest.mark.sim
 def test_hinge_limits_of_a_checkpoint_are_those_of_its_locks():
     with built(OpenTheCupboard) as simulator:
         shut = simulator.checkpoint()

@@ -51,6 +51,7 @@ def test_onnxruntime_and_torch_agree(exported: Callable[[], SentenceTransformers
     slow.close()
 
 
+@pytest.mark.process
 def test_after_the_export_torch_is_not_imported(exported: Callable[[], SentenceTransformersEmbedder]) -> None:
     path = exported()
     path.open()
@@ -90,6 +91,7 @@ def test_without_torch_and_without_an_export_it_says_what_to_do(
         assert "pip install" in str(caught.value)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("problem", ["exporting fails", "a damaged export"])
 def test_torch_takes_over_when_the_export_cannot_be_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, problem: str
@@ -109,6 +111,7 @@ def test_torch_takes_over_when_the_export_cannot_be_used(
     assert not list(tmp_path.glob(".export-*")), "scratch files were left"
 
 
+@pytest.mark.process
 def test_what_torch_leaves_behind_at_an_export_goes_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import memo_embedder.sentence_transformers as module
 

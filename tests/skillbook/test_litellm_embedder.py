@@ -19,6 +19,8 @@ from memo_core.testing.embedder import RULES
 from memo_core.testing.fake_store import FakeStore
 from tests.support.fake_openai_server import Reply, Wire, error
 
+pytestmark = pytest.mark.wire
+
 
 @pytest.fixture(autouse=True)
 def no_keys(monkeypatch):

@@ -65,6 +65,7 @@ def test_what_a_damaged_book_cannot_do_is_said_in_one_line(tmp_path: Path) -> No
     assert damaged > 60
 
 
+@pytest.mark.process
 def test_what_can_be_read_of_a_damaged_book_is_got_out(tmp_path: Path) -> None:
     path = filled(tmp_path / "book.db")
     data = bytearray(path.read_bytes())

@@ -33,6 +33,7 @@ def _say_and_die(path: str) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.process
 def test_feedback_is_on_disk_verbatim_when_the_call_returns(tmp_path: Path) -> None:
     path = str(tmp_path / "book.db")
     process = fork.Process(target=_say_and_die, args=(path,))

@@ -65,6 +65,7 @@ def in_a_child(act: Callable[[], Any], unprivileged: bool = False) -> Any:
     return json.loads(said)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("allowed", "size"), [(500_000, 300), (655_555, 300), (900_000, 300), (9_000_000, 20_000)])
 def test_a_full_disk_is_said_and_loses_nothing(folder: Path, allowed: int, size: int) -> None:
     """A limit on the size of files makes the system refuse to write, as a full disk does, whichever write it is."""
@@ -102,6 +103,7 @@ def test_a_full_disk_is_said_and_loses_nothing(folder: Path, allowed: int, size:
         assert "Slowly." in [served.text for served in book.retrieve("OPEN(box 1)").corrections]
 
 
+@pytest.mark.process
 def test_a_read_only_folder_is_read_and_named_when_it_is_to_be_written(folder: Path) -> None:
     path = folder / "book.db"
     with open_book(path) as book:
@@ -135,6 +137,7 @@ def test_a_read_only_folder_is_read_and_named_when_it_is_to_be_written(folder: P
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
+@pytest.mark.process
 def test_a_read_only_file_is_named_with_the_way_on(folder: Path) -> None:
     path = folder / "book.db"
     with open_book(path) as book:
@@ -149,6 +152,7 @@ def test_a_read_only_file_is_named_with_the_way_on(folder: Path) -> None:
     assert kind == "SkillbookError" and f"{path} is read-only" in text and "skillbook.read_only=true" in text, text
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("unmerged", [False, True])
 def test_a_read_only_folder_with_a_log_is_read_or_says_to_copy_it(folder: Path, unmerged: bool) -> None:
     """A copy of a book that was open has a log; SQLite cannot read a log in a folder where its index cannot be made."""
@@ -212,6 +216,7 @@ def test_a_server_that_does_not_answer_is_one_line() -> None:
     assert len(str(caught.value).splitlines()) == 1
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("damage", ["gone", "empty", "cut", "changed", "other", "a folder", "unwritable"])
 def test_an_index_that_is_damaged_is_made_anew(folder: Path, damage: str) -> None:
     path, index = folder / "book.db", folder / "book.faiss"

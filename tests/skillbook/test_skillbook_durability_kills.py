@@ -29,6 +29,8 @@ from memo_core.skillbook.condensing import ClusterChanged
 from memo_core.skillbook.retrieval import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 
+pytestmark = pytest.mark.process
+
 KILLS = 200
 AT_ONCE = 3  # writers
 KEYS = ("OPEN(box)", "OPEN(jar)", "LIFT(box)")

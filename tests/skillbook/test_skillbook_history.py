@@ -123,6 +123,7 @@ def test_an_approval_that_is_processed_twice_makes_nothing_new(book) -> None:
     assert served(book) == [newer]
 
 
+@pytest.mark.wire
 def test_a_version_that_fails_gives_way_to_one_with_a_better_record(book) -> None:
     first = approve(book, "OPEN(oven)")
     book.note_use([first], success=True, subtask="OPEN(oven)")

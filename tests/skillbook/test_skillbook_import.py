@@ -397,6 +397,7 @@ def memo(*arguments: object, code: int = 0) -> str:
     return done.stdout if code == 0 else done.stderr
 
 
+@pytest.mark.process
 def test_export_and_import_from_the_shell(tmp_path: Path) -> None:
     one, other, file = tmp_path / "one.db", tmp_path / "other.db", tmp_path / "one.jsonl"
     with Skillbook(str(one)) as book:

@@ -31,7 +31,7 @@ from tests.support.cluster_books import approve, new_book, teach, teach_general
 WHY_NOT = postgres_server.missing()
 if WHY_NOT:
     warnings.warn(f"a book on PostgreSQL was NOT TESTED: {WHY_NOT}", stacklevel=1)
-pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+pytestmark = [pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT), pytest.mark.process]
 fork = multiprocessing.get_context("fork")
 
 

@@ -50,6 +50,7 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Make:
     return lambda: ChromaStore(ChromaSettings(server=url, collection=name))
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("rule", RULES)
 def test_chroma_keeps_the_rule(rule: str, make: Make) -> None:
     RULES[rule](make)
@@ -61,6 +62,7 @@ def test_the_plugin_offers_it() -> None:
     assert isinstance(store, ChromaStore) and not Path("anywhere").exists() and not backend.default
 
 
+@pytest.mark.wire
 @pytest.mark.parametrize("place", ["memory", "server"])
 def test_recall_at_20_of_exact_search_is_at_least_0_99(place: str, request: pytest.FixtureRequest) -> None:
     """Random directions are the hardest case there is for a graph of neighbours."""
@@ -93,6 +95,7 @@ def _taught(path: Path, store: VectorStore) -> Skillbook:
     return book
 
 
+@pytest.mark.wire
 def test_a_book_serves_the_same_with_the_same_scores_as_with_faiss(make: Make, tmp_path: Path) -> None:
     """Core scores what a store returns, so the scores are equal to the last bit where the same is found."""
     exact, other = _taught(tmp_path / "a.db", FaissStore(FaissSettings())), _taught(tmp_path / "b.db", make())
@@ -111,6 +114,7 @@ def lasting(request: pytest.FixtureRequest, tmp_path: Path) -> ChromaSettings:
     return ChromaSettings(server=request.getfixturevalue("address"), collection=f"test-{uuid.uuid4().hex}")
 
 
+@pytest.mark.wire
 def test_an_index_survives_the_process_with_its_generation(lasting: ChromaSettings) -> None:
     vectors = np.eye(3, dtype=np.float32)
     store = ChromaStore(lasting)
@@ -126,6 +130,7 @@ def test_an_index_survives_the_process_with_its_generation(lasting: ChromaSettin
     again.close()
 
 
+@pytest.mark.wire
 def test_an_index_that_was_not_finished_is_not_taken_for_one(lasting: ChromaSettings) -> None:
     killed = ChromaStore(lasting)
     killed.open()
@@ -137,6 +142,7 @@ def test_an_index_that_was_not_finished_is_not_taken_for_one(lasting: ChromaSett
     killed.close(), again.close()
 
 
+@pytest.mark.wire
 def test_an_index_that_was_not_changed_to_the_end_is_not_taken_for_one(lasting: ChromaSettings) -> None:
     killed = ChromaStore(lasting)
     killed.open()
@@ -152,6 +158,7 @@ def test_an_index_that_was_not_changed_to_the_end_is_not_taken_for_one(lasting: 
     killed.close()
 
 
+@pytest.mark.wire
 def test_new_keys_are_added_to_the_index_and_keys_that_went_are_removed(
     lasting: ChromaSettings, tmp_path: Path
 ) -> None:
@@ -176,6 +183,7 @@ def test_new_keys_are_added_to_the_index_and_keys_that_went_are_removed(
         assert made.count() == len(store) == len(book.entries())  # type: ignore[arg-type]
 
 
+@pytest.mark.wire
 def test_two_that_fill_it_at_the_same_time_do_not_mix(lasting: ChromaSettings) -> None:
     one, other = ChromaStore(lasting), ChromaStore(lasting)
     for store, sign in ((one, 1), (other, -1)):
@@ -190,6 +198,7 @@ def test_two_that_fill_it_at_the_same_time_do_not_mix(lasting: ChromaSettings) -
     one.close(), other.close()
 
 
+@pytest.mark.wire
 def test_what_others_left_is_cleared_away_when_it_is_old(
     lasting: ChromaSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -206,6 +215,7 @@ def test_what_others_left_is_cleared_away_when_it_is_old(
     left.close(), new.close()
 
 
+@pytest.mark.wire
 def test_a_book_whose_index_was_deleted_under_it_makes_it_anew(lasting: ChromaSettings, tmp_path: Path) -> None:
     with _taught(tmp_path / "book.db", ChromaStore(lasting)) as book:
         before = [s.text for s in book.retrieve("OPEN(thing 4)").served]
@@ -218,6 +228,7 @@ def test_a_book_whose_index_was_deleted_under_it_makes_it_anew(lasting: ChromaSe
 
 
 # -- what cannot work --------------------------------------------------------------------------------------------------
+@pytest.mark.wire
 def test_no_server_there_says_how_to_start_one() -> None:
     with pytest.raises(BackendUnavailable, match=r"no Chroma server answers at http://127.0.0.1:9.*chroma run"):
         ChromaStore(ChromaSettings(server="http://127.0.0.1:9")).open()
@@ -263,6 +274,7 @@ print(json.dumps([calls, settings.anonymized_telemetry, heavy]))
 """
 
 
+@pytest.mark.process
 def test_it_tells_nobody_and_loads_no_model(tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if "TELEMETRY" not in name.upper()}
     done = subprocess.run(
@@ -294,6 +306,7 @@ with Skillbook(str(folder / "book.db"), FakeEmbedder(), store) as book:
 """
 
 
+@pytest.mark.process
 def test_a_damaged_folder_is_filled_again_or_named_and_ends_no_process(tmp_path: Path) -> None:
     """Chroma's native code crashes on a damaged graph, so each look is in a process of its own."""
 

@@ -34,6 +34,7 @@ def above_the_table():
         yield again
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize("rule", RULES)
 def test_the_arm_keeps_the_rule(rule, above_the_table):
     RULES[rule](above_the_table)

@@ -44,6 +44,7 @@ def journal(folder: Path) -> list[dict]:
     return [{key: value for key, value in line.items() if key != "time"} for line in lines]
 
 
+@pytest.mark.sim
 @pytest.mark.slow
 def test_a_session_ends_with_the_attempt_at_hand_and_the_next_begins_with_its_task(tmp_path):
     text = FILE.replace("open-the-cupboard", "open-the-cupboard, open-the-locker").replace("rounds: 2", "rounds: 1")
@@ -60,6 +61,7 @@ def test_a_session_ends_with_the_attempt_at_hand_and_the_next_begins_with_its_ta
     assert history["over"] == "1 rounds of 2 tasks are done"
 
 
+@pytest.mark.sim
 @pytest.mark.slow
 def test_a_killed_study_goes_on_and_ends_like_one_that_was_not_and_is_exported_without_ids(tmp_path):
     registry, load = opened(tmp_path, "whole")
@@ -109,6 +111,7 @@ def test_real_people_need_a_text_of_ones_own_and_a_real_clock(tmp_path):
         opened(tmp_path, "people", people + f"  consent: {tmp_path / 'text.txt'}\n")
 
 
+@pytest.mark.sim
 @pytest.mark.slow
 def test_each_run_of_a_study_ends_with_clustering_where_the_file_says_so(tmp_path):
     text = FILE.replace("rounds: 2", "rounds: 1").replace("session_minutes: 1", "session_minutes: 30")

@@ -23,6 +23,8 @@ from memo_core.cli.options import load
 from memo_core.runs.factories import environment_of
 from tests.support.wrong_behaviours import rehearsal_fixture
 
+pytestmark = pytest.mark.sim
+
 # Task -> another thing of the same shape, whose solution must not do here, and the reason that the check gives.
 OTHER_FAMILY = {
     OpenTheWhiteCabinet: (OpenTheSteelCabinet, "is shut"),

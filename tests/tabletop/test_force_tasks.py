@@ -20,6 +20,8 @@ from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld
 from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
+pytestmark = pytest.mark.sim
+
 BOTTLE = ("handling", "bottle")
 WIPING = ("handling", "wiping")
 UP = "here = get_gripper_position()\nmove_straight([here[0], here[1], here[2] + 0.08])\n"
@@ -168,6 +170,7 @@ wait(0.5)
 """
 
 
+@pytest.mark.sim
 @pytest.mark.parametrize(("turn", "holds"), [(1.6, True), (1.4, True), (0.3, False), (-0.3, False)])
 def test_a_cap_that_counts_as_screwed_on_holds_a_pull_and_no_other_does(rehearsal, turn, holds):
     before = f"{solution(*BOTTLE)}\nput_on()"

@@ -9,6 +9,8 @@ import memo_core as memo
 from memo_core.environment.task_verification import run_code
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 
+pytestmark = pytest.mark.sim
+
 LIFT = """
 p = get_position("carton")
 move_to([p[0], p[1], p[2] + 0.12], top_orientation())

@@ -27,6 +27,8 @@ from memo_core.runs.factories import environment_of, sandbox_of
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 from tests.support.wrong_behaviours import Wrong, each, rehearsal_fixture
 
+pytestmark = pytest.mark.sim
+
 SHUT = "is shut"
 
 

@@ -20,6 +20,8 @@ from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld
 from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
+pytestmark = pytest.mark.sim
+
 LEVER = ("turn_lever",)
 TOAST = ("make_toast",)
 COOK = ("cook",)

@@ -5,6 +5,7 @@ All twenty seeds: ``memo tasks verify``.
 
 from __future__ import annotations
 
+import pytest
 from memo_tabletop.tasks.cubes import StackTheCubes
 from memo_tabletop.tasks.drawer import PutTheCubeAway
 from memo_tabletop.tasks.fridge import OpenTheFridge
@@ -12,6 +13,8 @@ from memo_tabletop.tasks.microwave import PutTheFoodInTheMicrowave
 from memo_tabletop.tasks.oven import PutTheFoodInTheOven
 
 from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
+
+pytestmark = pytest.mark.sim
 
 DOOR = ("handling", "open_door", "put_inside")
 DRAWER = ("handling", "put_the_cube_away")

@@ -29,6 +29,8 @@ from memo_core.scene.pose import Pose
 from memo_core.testing.perception import StillWorld, cupboard_scene, still_context
 from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
 
+pytestmark = pytest.mark.sim
+
 POUR = ("pour",)
 OVER_BOWL = 'tilt, back, before = lift_over("can", "bowl", 0.02, get_size("can")[2] + 0.015)\n'
 OVER_FOOD = 'tilt, back, before = lift_over("salt shaker", "food", 0.055, 0.12, False, math.radians(150))\n'
@@ -169,6 +171,7 @@ def test_a_grain_is_on_the_food_when_it_lies_on_top_of_it(at, counts):
     assert seasoning.RADIUS < 0.004
 
 
+@pytest.mark.sim
 def test_the_sparse_solver_that_many_bodies_get_finds_what_the_dense_one_finds():
     """MuJoCo 4.0.0 is known for a wrong Hessian in its sparse Newton solver; where it mattered this would show."""
     scene = PourTheCan().scene(np.random.default_rng(0))

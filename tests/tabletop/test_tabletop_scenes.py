@@ -98,6 +98,7 @@ def experiment():
     return load(None, [])[1]
 
 
+@pytest.mark.sim
 @each_task
 def test_nothing_falls_jumps_or_rolls_when_the_scene_begins(experiment, task):
     for seed in (0, 1):

@@ -14,6 +14,8 @@ from memo_core.cli.options import load
 from memo_core.environment.task_verification import run_code, verify_task
 from memo_core.runs.factories import environment_of, sandbox_of
 
+pytestmark = pytest.mark.sim
+
 PULL = """
 grip, size, axes = get_position("OWNER handle"), get_size("OWNER handle"), get_axes("OWNER handle")
 level = abs(axes[size.index(max(size))][2]) < 0.5

@@ -5,6 +5,7 @@ All twenty seeds: ``memo tasks verify``.
 
 from __future__ import annotations
 
+import pytest
 from memo_tabletop.tasks.banana import PutTheBananaOnThePlate
 from memo_tabletop.tasks.cans import MoveTheRightCanToTheLeftCan, PickTheLeftCan
 from memo_tabletop.tasks.clean_table import CleanUpTheTable
@@ -15,6 +16,8 @@ from memo_tabletop.tasks.set_table import SetTheTable
 from memo_tabletop.tasks.trash import PutTheTrashAway
 
 from tests.support.wrong_behaviours import Wrong, judged, rehearsal_fixture
+
+pytestmark = pytest.mark.sim
 
 CANS = ("handling", "cans")
 TIDIED = 'throw_into("tub", "cup", 0.09)\nthrow_into("tub", "spoon", -0.045, "width")\nthrow_into("bin", "napkin", 0.0)'

@@ -11,6 +11,8 @@ from memo_core.cli.options import load
 from memo_core.environment.task_verification import verify_task
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 
+pytestmark = pytest.mark.sim
+
 SIMULATORS = ("mujoco", "pybullet")
 FAMILIES = {
     "things picked up": ("tabletop", "move-the-right-can-to-the-left-can"),

@@ -27,6 +27,7 @@ print(teacher.judge(episodes()[0]).words.encode("utf-8").hex())
 """
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("mode", ["0", "1"])
 @pytest.mark.parametrize("typed", ["ziehe über die Tür".encode("latin-1"), "ziehe über die Tür".encode()])
 def test_words_in_any_encoding_arrive_as_text_that_a_book_can_hold(mode, typed):
@@ -49,6 +50,7 @@ for name in ("ana", "ben"):
 """
 
 
+@pytest.mark.process
 def test_one_process_asks_several_people_one_after_the_other_also_where_input_was_read_before():
     heard = subprocess.run(
         [sys.executable, "-c", TWICE], input="x\ngo higher\ngo lower", capture_output=True, text=True

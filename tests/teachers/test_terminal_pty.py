@@ -13,7 +13,7 @@ import time
 
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")
+pytestmark = [pytest.mark.skipif(os.name != "posix", reason="pseudo terminals"), pytest.mark.process]
 
 JUDGED = """
 import sys, time
