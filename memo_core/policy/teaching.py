@@ -159,7 +159,7 @@ class Teaching:
                 return
 
     def _process(self, feedback: Feedback, remark: _Remark | None) -> bool:
-        """Note what was said and read it back; whether a model can be asked about other feedback."""
+        """Note a remark and read the note back; returns whether a model can be asked about other feedback."""
         for _ in range(READ_BACKS):
             noted = self._processor.process(feedback, None if remark is None else self._circumstances(remark))
             if noted.outcome == "pending":

@@ -60,9 +60,7 @@ def run_error(error: MemoError) -> RunError | None:
     """The error that a run which could not be carried out has; None for a limit or a person that ended it."""
     if isinstance(error, (Stopped, BudgetExceeded)):
         return None
-    if isinstance(
-        error, Unreadable
-    ):  # an answer that was given is the model's; one that was withheld or cut off is not
+    if isinstance(error, Unreadable):  # the model failed if it gave an answer, not if one was withheld or cut off
         return RunError(error.cause, error.told) if error.cause else None
     if isinstance(error, LanguageModelError):
         return RunError(error.cause or "llm", str(error), error.persistent)

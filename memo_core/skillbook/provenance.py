@@ -28,7 +28,7 @@ class Provenance:
     """Where an entry comes from; several people if their notes were clustered into one entry."""
 
     who: tuple[str, ...] = ()  # names or pseudonyms, the latest speaker last
-    when: float = 0.0  # s since the epoch, of the latest words, never before what was said earlier (``said_at``)
+    when: float = 0.0  # s since the epoch, of the latest words, never before earlier words (``said_at``)
     subtask: str = ""  # that the latest words were said of, as it was planned
 
 

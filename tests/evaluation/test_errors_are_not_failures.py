@@ -1,5 +1,5 @@
-"""What its model, simulator or robot could not carry out is in no rate, is done again, and ends a command that exits
-non-zero."""
+"""A trial that model, simulator or robot could not carry out is in no rate, is done again, and ends a command that
+exits non-zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What people and models say is read in time that grows no faster than its length, whatever the text holds.
+"""Texts of people and models are read in time that grows no faster than their length, whatever they hold.
 
 Each reader runs in a process with a limit of processor time. It is generous for linear work, also on a loaded machine,
 and far too short for work that takes the square of a text's length.

@@ -1,4 +1,4 @@
-"""What a real model once answered (tests/data/recordings, and those that ship): today's readers read all of it, its
+"""Answers of a real model (tests/data/recordings, and those that ship): today's readers read all of it, its
 code is within today's Python and skills, and a recorded run does in today's world what it did then."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Retrieval follows the book, whoever changes it."""
+"""Retrieval follows every change of the book, also by another process."""
 
 from __future__ import annotations
 

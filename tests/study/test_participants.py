@@ -44,6 +44,6 @@ def test_a_participant_of_a_file_is_checked_like_any_section():
 
 
 def test_ids_that_differ_only_in_case_are_refused():
-    """On some file systems P01 and p01 would share a folder."""
+    """P01 and p01 would share a folder on some file systems."""
     with pytest.raises(InvalidArgument, match="P01 twice"):
         StudySettings(participants=(Participant("P01"), Participant("p01")))
