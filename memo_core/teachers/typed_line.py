@@ -108,8 +108,8 @@ class TypedLine:
 
 
 def _read_any_byte() -> None:
-    """Let standard input carry bytes that are no UTF-8: the answer must not be lost for them. A stream that was read before
-    cannot be changed any more and stays as it is."""
+    """Let standard input carry bytes that are no UTF-8: the answer must not be lost for them. A stream that was read
+    before cannot be changed any more and stays as it is."""
     if isinstance(sys.stdin, io.TextIOWrapper) and sys.stdin.errors != _ANY_BYTE:
         with contextlib.suppress(io.UnsupportedOperation):
             sys.stdin.reconfigure(errors=_ANY_BYTE)
