@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from memo_offline.model import OfflineModel
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped, TaskCodeError
 from memo_core.evaluation.table import ERRORS, read_table
-from memo_core.interfaces.llm import LanguageModelError, Message, Request
+from memo_core.interfaces.llm import LanguageModelError
 from memo_core.runs.carrying_out import RunError, reason_to_stop, run_error
 from tests.support.fake_openai_server import Asked, Reply, Wire, error
+from tests.support.offline_server import offline_replies
 
 EVALUATION = """
 suite: quirks
@@ -48,16 +48,8 @@ OUTAGES = {
 
 @pytest.fixture(scope="module")
 def answered():
-    model = OfflineModel()
-    model.open()
-
-    def reply(asked: Asked) -> Reply:
-        roles = [message["role"] for message in asked.body["messages"]]
-        messages = tuple(Message(role, text) for role, text in zip(roles, asked.texts, strict=True))
-        return Reply(model.answer(Request("", messages)).text)
-
-    yield reply
-    model.close()
+    with offline_replies() as reply:
+        yield reply
 
 
 def memo(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:

@@ -12,15 +12,14 @@ import time
 from pathlib import Path
 
 import pytest
-from memo_offline.model import OfflineModel
 
 from memo_core.config import load_experiment
-from memo_core.interfaces.llm import Message, Request
 from memo_core.llm.ledger import Ledger, read_ledger
 from memo_core.plugins import Registry
 from memo_core.runs.run import RunReport, run_experiment
 from memo_core.runs.sections import SECTIONS
 from tests.support.fake_openai_server import Asked, Reply, Wire, error
+from tests.support.offline_server import offline_replies
 
 TASK = "stack-the-cubes"
 KEY = "sk-planted-0123456789abcdef"
@@ -39,16 +38,8 @@ def registry():
 @pytest.fixture(scope="module")
 def offline():
     """The offline backend as a server."""
-    model = OfflineModel()
-    model.open()
-
-    def reply(asked: Asked) -> Reply:
-        roles = [message["role"] for message in asked.body["messages"]]
-        messages = tuple(Message(role, text) for role, text in zip(roles, asked.texts, strict=True))
-        return Reply(model.answer(Request("", messages)).text)
-
-    yield reply
-    model.close()
+    with offline_replies() as reply:
+        yield reply
 
 
 def settings_of(wire: Wire) -> list[str]:
