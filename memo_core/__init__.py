@@ -1,59 +1,27 @@
 """MEMO: memory-enhanced manipulation. The framework; it knows no vendor, no simulator and no particular robot.
 
-The names in ``__all__`` are its public Python interface (``memo_core.api``); each is imported when it is first used, so
-that importing ``memo_core`` is quick."""
+The names in ``__all__`` are its public Python interface (``memo_core.api``). Plugins import theirs from
+``memo_core.plugin``."""
 
-import importlib
+from memo_core.lazy_exports import lazy_exports
+from memo_core.moved_modules import install
 
 TYPE_CHECKING = False  # importing typing would take longer than everything else here
 if TYPE_CHECKING:
-    from typing import Any
-
-    from memo_core.api import load, make_environment, open_book, registry, run, tasks
-    from memo_core.config import ConfigErrors, Experiment
-    from memo_core.environment.simulated import SimulatedEnvironment
-    from memo_core.errors import MemoError
-    from memo_core.runs.run import RunReport
-    from memo_core.skillbook.book import Skillbook
+    from memo_core.api import load as load
+    from memo_core.api import make_environment as make_environment
+    from memo_core.api import open_book as open_book
+    from memo_core.api import registry as registry
+    from memo_core.api import run as run
+    from memo_core.api import tasks as tasks
+    from memo_core.config import ConfigErrors as ConfigErrors
+    from memo_core.config import Experiment as Experiment
+    from memo_core.environment.simulated import SimulatedEnvironment as SimulatedEnvironment
+    from memo_core.errors import MemoError as MemoError
+    from memo_core.runs.run import RunReport as RunReport
+    from memo_core.skillbook.book import Skillbook as Skillbook
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "load": "memo_core.api",
-    "make_environment": "memo_core.api",
-    "open_book": "memo_core.api",
-    "registry": "memo_core.api",
-    "run": "memo_core.api",
-    "tasks": "memo_core.api",
-    "ConfigErrors": "memo_core.config",
-    "Experiment": "memo_core.config",
-    "MemoError": "memo_core.errors",
-    "RunReport": "memo_core.runs.run",
-    "SimulatedEnvironment": "memo_core.environment.simulated",
-    "Skillbook": "memo_core.skillbook.book",
-}
-
-__all__ = [
-    "ConfigErrors",
-    "Experiment",
-    "MemoError",
-    "RunReport",
-    "SimulatedEnvironment",
-    "Skillbook",
-    "load",
-    "make_environment",
-    "open_book",
-    "registry",
-    "run",
-    "tasks",
-]
-
-
-def __getattr__(name: str) -> "Any":
-    if name not in _HOME:
-        raise AttributeError(f"module 'memo_core' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__all__, __getattr__, __dir__ = lazy_exports(__name__, __file__)
+install()

@@ -19,7 +19,7 @@ from memo_core.config import Experiment, load_experiment
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Event
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.run import RunReport, run_experiment
 from memo_core.runs.sections import SECTIONS

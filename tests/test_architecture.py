@@ -15,33 +15,21 @@ import pytest
 
 import memo_core
 from memo_core.interfaces.backend import KINDS
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 
 ROOT = Path(__file__).parents[1]
 CORE = sorted((ROOT / "memo_core").rglob("*.py"))
+Levels = tuple[tuple[str, ...], ...]
 PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").glob("*/memo_*/__init__.py"))}
 
-# Rooms in one line do not know each other either.
+# Packages and modules directly below memo_core; those in one line do not import each other either.
 LEVELS = (
-    (
-        "errors",
-        "events",
-        "parsing",
-        "reading_limits",
-        "redaction",
-        "temporary_folders",
-        "isolated_python",
-        "entry_points",
-    ),
-    ("stop_switch",),
-    ("terminal",),
+    ("errors", "events", "moved_modules"),
+    ("text", "process"),
     ("scene",),
     ("robot",),
     ("skills",),
     ("interfaces",),
-    ("hooks",),
-    ("installing",),
-    ("checkout", "plugin_loading"),
     ("plugins",),
     ("config",),
     ("skillbook", "sandbox", "arm", "runlog"),
@@ -50,13 +38,28 @@ LEVELS = (
     ("environment",),
     ("teachers",),
     ("runs",),
-    ("study",),
+    ("maintenance", "study"),
     ("evaluation",),
     ("report",),
+    ("demo",),
     ("api",),
-    ("testing", "builtin"),
+    ("testing",),
     ("cli",),
 )
+# The same within the skillbook.
+SKILLBOOK_LEVELS = (
+    ("model",),
+    ("store",),
+    ("vectors",),
+    ("retrieval",),
+    ("writing",),
+    ("forgetting",),
+    ("sharing",),
+    ("consolidation",),
+    ("history", "stats"),
+    ("book",),
+)
+BUILT_IN = ROOT / "memo_core/plugins/builtin.py"  # a plugin that is part of the core; loaded by its entry point
 # Distributions whose files do not say, or say elsewhere, which package they bring.
 WHEELS_WITHOUT_A_LIST = {
     "pinocchio": ["pin"],
@@ -64,7 +67,6 @@ WHEELS_WITHOUT_A_LIST = {
     "pydantic_monty": ["pydantic-monty"],
     "franky": ["franky-control"],  # an extra, which need not be installed here
 }
-LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 VENDORS = {
     "mujoco",
     "pybullet",
@@ -90,36 +92,47 @@ def imports(source: str, package: str) -> Iterator[str]:
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
-def room_of(module: str) -> str | None:
-    parts = module.split(".")
-    return parts[1] if parts[0] == "memo_core" and len(parts) > 1 and parts[1] in LEVEL else None
+def wrong_imports(part: str, source: str, package: str, base: str = "memo_core", levels: Levels = LEVELS) -> set[str]:
+    """The parts of ``base`` that a file of one of its parts imports, though they are not below it."""
+    level = {name: place for place, names in enumerate(levels) for name in names}
+    inside = [module.removeprefix(f"{base}.") for module in imports(source, package) if module.startswith(f"{base}.")]
+    targets = {module.split(".")[0] for module in inside} & set(level) - {part}
+    return {target for target in targets if level[target] >= level[part]}
 
 
-def wrong_arrows(room: str, source: str, package: str) -> set[str]:
-    targets = {target for target in map(room_of, imports(source, package)) if target and target != room}
-    return {target for target in targets if LEVEL[target] >= LEVEL[room]}
+def wrong_in(base: str, levels: Levels) -> dict[str, set[str]]:
+    """The wrong imports of every file below a package."""
+    folder, wrong = ROOT / base.replace(".", "/"), {}
+    for path in sorted(folder.rglob("*.py")):
+        part = path.relative_to(folder).parts[0].removesuffix(".py")
+        if part == "__init__" or path == BUILT_IN:
+            continue
+        found = wrong_imports(part, path.read_text(encoding="utf-8"), package_of(path), base, levels)
+        if found:
+            wrong[str(path.relative_to(ROOT))] = found
+    return wrong
 
 
 def package_of(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).parent.parts)
 
 
-def test_every_room_has_its_place():
-    rooms = {path.relative_to(ROOT / "memo_core").parts[0].removesuffix(".py") for path in CORE} - {"__init__"}
-    assert rooms <= set(LEVEL)
+@pytest.mark.parametrize(("base", "levels"), [("memo_core", LEVELS), ("memo_core.skillbook", SKILLBOOK_LEVELS)])
+def test_imports_of_the_core_point_downward(base, levels):
+    folder = ROOT / base.replace(".", "/")
+    parts = {path.relative_to(folder).parts[0].removesuffix(".py") for path in folder.rglob("*.py")}
+    assert parts - {"__init__"} == {name for names in levels for name in names}
+    assert not wrong_in(base, levels)
 
 
-def test_arrows_inside_the_core_run_downward():
-    wrong = {}
+def test_nothing_imports_the_built_in_plugin():
     for path in CORE:
-        room = path.relative_to(ROOT / "memo_core").parts[0].removesuffix(".py")
-        if room != "__init__" and (found := wrong_arrows(room, path.read_text(encoding="utf-8"), package_of(path))):
-            wrong[str(path.relative_to(ROOT))] = found
-    assert not wrong
+        modules = set(imports(path.read_text(encoding="utf-8"), package_of(path)))
+        assert "memo_core.plugins.builtin" not in modules, path
 
 
 @pytest.mark.parametrize(
-    ("room", "source"),
+    ("part", "source"),
     [
         ("scene", "from memo_core.policy import loop"),
         ("arm", "import memo_core.skillbook.book"),
@@ -127,8 +140,8 @@ def test_arrows_inside_the_core_run_downward():
         ("skills", "from ..cli import app"),
     ],
 )
-def test_an_arrow_that_runs_upward_or_across_is_seen(room, source):
-    assert wrong_arrows(room, source, f"memo_core.{room}")
+def test_an_import_that_points_upward_or_across_is_seen(part, source):
+    assert wrong_imports(part, source, f"memo_core.{part}")
 
 
 def circles(files: dict[str, str]) -> set[frozenset[str]]:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from memo_core import hooks
 from memo_core.interfaces.backend import Backend
+from memo_core.plugins import hooks
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "plugins").glob("*.md"))

@@ -15,7 +15,7 @@ from memo_core.cli.options import ConfigFile, Json, Overrides, load
 from memo_core.cli.output import print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.terminal import console
+from memo_core.text.terminal import console
 
 if TYPE_CHECKING:
     from memo_core.interfaces.simulator import Simulator
@@ -210,7 +210,7 @@ def demo(
     """Run the demo on many seeds: fails, is taught, succeeds, transfers. No videos unless asked for."""
     from memo_benchmarks.demo_sweep import demos
     from memo_core.cli.tasks import read_seeds
-    from memo_core.runs.demo_result import CHAPTERS
+    from memo_core.demo.result import CHAPTERS
 
     wanted = read_seeds(seeds)
     registry, experiment = load(config, [QUIET, *(overrides or [])])

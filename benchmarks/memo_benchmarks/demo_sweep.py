@@ -9,15 +9,15 @@ from pathlib import Path
 import attrs
 
 from memo_core.config import Experiment
+from memo_core.demo.result import DemoReport
+from memo_core.demo.running import EMPTY, run_demo
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import InvalidArgument, Stopped, UnknownName
 from memo_core.evaluation.lesions import LESIONS, VariedTask, handle_moved, lesioned_copy, mirrored
 from memo_core.events import Event, SubtaskEnded
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
-from memo_core.plugins import Registry
-from memo_core.runs.demo import EMPTY, run_demo
-from memo_core.runs.demo_result import DemoReport
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of, environment_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.run import RunReport, components_of, perform

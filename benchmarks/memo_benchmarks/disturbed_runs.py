@@ -25,7 +25,7 @@ import attrs
 from memo_core.config import Experiment, load_experiment
 from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_core.llm.ledger import read_ledger
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runlog.log_file import FILE
 from memo_core.runs.factories import book_of, task_of, world_of
 from memo_core.runs.folder import RunFolder

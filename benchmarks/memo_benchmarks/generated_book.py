@@ -18,8 +18,8 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.embedder import Embedder
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.writing.bulk_adding import Lesson
 
 _THINGS = """
 microwave; oven; fridge; freezer; dishwasher; washing machine; cupboard; cabinet; drawer; wardrobe; safe; locker;

@@ -8,9 +8,9 @@ from typing import Any
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runlog.json_lines import append_line, read_lines
-from memo_core.runs.plugin_code import code_digest
+from memo_core.runs.code_digest import code_digest
 from memo_core.runs.sections import SECTIONS
 
 Row = dict[str, Any]

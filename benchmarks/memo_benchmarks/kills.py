@@ -26,8 +26,8 @@ from memo_benchmarks.disturbed_runs import Disturbed, server
 from memo_benchmarks.kept_rows import measured_rows
 from memo_core.errors import MemoError
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.condensing import ClusterChanged
+from memo_core.skillbook.consolidation.condensing import ClusterChanged
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 
 Half = Literal["choose", "report"]
 HALVES: tuple[Half, Half] = ("choose", "report")

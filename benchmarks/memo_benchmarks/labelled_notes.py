@@ -24,7 +24,7 @@ import attrs
 from memo_benchmarks.labelled_book import Half, grade, queries, taught_texts, undoes
 from memo_core.errors import MemoError
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.keys import Key, NotAKey
+from memo_core.skillbook.model.keys import Key, NotAKey
 
 
 @attrs.define(auto_exc=True, eq=False)

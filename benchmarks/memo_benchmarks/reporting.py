@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from memo_core.cli.output import print_json, print_table
-from memo_core.terminal import console
+from memo_core.text.terminal import console
 
 
 def with_progress(what: str, measure: Callable[[Callable[[float], None]], dict[str, Any]]) -> dict[str, Any]:

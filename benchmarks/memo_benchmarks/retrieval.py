@@ -15,7 +15,7 @@ import numpy as np
 from memo_benchmarks.generated_book import BookSize, WordVectors, fill, keys_of
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
 _SHOWN = 50  # entries of the plain search: as many as a retrieval returns at most, or more
 

@@ -23,8 +23,8 @@ from memo_benchmarks.labelled_notes import LabelledNotes, people, templated
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.retrieval import RetrievalSettings, as_text
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings, as_text
+from memo_core.skillbook.writing.bulk_adding import Lesson
 
 PAPER = RetrievalSettings.preset("paper")
 PLAIN = "cosine of key and text"

@@ -10,7 +10,7 @@ import attrs
 
 from memo_benchmarks.sim import bench_scene
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 
 _STATM = Path("/proc/self/statm")

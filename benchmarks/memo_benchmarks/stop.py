@@ -29,17 +29,17 @@ from memo_core.interfaces.simulator import Simulator, WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.policy.loop import Loop
-from memo_core.policy.memo_and_baselines import METHODS
-from memo_core.policy.session import Session
+from memo_core.policy.methods import METHODS
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.robot.description import RobotDescription
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import book_of, library_of, sandbox_of
 from memo_core.runs.signal_handling import NOBODY_S, Supervisor
 from memo_core.scene.description import SceneDescription
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import Retrieval
-from memo_core.stop_switch import StopSwitch
+from memo_core.skillbook.retrieval.retriever import Retrieval
 
 PHASES = ("planning", "retrieval", "writing", "computing", "moving", "grasping", "waiting")
 PROMISED_COMMAND_MS = 50.0

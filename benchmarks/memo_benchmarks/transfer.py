@@ -20,15 +20,15 @@ import attrs
 
 from memo_benchmarks.demo_sweep import FirstVerdict
 from memo_core.config import Experiment
+from memo_core.demo.running import EMPTY
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.task import Outcome
 from memo_core.interfaces.teacher import Teacher
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runlog.json_lines import append_line, read_lines
-from memo_core.runs.demo import EMPTY
+from memo_core.runs.code_digest import code_digest
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.plugin_code import code_digest
 from memo_core.runs.run import RunReport, components_of, perform
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings

@@ -20,8 +20,8 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.interfaces.task import Task
-from memo_core.plugins import Registry
-from memo_core.runs.carrying_out import Halted, RunError
+from memo_core.plugins.registry import Registry
+from memo_core.runs.run_errors import Halted, RunError
 from memo_core.study.participants import Load
 from memo_core.study.study import loader
 

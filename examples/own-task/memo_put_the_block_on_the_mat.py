@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 from memo_core.interfaces.task import Outcome, Task
+from memo_core.plugins.hooks import hookimpl
 from memo_core.scene.description import Body, Camera, Free, Geom, SceneDescription
 from memo_core.scene.pose import Pose, look_at
 

@@ -17,7 +17,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.meshes import mesh_vertices
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import Urdf, link_poses, read_urdf
+from memo_core.robot.urdf.reading import Urdf, link_poses, read_urdf
 from memo_core.scene.graph import Node, SceneGraph
 from memo_core.scene.pose import Array, Pose
 

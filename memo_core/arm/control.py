@@ -19,11 +19,11 @@ from memo_core.arm.trajectory import stopping
 from memo_core.errors import InvalidArgument, MotionError, Stopped
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.perception import Perception
-from memo_core.parsing import parse_json
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Array, Pose
 from memo_core.skills.control import Control, Waypoints
+from memo_core.text.parsing import parse_json
 
 # How far from its goal the tool may end: (m, rad). Contact may hold it off; more than this is not having arrived. What
 # the servos press with meanwhile is not limited: docs/force.md has the figures.

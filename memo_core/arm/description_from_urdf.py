@@ -23,9 +23,9 @@ from memo_core.robot.description import GripperDescription, JointDescription, Ro
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.hand_mount import mount_rpy
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
-from memo_core.robot.urdf import Urdf, UrdfJoint, link_poses, read_urdf
-from memo_core.robot.urdf_text import with_fixed
-from memo_core.robot.urdf_units import check_units
+from memo_core.robot.urdf.reading import Urdf, UrdfJoint, link_poses, read_urdf
+from memo_core.robot.urdf.text import with_fixed
+from memo_core.robot.urdf.units import check_units
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 _FLANGE_NAMES = re.compile(

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import attrs
 import numpy as np
 
-from memo_core.robot.urdf import Urdf, UrdfJoint, link_poses
+from memo_core.robot.urdf.reading import Urdf, UrdfJoint, link_poses
 from memo_core.scene.pose import Array
 
 NEARLY_SHUT = 5e-4  # m that a slide may be off 0 when shut

@@ -14,8 +14,8 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import find_mesh
-from memo_core.robot.urdf_checks import check_limits
+from memo_core.robot.urdf.checks import check_limits
+from memo_core.robot.urdf.reading import find_mesh
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
 
 

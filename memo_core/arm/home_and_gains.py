@@ -15,7 +15,7 @@ from memo_core.arm.collision import RobotShape
 from memo_core.arm.facing import SIDES, facing
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import link_poses, read_urdf
+from memo_core.robot.urdf.reading import link_poses, read_urdf
 from memo_core.scene.pose import Array, Pose
 
 _STIFFEST = 4500.0  # Nm/rad

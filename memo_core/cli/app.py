@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from memo_core.cli.signal_handling import INTERRUPTED
-from memo_core.entry_points import installed, summary_of
+from memo_core.plugins.entry_points import installed, summary_of
 
 # name -> the line in the help. Its module has an ``app`` (a group of commands) or one ``command``.
 COMMANDS = {
@@ -95,8 +95,8 @@ def _summary(point: EntryPoint) -> str:
 
 
 def _load(point: EntryPoint) -> typer.Typer:
-    from memo_core.plugin_loading import one_line
-    from memo_core.plugins import BrokenCommand
+    from memo_core.plugins.loading import one_line
+    from memo_core.plugins.registry import BrokenCommand
 
     try:
         app = point.load()

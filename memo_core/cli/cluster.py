@@ -16,16 +16,16 @@ from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, progress_bar
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
-from memo_core.terminal import console
+from memo_core.text.terminal import console
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
-    from memo_core.policy.clustering import Clustering, Outcome
-    from memo_core.runs.clustering import Spending
+    from memo_core.policy.consolidation import Clustering, Outcome
+    from memo_core.process.stop_switch import StopSwitch
+    from memo_core.runs.consolidation import Spending
     from memo_core.skillbook.book import Skillbook
-    from memo_core.skillbook.clusters import Cluster
-    from memo_core.skillbook.key_aliases import NearKeys
-    from memo_core.stop_switch import StopSwitch
+    from memo_core.skillbook.consolidation.rules import Cluster
+    from memo_core.skillbook.writing.key_aliases import NearKeys
 
 
 def command(
@@ -53,7 +53,7 @@ def command(
     if interval is not None and not watch:
         raise InvalidArgument("--interval", "without --watch", "both of them")
     _, experiment = load(config, overrides)
-    from memo_core.runs.clustering import Spending, check_method, clustering_of
+    from memo_core.runs.consolidation import Spending, check_method, clustering_of
     from memo_core.runs.factories import book_of
 
     check_method(experiment)
@@ -115,7 +115,7 @@ class _Once:
         self.waiting = 0
 
     def _report(self) -> None:
-        from memo_core.runs.clustering import outcome_record
+        from memo_core.runs.consolidation import outcome_record
 
         done = self.outcomes
         totals = {
@@ -178,7 +178,7 @@ def print_outcome(outcome: Outcome) -> None:
         shown.print(Text(f"  the same words, said {outcome.duplicates + 1} times, {said}", style="dim"))
     if proposal is None or outcome.status != "condensed":
         return
-    from memo_core.skillbook.clusters import is_kept
+    from memo_core.skillbook.consolidation.rules import is_kept
 
     dropped = {gone.number for gone in proposal.dropped}
     for gone in proposal.dropped:
@@ -209,9 +209,9 @@ def _watch(
     spending: Spending,
     json: bool,
 ) -> None:
-    from memo_core.policy.clustering import Outcome
-    from memo_core.runs.clustering import outcome_record, watch
-    from memo_core.skillbook.key_aliases import NearKeys
+    from memo_core.policy.consolidation import Outcome
+    from memo_core.runs.consolidation import outcome_record, watch
+    from memo_core.skillbook.writing.key_aliases import NearKeys
 
     def report(news: Any) -> None:
         if isinstance(news, Outcome):

@@ -14,7 +14,7 @@ from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from memo_core.runs.demo_result import DemoReport
+    from memo_core.demo.result import DemoReport
 
 
 def command(
@@ -36,8 +36,8 @@ def command(
     lesson. Reports what happened, whatever the outcome, and writes videos and a page with images. Exit code 0 when all
     four runs took place.
     """
-    from memo_core.runs.demo import run_demo
-    from memo_core.runs.narration import Narrator
+    from memo_core.cli.narration import Narrator
+    from memo_core.demo.running import run_demo
     from memo_core.runs.record_replay import recorded, replayed, shipped
 
     if record is not None and replay:
@@ -71,7 +71,7 @@ def command(
 
 
 def _tell(report: DemoReport) -> None:
-    from memo_core.runs.demo_result import CHAPTERS
+    from memo_core.demo.result import CHAPTERS
 
     why = report.why()
     rows = []

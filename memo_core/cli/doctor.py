@@ -19,10 +19,10 @@ import typer
 from memo_core.cli.options import Json
 from memo_core.cli.output import print_json
 from memo_core.errors import MemoError
-from memo_core.installing import install
+from memo_core.plugins.installing import install
 
 if TYPE_CHECKING:
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
 
 @attrs.frozen
@@ -40,7 +40,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Check what works on this machine, and say how to make the rest work. Exit code 1 when something is missing."""
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
     findings = []
     for finding in _examine(Registry(), quick):
@@ -89,7 +89,7 @@ def _plugins(registry: Registry) -> Iterator[Finding]:
 
 def _backends(registry: Registry) -> Iterator[Finding]:
     from memo_core.interfaces.backend import KINDS, Needs
-    from memo_core.plugins import missing_needs
+    from memo_core.plugins.registry import missing_needs
 
     for kind in KINDS:
         offering = [(one, name) for one in registry.uninstalled() for of, name in one.offers if of == kind]

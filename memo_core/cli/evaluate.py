@@ -13,7 +13,7 @@ from memo_core.cli.options import Json, Overrides
 from memo_core.cli.output import note, print_json, progress_bar
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import Stopped
-from memo_core.parsing import resolved
+from memo_core.text.parsing import resolved
 
 if TYPE_CHECKING:
     from memo_core.evaluation.evaluating import Evaluated
@@ -88,7 +88,7 @@ def command(
 
 def exit_for_errors(evaluated: Evaluated) -> None:
     """Say which trials could not be carried out, and exit with 1 if there are any."""
-    from memo_core.runs.carrying_out import RunError, told
+    from memo_core.runs.run_errors import RunError, told
 
     if not evaluated.errors:
         return

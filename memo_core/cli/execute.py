@@ -16,7 +16,7 @@ from memo_core.cli.output import print_json, while_read
 from memo_core.cli.signal_handling import INTERRUPTED, Interrupt, handling
 from memo_core.cli.standard_input import text_of_stdin
 from memo_core.errors import InvalidArgument, MemoError
-from memo_core.parsing import read_at_most
+from memo_core.text.parsing import read_at_most
 
 _MOST_BYTES = 50 << 20
 

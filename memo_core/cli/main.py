@@ -62,7 +62,7 @@ def _leave(code: int) -> None:
 
 
 def _run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
-    from memo_core.terminal import guarded, replace_closed_streams
+    from memo_core.text.terminal import guarded, replace_closed_streams
 
     replace_closed_streams()
     with guarded():
@@ -77,7 +77,7 @@ def _guarded_run(given: list[str], debug: bool, interrupt: Interrupt) -> int:
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # whoever read our output has gone (`memo … | head`)
-        from memo_core.terminal import discard_stdout
+        from memo_core.text.terminal import discard_stdout
 
         discard_stdout()
         return 0

@@ -108,7 +108,7 @@ def _check_free(scaffold: Scaffold, name: str) -> None:
         if name in COMMANDS or name in {point.name for point in plugin_commands()}:
             raise InvalidArgument("NAME", f"there is a command {name!r} already", "another name")
         return
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
     registry = Registry()
     for backend in registry.backends(scaffold.backend_kind):

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from memo_core.config import Experiment
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
 ConfigFile = Annotated[
@@ -59,7 +59,7 @@ def one_file(file: Path | None, config: Path | None) -> Path | None:
 def load_registry() -> Registry:
     """The installed plugins; their problems are reported on stderr."""
     from memo_core.cli.output import note
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
     registry = Registry()
     for problem in registry.problems:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from memo_core.errors import close_match, spelt_alike
-from memo_core.terminal import console, discard_stdout
+from memo_core.text.terminal import console, discard_stdout
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -13,7 +13,7 @@ from memo_core.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from memo_core.interfaces.backend import Backend
-    from memo_core.testing.robot_trial import RobotTrial
+    from memo_core.testing.robot_check.trial import RobotTrial
 
 LIST_WIDTH = 120  # columns in a pipe, beyond which a line goes on in the next
 
@@ -24,7 +24,7 @@ app = typer.Typer(help="Plugins and their backends.")
 def list_plugins(json: Json = False) -> None:
     """List plugins, their backends, and their problems."""
     from memo_core.interfaces.backend import KINDS
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
     registry = Registry()
     backends = [backend for kind in KINDS for backend in registry.backends(kind)]
@@ -88,7 +88,7 @@ def check(
 
     Robots are also tested in the default simulator. Problems are listed first, one line per cause.
     """
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
     from memo_core.testing.plugins import check_backend, find_backends
 
     registry = Registry()
@@ -99,7 +99,7 @@ def check(
     trials: dict[str, RobotTrial] = {}
     results = [result for backend in backends for result in check_backend(registry, backend, trials=trials)]
     if html is not None and robot is not None:
-        from memo_core.testing.robot_page import write_robot_page
+        from memo_core.testing.robot_check.page import write_robot_page
 
         label = f"robot/{robot.name}"
         own = [result for result in results if result.backend == label]
@@ -121,7 +121,7 @@ def check(
 def _missing(backend: Backend) -> str:
     import attrs
 
-    from memo_core.plugins import missing_needs
+    from memo_core.plugins.registry import missing_needs
 
     needs = attrs.evolve(backend.needs, keys=backend.needs.secrets)
     return "; ".join(f"{missing.what}: {missing.remedy}" for missing in missing_needs(needs))

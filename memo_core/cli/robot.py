@@ -29,7 +29,7 @@ Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")]
 def check(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Check the computer, the robot and its cameras, and say what prevents it from moving. Nothing moves. Exit code 1
     if anything does."""
-    from memo_core.environment.robot_check import examine_host, examine_robot
+    from memo_core.environment.hardware_check import examine_host, examine_robot
 
     experiment = hardware(config, overrides)
     driver, gripper, robot = (experiment.create(kind) for kind in ("robot_driver", "gripper_driver", "robot"))

@@ -49,9 +49,9 @@ def command(
     Ctrl-C stops the arm and asks what was wrong; pressed twice, it ends the run. Exit code 0 when the task is done, 1
     when it is not.
     """
+    from memo_core.cli.narration import Narrator
     from memo_core.config.errors import ConfigErrors
     from memo_core.config.layers import FromOption
-    from memo_core.runs.narration import Narrator
     from memo_core.runs.record_replay import recorded, replayed
     from memo_core.runs.resuming import run_config
     from memo_core.runs.run import resume_experiment, run_experiment

@@ -13,8 +13,8 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import with_meshes_found
-from memo_core.robot.xacro_expansion import expand_xacro, is_xacro
+from memo_core.robot.urdf.reading import with_meshes_found
+from memo_core.robot.urdf.xacro_expansion import expand_xacro, is_xacro
 
 
 @attrs.frozen

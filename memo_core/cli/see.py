@@ -91,9 +91,9 @@ def _said(experiment: Experiment, book: str | None) -> tuple[NameCorrection, ...
 def _asking(experiment: Experiment, opened: ExitStack) -> Ask:
     """Asks the experiment's model, which is opened with the first question: most detectors ask none."""
     from memo_core.interfaces.llm import Answer, Request
+    from memo_core.process.stop_switch import StopSwitch
     from memo_core.runs.asking import asking
     from memo_core.runs.factories import budget_of
-    from memo_core.stop_switch import StopSwitch
 
     asks: list[Ask] = []
 

@@ -16,7 +16,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from memo_core.stop_switch import StopSwitch
+    from memo_core.process.stop_switch import StopSwitch
 
 STOPS = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()))
 _MOMENT_S = 0.01
@@ -27,7 +27,7 @@ INTERRUPTED = 130  # exit code, as of a shell's commands that Ctrl-C ended
 def stopping() -> Iterator[StopSwitch]:
     """A switch that a signal presses, so that a write in progress is finished first. A second signal raises
     ``Interrupt``."""
-    from memo_core.stop_switch import StopSwitch
+    from memo_core.process.stop_switch import StopSwitch
 
     stop, interrupt = StopSwitch(), Interrupt()
 

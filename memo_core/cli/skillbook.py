@@ -21,13 +21,13 @@ from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides
 from memo_core.cli.output import local_time, note, note_unknown, print_json, print_table
 from memo_core.cli.standard_input import agreed
 from memo_core.errors import InvalidArgument, MemoError, close_match
-from memo_core.parsing import encodable, resolved
-from memo_core.reading_limits import excerpt
 from memo_core.runlog.whole_files import CannotWrite, whole_file
+from memo_core.text.parsing import encodable, resolved
+from memo_core.text.reading_limits import excerpt
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
-    from memo_core.skillbook.entries import Entry
+    from memo_core.skillbook.model.entries import Entry
 
 app = typer.Typer(help="Skillbooks.")
 skillbook_history.register(app)
@@ -55,7 +55,7 @@ def list_entries(
     """List entries in the order in which they were stored, and feedback from which no entry was made yet."""
     if kind is not None and kind not in KINDS:
         raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
-    from memo_core.skillbook.keys import Key
+    from memo_core.skillbook.model.keys import Key
 
     with _reading(book, config, overrides) as opened:
         entries = opened.entries(kind, key, who, superseded)
@@ -233,7 +233,7 @@ def forget(
 @app.command()
 def reembed(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Switch the book to the experiment's embedder: all vectors are computed again."""
-    from memo_core.skillbook.reembedding import reembed as embed_anew
+    from memo_core.skillbook.vectors.reembedding import reembed as embed_anew
 
     _, experiment = load(config, overrides)
     url = book or experiment.section("skillbook").url
@@ -270,20 +270,20 @@ def _opened(book: str | None, config: Path | None, overrides: list[str] | None, 
 
 
 def _label(entry: Entry) -> str:
-    from memo_core.skillbook.entries import key_label
+    from memo_core.skillbook.model.entries import key_label
 
     return key_label(entry.key)
 
 
 def _row(entry: Entry) -> tuple[Any, ...]:
-    from memo_core.skillbook.entries import headline
+    from memo_core.skillbook.model.entries import headline
 
     used = f"{entry.confirmed_uses}/{entry.uses}"
     return entry.id, entry.kind, _label(entry), used, headline(entry.kind, entry.text)
 
 
 def _found_row(result: dict[str, Any]) -> tuple[Any, ...]:
-    from memo_core.skillbook.entries import headline
+    from memo_core.skillbook.model.entries import headline
 
     line = headline(result["kind"], result["text"])
     return f"{result['score']:.3f}", result["id"], result["kind"], result["key"], line

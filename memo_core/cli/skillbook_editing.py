@@ -11,7 +11,7 @@ from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides
 from memo_core.cli.output import print_json
 from memo_core.cli.standard_input import text_of_stdin
 from memo_core.errors import InvalidArgument
-from memo_core.parsing import read_at_most
+from memo_core.text.parsing import read_at_most
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook

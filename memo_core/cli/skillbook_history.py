@@ -16,9 +16,9 @@ from memo_core.errors import Stopped
 
 if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
-    from memo_core.skillbook.entries import Entry
     from memo_core.skillbook.history import Revision, Version
-    from memo_core.skillbook.retrieval import Retrieval
+    from memo_core.skillbook.model.entries import Entry
+    from memo_core.skillbook.retrieval.retriever import Retrieval
 
 
 def register(app: typer.Typer) -> None:
@@ -182,7 +182,7 @@ def retry(
     """
     from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, asking_without_a_run
     from memo_core.policy.feedback_processing import retry as ask_again
-    from memo_core.runs.clustering import calls_without_a_run
+    from memo_core.runs.consolidation import calls_without_a_run
     from memo_core.runs.factories import book_of, prompts_of
 
     _, experiment = load(config, overrides)
@@ -240,19 +240,19 @@ def _when(time: float) -> str:
 
 
 def _key(revision: Revision) -> str:
-    from memo_core.skillbook.entries import key_label
+    from memo_core.skillbook.model.entries import key_label
 
     return "" if revision.key is None else key_label(revision.key)
 
 
 def _label(entry: Entry) -> str:
-    from memo_core.skillbook.entries import key_label
+    from memo_core.skillbook.model.entries import key_label
 
     return key_label(entry.key)
 
 
 def _line(entry: Entry) -> str:
-    from memo_core.skillbook.entries import headline
+    from memo_core.skillbook.model.entries import headline
 
     return headline(entry.kind, entry.text)
 

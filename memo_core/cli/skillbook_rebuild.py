@@ -36,9 +36,9 @@ def rebuild(
     A model is asked only about words that nothing was made of yet, and to condense (memo). Its answers are kept in the
     book that is read, so that the same command makes the same book again.
     """
-    from memo_core.policy.memo_and_baselines import METHODS
+    from memo_core.maintenance.rebuild_book import rebuild_book
+    from memo_core.policy.methods import METHODS
     from memo_core.runs.factories import book_of
-    from memo_core.runs.rebuilding import rebuild_book
 
     if method not in METHODS:
         raise UnknownName("method", method, tuple(METHODS))

@@ -11,9 +11,9 @@ from memo_core.cli.options import MOST_NUMBER, Book, ConfigFile, Json, Overrides
 from memo_core.cli.output import note, print_json, print_table, progress_bar
 
 if TYPE_CHECKING:
-    from memo_core.runs.retesting import Retested
+    from memo_core.maintenance.retesting import Retested
     from memo_core.skillbook.book import Skillbook
-    from memo_core.skillbook.entries import Entry
+    from memo_core.skillbook.model.entries import Entry
 
 
 def register(app: typer.Typer) -> None:
@@ -45,8 +45,8 @@ def retest(
     from memo_core.cli.skillbook_editing import opened_book
     from memo_core.cli.tasks import read_seeds
     from memo_core.errors import BackendUnavailable
-    from memo_core.runs.carrying_out import Halted, reason_to_stop
-    from memo_core.runs.retesting import Planned, Retested, Retesting
+    from memo_core.maintenance.retesting import Planned, Retested, Retesting
+    from memo_core.runs.run_errors import Halted, reason_to_stop
 
     wanted = read_seeds(seeds)
     registry, experiment = load(config, overrides)
@@ -94,7 +94,7 @@ def _chosen(book: Skillbook, entries: list[int] | None) -> list[Entry]:
 
 
 def _tell(book: Skillbook, templates: list[Entry], results: list[Retested], json: bool) -> None:
-    from memo_core.skillbook.trials import fails
+    from memo_core.skillbook.store.trials import fails
 
     kept = book.trials([template.id for template in templates])
     rows: list[dict[str, Any]] = [

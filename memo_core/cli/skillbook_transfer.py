@@ -14,13 +14,13 @@ import typer
 from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import local_time, note, print_json, print_table
 from memo_core.errors import InvalidArgument, close_match
-from memo_core.parsing import parse_json, read_at_most
+from memo_core.text.parsing import parse_json, read_at_most
 
 if TYPE_CHECKING:
-    from memo_core.skillbook.authors_books import Lorebook
     from memo_core.skillbook.book import Skillbook
-    from memo_core.skillbook.importing import Imported
-    from memo_core.skillbook.recovery import Rescued
+    from memo_core.skillbook.sharing.authors_books import Lorebook
+    from memo_core.skillbook.sharing.importing import Imported
+    from memo_core.skillbook.store.recovery import Rescued
 
 _START_BYTES = 1 << 16  # by which a format is recognised
 _LONGEST_LINE = 64 << 20  # bytes of one record
@@ -55,8 +55,8 @@ def import_book(
     if source is not None and source not in FORMATS:
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
-    from memo_core.skillbook.authors_books import format_of, read_lorebook
-    from memo_core.skillbook.import_records import ImportRecords
+    from memo_core.skillbook.sharing.authors_books import format_of, read_lorebook
+    from memo_core.skillbook.sharing.import_records import ImportRecords
 
     name = whose or file.stem
     lorebook = None
@@ -110,7 +110,7 @@ def check(
     json: Json = False,
 ) -> None:
     """Look for damage: the database's own check, and whether everything that is referred to is there."""
-    from memo_core.skillbook.database import DamagedBook, Database
+    from memo_core.skillbook.store.database import DamagedBook, Database
 
     url = book or load(config, overrides)[1].section("skillbook").url
     try:
@@ -138,7 +138,7 @@ def check(
 
 
 def _rescue(path: Path, out: Path) -> Rescued:
-    from memo_core.skillbook.recovery import rescue
+    from memo_core.skillbook.store.recovery import rescue
 
     return rescue(path, out)
 
@@ -151,7 +151,7 @@ def _opened(book: str | None, config: Path | None, overrides: list[str] | None, 
 
 def _lines(file: Path) -> Iterator[dict[str, Any]]:
     """The records of a file, a line at a time."""
-    from memo_core.skillbook.import_records import BadImport
+    from memo_core.skillbook.sharing.import_records import BadImport
 
     with file.open("rb") as stream:
         for number in itertools.count(1):

@@ -13,8 +13,8 @@ from memo_core.cli.output import note, print_json, print_table
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.cli.standard_input import answer_to
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.teachers.answers import NO, bare
+from memo_core.text.reading_limits import LONGEST_WORDS
 
 if TYPE_CHECKING:
     from memo_core.study.consent import Demographics

@@ -27,8 +27,8 @@ def run_seeds(
 ) -> None:
     """Do the task on each seed that is not done yet, and print what became of all. Exits like ``memo run``: 0 where
     each is done."""
+    from memo_core.cli.narration import Narrator
     from memo_core.config import load_experiment
-    from memo_core.runs.narration import Narrator
     from memo_core.runs.sections import SECTIONS
     from memo_core.runs.sweep import sweep, sweep_folder
 
@@ -59,7 +59,7 @@ def run_seeds(
 
 
 def _print(rows: list[dict[str, Any]], experiment: Experiment, seeds: Sequence[int], folder: Path, json: bool) -> None:
-    from memo_core.runs.carrying_out import RunError, told
+    from memo_core.runs.run_errors import RunError, told
 
     done = sum(bool(row["success"]) for row in rows)
     errors = [RunError(**row["error"]) for row in rows if row["error"]]

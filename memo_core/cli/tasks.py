@@ -14,7 +14,7 @@ from memo_core.errors import InvalidArgument, UnknownName
 if TYPE_CHECKING:
     from memo_core.config import Experiment
     from memo_core.interfaces.task import Task
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
 
 app = typer.Typer(help="The tasks there are.")
 

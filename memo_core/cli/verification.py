@@ -36,9 +36,9 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     the task's own code could not carry out is an ``error`` (``RunError``) without outcomes."""
     from memo_core.config import load_experiment
     from memo_core.environment.task_verification import verify_task
-    from memo_core.plugins import Registry
-    from memo_core.runs.carrying_out import run_error
+    from memo_core.plugins.registry import Registry
     from memo_core.runs.factories import environment_of, sandbox_of, task_of
+    from memo_core.runs.run_errors import run_error
     from memo_core.runs.sections import SECTIONS
 
     started = time.monotonic()
@@ -129,8 +129,8 @@ def digest_of(experiment: Any) -> Callable[[str, int], str]:
     and of the plugins that decide (suite, simulator, robot, drivers, perception, skills)."""
     from memo_core.environment.task_code import scene_of
     from memo_core.environment.task_environment import generator
+    from memo_core.runs.code_digest import WITHOUT_MODEL, code_digest
     from memo_core.runs.factories import task_of
-    from memo_core.runs.plugin_code import WITHOUT_MODEL, code_digest
 
     files = code_digest(experiment, WITHOUT_MODEL)
     values = {key: value for key, value in experiment.public().items() if key not in ("task", "seed")}
@@ -147,7 +147,7 @@ def digest_of(experiment: Any) -> Callable[[str, int], str]:
 def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
     """All results, with progress on stderr; those in the log are not run again. Raises ``Halted`` after errors by
     which the trials that are left could not be carried out either (``reason_to_stop``)."""
-    from memo_core.runs.carrying_out import Halted, RunError, reason_to_stop
+    from memo_core.runs.run_errors import Halted, RunError, reason_to_stop
 
     results, waiting = [], []
     errors: list[RunError | None] = []

@@ -19,8 +19,8 @@ from memo_core.config.layers import FromOption, Merged, merge
 from memo_core.config.source import Path_
 from memo_core.errors import BackendUnavailable, MemoError, UnknownName, close_match
 from memo_core.interfaces.backend import KINDS, Backend
-from memo_core.plugin_loading import one_line
-from memo_core.plugins import Registry, missing_needs
+from memo_core.plugins.loading import one_line
+from memo_core.plugins.registry import Registry, missing_needs
 
 # Keys of the robot's section that choose backends of kinds of their own: kind -> key.
 DRIVERS = {"robot_driver": "driver", "gripper_driver": "gripper_driver"}

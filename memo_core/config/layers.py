@@ -19,7 +19,7 @@ from memo_core.config.references import MOST_REFERENCES, too_entangled
 from memo_core.config.source import Path_, Source, read_file, read_text, read_value
 from memo_core.errors import close_match
 from memo_core.interfaces.backend import KINDS
-from memo_core.parsing import resolved
+from memo_core.text.parsing import resolved
 
 _ONE_REFERENCE = re.compile(r"\s*\$\{[^${}]*\}\s*")
 

@@ -17,7 +17,7 @@ from memo_core.config.fields import field_types, key_of
 from memo_core.config.layers import preset_sections, presets
 from memo_core.errors import MemoError
 from memo_core.interfaces.backend import Backend
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 
 INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
 

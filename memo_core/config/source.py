@@ -14,7 +14,7 @@ import attrs
 import yaml
 
 from memo_core.config.errors import Issue, Origin, dotted
-from memo_core.parsing import read_at_most
+from memo_core.text.parsing import read_at_most
 
 Path_ = tuple[str | int, ...]
 

@@ -16,7 +16,7 @@ import numpy as np
 from memo_core.errors import BackendUnavailable, RobotFault, Stopped, TaskCodeError
 from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.plugin_loading import one_line
+from memo_core.plugins.loading import one_line
 from memo_core.scene.description import SceneDescription
 
 Expected = TypeVar("Expected")

@@ -21,16 +21,16 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesions import LESIONS, lesioned_copy
 from memo_core.evaluation.lesson_book import make_lesson_book
 from memo_core.evaluation.settings import EMPTY, LESSONS, NO_READ_BACK, BooksSettings
-from memo_core.parsing import parse_json
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.maintenance.rebuild_book import rebuild_book
+from memo_core.policy.methods import METHODS
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of
 from memo_core.runs.folder import json_text
-from memo_core.runs.rebuilding import rebuild_book
 from memo_core.skillbook.book import Skillbook
-from memo_core.stop_switch import StopSwitch
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
+from memo_core.text.parsing import parse_json
 
 LESSON_BOOK = "lessons.db"  # in the folder ``books`` of the experiment
 

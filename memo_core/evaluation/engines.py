@@ -20,10 +20,10 @@ from memo_core.errors import MemoError, Stopped
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
-from memo_core.plugins import Registry
-from memo_core.runs.carrying_out import UNEXPECTED, RunError
-from memo_core.runs.worker_processes import MOST_DEATHS, POLL_S, WorkersDied, in_processes
-from memo_core.stop_switch import StopSwitch
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.process.worker_processes import MOST_DEATHS, POLL_S, WorkersDied, in_processes
+from memo_core.runs.run_errors import UNEXPECTED, RunError
 from memo_core.study.participants import Load
 from memo_core.study.study import loader, shared_settings
 

@@ -30,15 +30,15 @@ from memo_core.evaluation.on_hardware import check_settings, in_random_order, is
 from memo_core.evaluation.settings import EvaluationSettings
 from memo_core.evaluation.table import rows_of, write_table
 from memo_core.evaluation.trial import Place, do_on_robot, experiment_of
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.carrying_out import Halted, RunError, reason_to_stop
+from memo_core.runs.code_digest import code_digest
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.folder import nested
-from memo_core.runs.plugin_code import code_digest
 from memo_core.runs.resuming import check_config
 from memo_core.runs.run import check_release
-from memo_core.stop_switch import StopSwitch
+from memo_core.runs.run_errors import Halted, RunError, reason_to_stop
 from memo_core.study.journal import Journal
 from memo_core.study.participants import Load
 from memo_core.study.study import CONFIG, journals_of

@@ -11,7 +11,7 @@ import attrs
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.settings import EvaluationSettings
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.policy.methods import METHODS
 from memo_core.runs.factories import task_of, tasks_of
 
 Mode = Literal["zero-shot", "corrected"]

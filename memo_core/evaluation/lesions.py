@@ -21,10 +21,10 @@ from memo_core.interfaces.simulator import WorldState
 from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Geom, Hinge, SceneDescription, Slide, Vector
 from memo_core.scene.pose import Pose
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import Entry
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.keys import Key
 
 _DECOYS = (Key("wipe", ("plate",)), Key("stir", ("soup",)), Key("fold", ("towel",)))
 _TURNING = {"turn_point": 3, "turn_orientation": 2}  # skill -> place of its angle

@@ -15,9 +15,9 @@ from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import read_history
 from memo_core.runs.factories import book_of, environment_of, tasks_of
 from memo_core.scene.scene_table import scene_table
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.keys import Key
 
 WHO = "lessons"  # who said them, by the book
 

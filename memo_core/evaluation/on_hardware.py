@@ -20,12 +20,12 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.settings import EvaluationSettings
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Arrangement, Episode, Program, TaskEpisode, Teacher, Verdict
-from memo_core.parsing import parse_json
-from memo_core.reading_limits import excerpt
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.folder import json_text
 from memo_core.scene.graph import Observation, SceneGraph
 from memo_core.scene.pose import Pose
+from memo_core.text.parsing import parse_json
+from memo_core.text.reading_limits import excerpt
 
 VERDICT = "verdict.json"
 

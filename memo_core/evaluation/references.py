@@ -11,11 +11,11 @@ from memo_core.environment.task_verification import Verified, verify_task
 from memo_core.evaluation.grid import evaluated_tasks
 from memo_core.evaluation.settings import EvaluationSettings
 from memo_core.interfaces.task import Task
-from memo_core.parsing import parse_json
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.folder import json_text
-from memo_core.stop_switch import StopSwitch
+from memo_core.text.parsing import parse_json
 
 FILE = "references.json"
 

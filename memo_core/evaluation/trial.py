@@ -24,7 +24,7 @@ from memo_core.evaluation.books import LESSON_BOOK, book_key, lesson_digest, tol
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.lesson_book import LessonServed, lesson_served
 from memo_core.evaluation.on_hardware import Judge, hidden_name, is_hardware, judged, set_up
-from memo_core.evaluation.served import (
+from memo_core.evaluation.retrieval_equivalence import (
     effects_of,
     executed_in,
     observed_book,
@@ -36,22 +36,22 @@ from memo_core.evaluation.served import (
 from memo_core.evaluation.settings import EMPTY, LESSONS, PRESET, EvaluationSettings
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
-from memo_core.parsing import parse_json
-from memo_core.plugins import Registry
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.plugins.registry import Registry
+from memo_core.policy.methods import METHODS
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.carrying_out import NotCarriedOut, RunError
 from memo_core.runs.factories import book_of, environment_of, task_of, world_of
 from memo_core.runs.folder import json_text
-from memo_core.runs.one_of_many import do_one
 from memo_core.runs.record_replay import recorded, replayed
+from memo_core.runs.resumable_run import do_one
 from memo_core.runs.run import check_release, components_of
+from memo_core.runs.run_errors import NotCarriedOut, RunError
 from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.skillbook.book import Skillbook
-from memo_core.stop_switch import StopSwitch
 from memo_core.study.history import public
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
+from memo_core.text.parsing import parse_json
 
 ROW, QUESTIONS, RECORDING, RUN = "row.json", "questions.jsonl", "recording.jsonl", "run"
 ERROR = "error.json"

@@ -19,11 +19,11 @@ from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
-from memo_core.parsing import read_as
-from memo_core.reading_limits import LONGEST_ANSWER
-from memo_core.redaction import Redactor
+from memo_core.process.stop_switch import StopSwitch, abandonable
 from memo_core.runlog.run_log import Effect, RunLog
-from memo_core.stop_switch import StopSwitch, abandonable
+from memo_core.text.parsing import read_as
+from memo_core.text.reading_limits import LONGEST_ANSWER
+from memo_core.text.redaction import Redactor
 
 LONGEST_WAIT_S = 120.0  # a server that wants to be left alone for longer is not asked again
 _LONGEST_BACK_OFF_S = 30.0

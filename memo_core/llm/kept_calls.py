@@ -12,9 +12,9 @@ import attrs
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModelError, Request, Usage
 from memo_core.llm.spending import Spent
-from memo_core.parsing import parse_json, read_as
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.log_history import Entry, History
+from memo_core.text.parsing import parse_json, read_as
 
 ASK = "ask a model"
 

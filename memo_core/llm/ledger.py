@@ -18,7 +18,7 @@ import attrs
 from memo_core.errors import MemoError
 from memo_core.interfaces.llm import Usage
 from memo_core.llm.spending import Spent
-from memo_core.parsing import resolved
+from memo_core.text.parsing import resolved
 
 _WAIT_S = 30.0  # for other processes that write
 _UNREADABLE = (sqlite3.Error, UnicodeDecodeError)  # the second: SQLite's own message quotes bytes of a damaged schema

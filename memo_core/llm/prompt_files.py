@@ -19,8 +19,8 @@ from memo_core.errors import MemoError, UnknownName, close_match
 from memo_core.interfaces.llm import Message
 from memo_core.llm import prompt_filling
 from memo_core.llm.prompt_filling import Unfit
-from memo_core.parsing import read_at_most
 from memo_core.robot.description import GripperDescription, RobotDescription
+from memo_core.text.parsing import read_at_most
 
 SUFFIX = ".md.j2"
 SYSTEM = "system"

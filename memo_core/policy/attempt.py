@@ -6,7 +6,7 @@ import attrs
 
 from memo_core.interfaces.teacher import Sighting
 from memo_core.scene.graph import SceneGraph
-from memo_core.skillbook.retrieval import Retrieval
+from memo_core.skillbook.retrieval.retriever import Retrieval
 
 
 @attrs.frozen

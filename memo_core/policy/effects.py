@@ -17,16 +17,16 @@ import attrs
 
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
-from memo_core.parsing import read_as
 from memo_core.policy.pictures import Picture, PictureFiles
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
+from memo_core.process.stop_switch import Leaving
 from memo_core.runlog.run_log import Effect, LogMismatch
 from memo_core.runlog.words_file import WordsFile
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.graph_json import pack_scenes, scene_of, scene_record, unpack_scenes
-from memo_core.stop_switch import Leaving
+from memo_core.text.parsing import read_as
 
 
 @attrs.frozen(eq=False)

@@ -19,12 +19,12 @@ from memo_core.policy import prompting
 from memo_core.policy.model_questions import Asked, put, schema_of
 from memo_core.policy.plan_feedback import for_plans, is_of_plans
 from memo_core.policy.settings import TeachingSettings
-from memo_core.reading_limits import too_long
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import GLOBAL_KEY, Entry, Feedback, Note
-from memo_core.skillbook.keys import Key, NotAKey
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Entry, Feedback, Note
+from memo_core.skillbook.model.keys import Key, NotAKey
+from memo_core.text.reading_limits import too_long
 
 NOT_NOW = (LanguageModelError, BudgetExceeded)  # a model cannot be asked; another time it may
 _OF_THIS_QUESTION = ("refusal", "length")  # causes that the same question will have again

@@ -12,11 +12,11 @@ from typing import TypeVar
 import attrs
 
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.runlog.run_log import Effect
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import Entry, Feedback, Note, ReadBack
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.entries import Entry, Feedback, Note, ReadBack
+from memo_core.skillbook.model.keys import Key
 
 T = TypeVar("T")
 

@@ -26,17 +26,17 @@ from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
 from memo_core.policy.effects import Effects, Heard, Words
-from memo_core.policy.memo_and_baselines import Memory
+from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
 from memo_core.policy.prompting import done_line
 from memo_core.policy.results import RunResult, Status, SubtaskResult
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.policy.teaching import Corrected, Judged, Teaching
 from memo_core.runlog.run_log import Effect, InDoubt
 from memo_core.scene.graph import SceneGraph
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Retrieval
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.retriever import Retrieval
 from memo_core.skills.contract import documentation
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from memo_core.policy.memo_and_baselines import Memory
+from memo_core.policy.methods import Memory
 from memo_core.policy.results import RunResult
 
 if (
     TYPE_CHECKING
 ):  # a session knows the sandbox and the book, and a plugin that declares a method should not wait for them
-    from memo_core.policy.session import Session
+    from memo_core.policy.run_context import Session
 
 
 class Method(ABC):

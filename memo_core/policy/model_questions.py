@@ -12,7 +12,7 @@ from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.readers import Unreadable
 from memo_core.policy import prompting
 from memo_core.policy.pictures import Picture, with_pictures
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.scene.graph import SceneGraph
 
 T = TypeVar("T")

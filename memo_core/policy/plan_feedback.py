@@ -6,7 +6,7 @@ import re
 
 import attrs
 
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 
 PLANNING = "plan"  # the action of such a key; no subtask is planned by this name
 LONGEST = 70  # characters of the instruction that are kept

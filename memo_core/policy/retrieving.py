@@ -11,18 +11,18 @@ import cattrs
 
 from memo_core.events import Problem
 from memo_core.policy.logged_book import entries_of
-from memo_core.policy.memo_and_baselines import Memory
+from memo_core.policy.methods import Memory
 from memo_core.policy.plan_feedback import is_of_plans
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import TeachingSettings
+from memo_core.process.stop_switch import abandonable
 from memo_core.runlog.run_log import Effect
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import longest_entry
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Cut, Retrieval, RetrievedEntry
-from memo_core.skillbook.scene_context import SubtaskContext
-from memo_core.stop_switch import abandonable
+from memo_core.skillbook.model.entries import longest_entry
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.model.scene_context import SubtaskContext
+from memo_core.skillbook.retrieval.retriever import Cut, Retrieval, RetrievedEntry
 
 _ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
 

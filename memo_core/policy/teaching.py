@@ -16,17 +16,17 @@ from memo_core.policy.attempt import Tried
 from memo_core.policy.effects import Effects, Heard, Words
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, Noted
 from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
-from memo_core.policy.memo_and_baselines import Memory
+from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
-from memo_core.policy.session import Session
-from memo_core.reading_limits import excerpt, too_long
+from memo_core.policy.run_context import Session
 from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.name_corrections import UNKNOWN, read_name_corrections, says_only_names
 from memo_core.scene.scene_table import scene_table
-from memo_core.skillbook.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
+from memo_core.skillbook.model.keys import Key
 from memo_core.skills.contract import documentation
+from memo_core.text.reading_limits import excerpt, too_long
 
 ABOUT_NAMES = "it says what a thing is called: perception goes by it"
 READ_BACKS = 3  # of one remark: a rewording is noted and read back as well

@@ -11,8 +11,8 @@ import attrs
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.table import read_table
 from memo_core.evaluation.trial import Place, film_trial
-from memo_core.plugins import Registry
-from memo_core.stop_switch import StopSwitch
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.study.participants import Load
 
 

@@ -14,7 +14,7 @@ from memo_core.evaluation.books import contents
 from memo_core.evaluation.references import read_references
 from memo_core.evaluation.table import ERRORS, read_table
 from memo_core.runs.factories import book_of, tasks_of
-from memo_core.skillbook.entries import GLOBAL_KEY
+from memo_core.skillbook.model.entries import GLOBAL_KEY
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
 from memo_core.study.people import People

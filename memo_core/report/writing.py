@@ -11,16 +11,16 @@ from typing import Any
 import attrs
 import jinja2
 
-from memo_core.installing import install
-from memo_core.parsing import resolved
-from memo_core.plugins import Registry
+from memo_core.plugins.installing import install
+from memo_core.plugins.registry import Registry
 from memo_core.report.beside_the_paper import paper_tables
 from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
 from memo_core.report.findings import Findings, gather
+from memo_core.report.run_reader import read_story
 from memo_core.report.tables import all_tables
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.story import read_story
+from memo_core.text.parsing import resolved
 
 
 @attrs.frozen(eq=False)

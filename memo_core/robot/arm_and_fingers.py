@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import Urdf, UrdfJoint
-from memo_core.robot.urdf_text import without_links
+from memo_core.robot.urdf.reading import Urdf, UrdfJoint
+from memo_core.robot.urdf.text import without_links
 
 _FINGER_NAMES = re.compile(r"finger|grip|jaw|knuckle|thumb|claw", re.IGNORECASE)
 _WHOLE_GRIPPER = re.compile(r"(.*[_/-])?gripper([_-]?(base|body|frame|mount))?([_-]?link)?", re.IGNORECASE)

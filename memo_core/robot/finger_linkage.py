@@ -14,7 +14,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription
-from memo_core.robot.urdf import Urdf, link_poses
+from memo_core.robot.urdf.reading import Urdf, link_poses
 from memo_core.scene.pose import Array
 
 _POINTS = 65  # of the curve

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import attrs
 import numpy as np
 
-from memo_core.robot.urdf import Urdf, UrdfJoint, Vector, link_poses
+from memo_core.robot.urdf.reading import Urdf, UrdfJoint, Vector, link_poses
 from memo_core.scene.pose import Array, Pose
 
 _APART = 0.005  # m from which on two frames count as apart

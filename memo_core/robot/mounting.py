@@ -17,8 +17,8 @@ from attrs.validators import ge, le
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import read_urdf
-from memo_core.robot.urdf_text import Solid, joint_text, link_text
+from memo_core.robot.urdf.reading import read_urdf
+from memo_core.robot.urdf.text import Solid, joint_text, link_text
 from memo_core.scene.pose import Pose
 
 _FARTHEST = 3.0  # m from the origin of scenes to the base: farther, no arm reaches a table

@@ -10,7 +10,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import GripperDescription
-from memo_core.robot.urdf_text import Inertia, Solid, Vector, box_inertia, joint_text, link_text, materials_text
+from memo_core.robot.urdf.text import Inertia, Solid, Vector, box_inertia, joint_text, link_text, materials_text
 
 COLOURS = {
     "memo_hand_black": "0.11 0.12 0.13 1",

@@ -6,7 +6,7 @@ import attrs
 
 from memo_core.robot.description import GripperDescription
 from memo_core.robot.parallel_hand import COLOURS
-from memo_core.robot.urdf_text import Solid, Vector, box_inertia, joint_text, link_text, materials_text
+from memo_core.robot.urdf.text import Solid, Vector, box_inertia, joint_text, link_text, materials_text
 
 
 @attrs.frozen

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from memo_core.parsing import parse_json
+from memo_core.text.parsing import parse_json
 
 
 def read_lines(file: Path) -> Iterator[tuple[int, Any]]:

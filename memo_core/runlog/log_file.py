@@ -12,9 +12,9 @@ from typing import Any
 import attrs
 
 from memo_core.errors import InvalidArgument
-from memo_core.parsing import encodable, parse_json
-from memo_core.redaction import Redactor
 from memo_core.runlog.whole_files import writing
+from memo_core.text.parsing import encodable, parse_json
+from memo_core.text.redaction import Redactor
 
 VERSION = 1
 FILE = "log.jsonl"

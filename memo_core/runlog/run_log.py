@@ -18,10 +18,10 @@ import attrs
 import cattrs
 
 from memo_core.errors import InvalidArgument, MemoError, Stopped
-from memo_core.redaction import Redactor
 from memo_core.runlog.log_file import VERSION, LogFile
 from memo_core.runlog.log_history import Entry, History, unanswered_stop
 from memo_core.runlog.whole_files import write_whole
+from memo_core.text.redaction import Redactor
 
 T = TypeVar("T")
 _UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, OverflowError, zlib.error, cattrs.BaseValidationError)

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from memo_core.errors import InvalidArgument
-from memo_core.parsing import parse_json
 from memo_core.runlog.whole_files import write_whole
+from memo_core.text.parsing import parse_json
 
 FOLDER = "words"
 

@@ -10,8 +10,8 @@ from memo_core.interfaces.perception import Ask
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.policy.settings import RunSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
-from memo_core.stop_switch import StopSwitch
 
 
 def asking(

@@ -14,7 +14,7 @@ from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import BackendUnavailable
 from memo_core.events import Event, Problem, SubtaskStarted
 from memo_core.interfaces.teacher import Episode, Sighting, TaskEpisode
-from memo_core.policy.session import PutBack
+from memo_core.policy.run_context import PutBack
 from memo_core.policy.settings import RunSettings
 from memo_core.runs.folder import attempt_name, file_name
 from memo_core.runs.video import Recording, save_picture, write_picture

@@ -27,10 +27,10 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.events import CodeWritten, Event, Retrieved
-from memo_core.redaction import Redactor
+from memo_core.runlog import event_log
+from memo_core.runlog.event_log import EventLog, read_events
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs import event_log
-from memo_core.runs.event_log import EventLog, read_events
+from memo_core.text.redaction import Redactor
 
 
 class RunFolder:

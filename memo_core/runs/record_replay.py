@@ -13,7 +13,7 @@ import attrs
 from memo_core.config import Choice, Experiment, Origin, ShownValue
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.backend import Backend
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 
 
 def recorded(experiment: Experiment, registry: Registry, file: Path) -> Experiment:

@@ -10,9 +10,9 @@ import attrs
 import yaml
 
 from memo_core.errors import InvalidArgument
+from memo_core.runlog.event_log import read_events
 from memo_core.runlog.log_file import Lines, read_lines
 from memo_core.runlog.log_history import History, read_history
-from memo_core.runs.event_log import read_events
 from memo_core.runs.folder import nested
 from memo_core.skillbook.book import Skillbook
 

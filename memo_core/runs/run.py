@@ -25,23 +25,24 @@ from memo_core.llm.kept_calls import ASK, spent_in, usages_in
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import Method
 from memo_core.policy.pictures import Picture
 from memo_core.policy.results import RunResult, SubtaskResult
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.process.freed_memory import give_back_freed_memory
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
 from memo_core.runlog.whole_files import clear_unfinished
 from memo_core.runs.asking import asking
-from memo_core.runs.carrying_out import RunError, run_error
-from memo_core.runs.clustering import AfterRun, after_run
+from memo_core.runs.consolidation import AfterRun, after_run
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.freed_memory import give_back_freed_memory
 from memo_core.runs.resuming import CutOff, book_changes, check_config, check_place, read_cut_off
+from memo_core.runs.run_errors import RunError, run_error
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.runs.video import png
@@ -49,7 +50,6 @@ from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
-from memo_core.stop_switch import StopSwitch
 
 LATE_CALLS_S = 1.0  # a call that was given up has so long to say what it cost before the run is summed up
 

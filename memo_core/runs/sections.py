@@ -8,10 +8,10 @@ import attrs
 
 from memo_core.environment.hardware import HardwareSettings
 from memo_core.llm.prompt_files import PromptSettings
-from memo_core.policy.clustering import ClusteringSettings
+from memo_core.policy.consolidation import ClusteringSettings
 from memo_core.policy.settings import PolicySettings, RunSettings, TeachingSettings
 from memo_core.sandbox.limits import Limits
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
 
 @attrs.frozen

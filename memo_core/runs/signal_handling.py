@@ -23,7 +23,7 @@ import attrs
 
 from memo_core.errors import Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
-from memo_core.stop_switch import StopSwitch
+from memo_core.process.stop_switch import StopSwitch
 
 T = TypeVar("T")
 SECOND_PRESS_S = 2.0

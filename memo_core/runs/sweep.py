@@ -15,12 +15,12 @@ from typing import Any
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
-from memo_core.parsing import parse_json
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runlog.log_file import FILE
-from memo_core.runs.carrying_out import RunError, reason_to_stop
 from memo_core.runs.folder import file_name
 from memo_core.runs.run import RunReport, resume_experiment, run_experiment
+from memo_core.runs.run_errors import RunError, reason_to_stop
+from memo_core.text.parsing import parse_json
 
 # What a run writes and a person reads off the machine, not what is done: another value is still the same sweep.
 _NOT_THE_SAME = ("seed",)

@@ -14,8 +14,8 @@ import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
 from memo_core.events import Problem
-from memo_core.installing import install
 from memo_core.interfaces.simulator import Simulator
+from memo_core.plugins.installing import install
 
 _PATIENCE_S = 20.0  # for the encoder to write its last frames
 

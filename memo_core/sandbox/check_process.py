@@ -18,7 +18,7 @@ import attrs
 
 import memo_core
 from memo_core.errors import Stopped
-from memo_core.isolated_python import end_isolated, start_isolated
+from memo_core.process.isolated_python import end_isolated, start_isolated
 from memo_core.sandbox.check_worker import Checked, from_json
 from memo_core.sandbox.limits import Limits
 from memo_core.sandbox.subset import Finding, SkillShape

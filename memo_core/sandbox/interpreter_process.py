@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from pydantic_monty import Monty, MontySession
 from pydantic_monty._binary import find_monty_binary
 
+from memo_core.process.temporary_folders import scratch_folder
 from memo_core.sandbox.limits import Limits
-from memo_core.temporary_folders import scratch_folder
 
 _POLL = 0.004  # s between two looks at the stop while code computes
 

@@ -38,7 +38,7 @@ from memo_core.sandbox.subset import Finding
 from memo_core.sandbox.workspace import Workspace
 from memo_core.skills.control import Control
 from memo_core.skills.skill import Skill
-from memo_core.terminal import printable
+from memo_core.text.terminal import printable
 
 _GATE = "_memo_gate"
 _OUT_OF_MEMORY = re.compile(

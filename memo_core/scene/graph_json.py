@@ -10,9 +10,9 @@ from typing import Any
 
 import cattrs
 
-from memo_core.parsing import parse_json
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose
+from memo_core.text.parsing import parse_json
 
 
 def scene_record(scene: SceneGraph) -> dict[str, Any]:

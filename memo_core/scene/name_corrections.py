@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 
 import attrs
 
-from memo_core.reading_limits import too_long
 from memo_core.scene.graph import Node, SceneGraph
+from memo_core.text.reading_limits import too_long
 
 UNKNOWN = "unknown thing"  # what a thing is called of which people only said what it is not
 _UNSURE = 0.3  # most confidence in it

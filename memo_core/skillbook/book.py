@@ -17,11 +17,7 @@ from memo_core.errors import UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
-from memo_core.skillbook import bulk_adding, queries, tables, templates, trials
-from memo_core.skillbook.adding_entries import add_notes, add_template
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.clusters import Cluster, Clustered, Condensed
-from memo_core.skillbook.condensing import (
+from memo_core.skillbook.consolidation.condensing import (
     CLUSTERED,
     ClusterLimits,
     Clusters,
@@ -29,8 +25,20 @@ from memo_core.skillbook.condensing import (
     find_clusters,
     without_duplicates,
 )
-from memo_core.skillbook.database import Database, SkillbookError
-from memo_core.skillbook.entries import (
+from memo_core.skillbook.consolidation.rules import Cluster, Clustered, Condensed
+from memo_core.skillbook.consolidation.unclustered import copy_without_clustering, is_clustered
+from memo_core.skillbook.forgetting.in_database import forget_person, words_of
+from memo_core.skillbook.forgetting.in_files import BEYOND, BEYOND_SERVER, clean
+from memo_core.skillbook.history import (
+    Difference,
+    Revision,
+    Version,
+    difference,
+    revisions,
+    roll_back,
+    versions,
+)
+from memo_core.skillbook.model.entries import (
     GLOBAL_KEY,
     Entry,
     Feedback,
@@ -42,35 +50,28 @@ from memo_core.skillbook.entries import (
     Stats,
     spoken,
 )
-from memo_core.skillbook.export import records
-from memo_core.skillbook.feedback_store import checked_name, feedback_by_id, insert_feedback, set_status
-from memo_core.skillbook.forget_in_database import forget_person, words_of
-from memo_core.skillbook.forget_in_files import BEYOND, BEYOND_SERVER, clean
-from memo_core.skillbook.history import (
-    Difference,
-    Revision,
-    Version,
-    difference,
-    revisions,
-    roll_back,
-    versions,
-)
-from memo_core.skillbook.import_records import ImportRecords
-from memo_core.skillbook.importing import Imported, ImportedBook, imported_books, merge
-from memo_core.skillbook.key_aliases import NearKeys, join, near_keys
-from memo_core.skillbook.key_embedding import KeyVectors
-from memo_core.skillbook.keys import Key, as_text
-from memo_core.skillbook.known_copies import Place, PlaceKind, drop_place, note_place, places_of
-from memo_core.skillbook.negative_transfer import Evidence, evidence_of, is_evidence, withhold
-from memo_core.skillbook.origins import origins_of
-from memo_core.skillbook.rebuild_input import RawLog, keep_answer, kept_answer, read_log
-from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, Retriever
-from memo_core.skillbook.revising import edit, kept_read_backs, read_back, remove
-from memo_core.skillbook.said_names import said_names
-from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.skillbook.model.keys import Key, as_text
+from memo_core.skillbook.model.scene_context import SubtaskContext
+from memo_core.skillbook.retrieval.negative_transfer import Evidence, evidence_of, is_evidence, withhold
+from memo_core.skillbook.retrieval.retriever import Retrieval, RetrievalSettings, Retriever
+from memo_core.skillbook.sharing.export import records
+from memo_core.skillbook.sharing.import_records import ImportRecords
+from memo_core.skillbook.sharing.importing import Imported, ImportedBook, imported_books, merge
+from memo_core.skillbook.sharing.rebuild_input import RawLog, keep_answer, kept_answer, read_log
 from memo_core.skillbook.stats import stats_of
-from memo_core.skillbook.text_vectors import TextVectors, batched
-from memo_core.skillbook.unclustered import copy_without_clustering, is_clustered
+from memo_core.skillbook.store import queries, tables, trials
+from memo_core.skillbook.store.database import Database, SkillbookError
+from memo_core.skillbook.store.known_copies import Place, PlaceKind, drop_place, note_place, places_of
+from memo_core.skillbook.store.origins import origins_of
+from memo_core.skillbook.store.said_names import said_names
+from memo_core.skillbook.vectors.key_vectors import KeyVectors
+from memo_core.skillbook.vectors.text_vectors import TextVectors, batched
+from memo_core.skillbook.writing import bulk_adding, templates
+from memo_core.skillbook.writing.adding import add_notes, add_template
+from memo_core.skillbook.writing.bulk_adding import Lesson
+from memo_core.skillbook.writing.feedback import checked_name, feedback_by_id, insert_feedback, set_status
+from memo_core.skillbook.writing.key_aliases import NearKeys, join, near_keys
+from memo_core.skillbook.writing.revising import edit, kept_read_backs, read_back, remove
 
 _F, _E = tables.feedback.c, tables.entries.c
 _PREPARED = 1_000  # texts embedded at a time
@@ -320,9 +321,9 @@ class Skillbook:
     def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
         """Count that entries were served for code that ran and, with ``success``, that the code was approved. With
         ``subtask``, the subtask of the code, it is also counted for that key: an entry that was served for another key
-        and corrected there is withheld there (``memo_core.skillbook.negative_transfer``), and a key's own template is
-        replaced by an older version once that has the better record (``memo_core.skillbook.templates``).
-        """
+        and corrected there is withheld there (``memo_core.skillbook.retrieval.negative_transfer``), and a key's own
+        template is replaced by an older version once that has the better record
+        (``memo_core.skillbook.writing.templates``)."""
         ids = sorted(set(entry_ids))
         if not ids:
             return
@@ -340,7 +341,7 @@ class Skillbook:
     def note_trial(self, entry_id: int, start: str, success: bool, reason: str = "") -> None:
         """Store the result of running a template again in a simulator from ``start``, replacing an earlier trial from
         there. If the template then counts as failing, an older version that does not is served
-        (``memo_core.skillbook.trials``). Raises ``UnknownName``, ``ReadOnlyBook``."""
+        (``memo_core.skillbook.store.trials``). Raises ``UnknownName``, ``ReadOnlyBook``."""
         with self._database.write() as connection:
             entry = _entry(connection, entry_id)
             before = trials.failing(self._database, connection, [entry_id])
@@ -358,8 +359,8 @@ class Skillbook:
 
     # -- made anew from the raw log -----------------------------------------------------------------------------------
     def log(self, until: int | float | None = None) -> RawLog:
-        """Feedback and the entries made of it (``memo_core.skillbook.rebuild_input``), up to and including feedback
-        number ``until`` (an int), or before a time (a float, s since the epoch)."""
+        """Feedback and the entries made of it (``memo_core.skillbook.sharing.rebuild_input``), up to and including
+        feedback number ``until`` (an int), or before a time (a float, s since the epoch)."""
         with self._database.read() as connection:
             return read_log(self._database, connection, until)
 
@@ -394,9 +395,9 @@ class Skillbook:
         return list(self.each_cluster(unchanged, limits))
 
     def each_cluster(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> Clusters:
-        """The clusters (``memo_core.skillbook.clusters``): keys in order, general statements last, each read from the
-        book when it is iterated. Those that have not changed since they were last clustered are included only with
-        ``unchanged``. Needs the embedder."""
+        """The clusters (``memo_core.skillbook.consolidation.rules``): keys in order, general statements last, each read
+        from the book when it is iterated. Those that have not changed since they were last clustered are included only
+        with ``unchanged``. Needs the embedder."""
         key_vectors = self._key_vectors()
         return find_clusters(
             self._database, key_vectors, self.settings, limits or ClusterLimits(), self._text_vectors().chain, unchanged
@@ -413,8 +414,8 @@ class Skillbook:
         return without_duplicates(self._database, cluster)
 
     def near_keys(self) -> list[NearKeys]:
-        """Keys that have the same meaning as another key with more entries (``memo_core.skillbook.key_aliases``);
-        ``add_alias`` merges them. Needs the embedder."""
+        """Keys that have the same meaning as another key with more entries
+        (``memo_core.skillbook.writing.key_aliases``); ``add_alias`` merges them. Needs the embedder."""
         with self._database.read() as connection:
             known, sizes = queries.keys_by_id(connection), queries.group_sizes(connection)
         counted: Counter[Key] = Counter()
@@ -457,9 +458,9 @@ class Skillbook:
 
     # -- asking --------------------------------------------------------------------------------------------------------
     def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
-        """Retrieve entries for a subtask (``memo_core.skillbook.retrieval``). ``context`` holds what the scene shows
-        about it: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, notes are read as they were before
-        clustering. Raises ``SkillbookError``, ``NotAKey``."""
+        """Retrieve entries for a subtask (``memo_core.skillbook.retrieval.retriever``). ``context`` holds what the
+        scene shows about it: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, notes are read as they were
+        before clustering. Raises ``SkillbookError``, ``NotAKey``."""
 
         if not clustered and (unclustered := self._without_clustering()) is not None:
             return unclustered.retrieve(subtask, context)
@@ -512,8 +513,8 @@ class Skillbook:
             return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
 
     def export(self) -> Iterator[dict[str, Any]]:
-        """Everything in the book except vectors, as JSON-compatible records (``memo_core.skillbook.export``) of the
-        state at the first iteration. Records are read during iteration, so a large book needs little memory."""
+        """Everything in the book except vectors, as JSON-compatible records (``memo_core.skillbook.sharing.export``) of
+        the state at the first iteration. Records are read during iteration, so a large book needs little memory."""
         with self._database.read() as connection:
             yield from records(self._database, connection)
 

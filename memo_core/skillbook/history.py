@@ -12,14 +12,14 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.errors import MemoError, UnknownName
-from memo_core.skillbook import queries, tables
-from memo_core.skillbook.clusters import state_digest
-from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import Entry
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.superseding import restore, supersede
-from memo_core.skillbook.templates import records_of
-from memo_core.skillbook.text_vectors import batched
+from memo_core.skillbook.consolidation.rules import state_digest
+from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.store import queries, tables
+from memo_core.skillbook.store.database import Database
+from memo_core.skillbook.store.superseding import restore, supersede
+from memo_core.skillbook.vectors.text_vectors import batched
+from memo_core.skillbook.writing.templates import records_of
 
 _E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
 _CHUNK = 500

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-from memo_core.skillbook import queries, tables
-from memo_core.skillbook.database import Database
-from memo_core.skillbook.entries import Stats
+from memo_core.skillbook.model.entries import Stats
+from memo_core.skillbook.store import queries, tables
+from memo_core.skillbook.store.database import Database
 
 _F, _E = tables.feedback.c, tables.entries.c
 

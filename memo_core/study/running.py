@@ -11,11 +11,11 @@ from pathlib import Path
 import attrs
 
 from memo_core.errors import InvalidArgument, MemoError
-from memo_core.plugins import Registry
-from memo_core.runs.carrying_out import Halted, NotCarriedOut
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.process.worker_processes import in_processes
+from memo_core.runs.run_errors import Halted, NotCarriedOut
 from memo_core.runs.sections import SECTIONS
-from memo_core.runs.worker_processes import in_processes
-from memo_core.stop_switch import StopSwitch
 from memo_core.study.consent import Reception
 from memo_core.study.history import History, Teaching, teach
 from memo_core.study.participants import Load

@@ -17,9 +17,9 @@ import yaml
 
 from memo_core.config import Experiment, Unread, load_experiment
 from memo_core.errors import InvalidArgument
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.clustering import after_run
+from memo_core.runs.consolidation import after_run
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config

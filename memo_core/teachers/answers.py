@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from memo_core.reading_limits import too_long
+from memo_core.text.reading_limits import too_long
 
 Meaning = Literal["approve", "silent", "correct", "unsure", "explain", "empty"]
 

@@ -9,7 +9,7 @@ import json
 import attrs
 
 from memo_core.interfaces.teacher import Episode, Noted, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
-from memo_core.parsing import parse_json
+from memo_core.text.parsing import parse_json
 
 
 @attrs.frozen

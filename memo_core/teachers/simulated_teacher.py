@@ -16,10 +16,10 @@ import yaml
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Episode, Proposal, TaskEpisode, Teacher, Verdict
-from memo_core.parsing import parse_json
 from memo_core.teachers.episode_assessment import goal_impression, impression, plan_impression
 from memo_core.teachers.impression import Impression
 from memo_core.teachers.visible import Seen
+from memo_core.text.parsing import parse_json
 
 # Causes to be mended before a trick of the thing itself can matter.
 NOT_YET_AT_IT = ("never-near", "nothing-moved", "untouched-handle", "closed-beside", "out-of-sight", "closed-place")

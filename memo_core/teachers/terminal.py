@@ -22,10 +22,10 @@ from memo_core.interfaces.teacher import (
     Teacher,
     Verdict,
 )
-from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.scene.graph import Node
 from memo_core.teachers.answers import NO, NO_ELSEWHERE, YES, YES_ELSEWHERE, Meaning, bare, in_other_words, meaning_of
 from memo_core.teachers.typed_line import TypedLine
+from memo_core.text.reading_limits import LONGEST_WORDS
 
 Answer = TypeVar("Answer")
 EXPLAINED = f"""Answer in your own words; a pasted text of several paragraphs is one answer. At most {LONGEST_WORDS}

@@ -17,7 +17,7 @@ import sys
 from typing import Any
 
 from memo_core.errors import InvalidArgument
-from memo_core.reading_limits import too_long
+from memo_core.text.reading_limits import too_long
 
 _PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
 _ANY_BYTE = "surrogateescape"

@@ -13,12 +13,12 @@ from typing import Any
 from memo_core.errors import MemoError
 from memo_core.policy.method_interface import Method
 from memo_core.policy.results import RunResult
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.rules import Rules

@@ -21,11 +21,11 @@ from memo_core.config.experiment import DRIVERS, plain
 from memo_core.config.fields import field_types
 from memo_core.errors import BackendUnavailable, MemoError, TaskCodeError, UnknownName
 from memo_core.interfaces.backend import KINDS, Backend
-from memo_core.plugins import Registry, missing_needs
+from memo_core.plugins.registry import Registry, missing_needs
 from memo_core.testing.rules import Limited, Rules
 
 if TYPE_CHECKING:
-    from memo_core.testing.robot_trial import RobotTrial
+    from memo_core.testing.robot_check.trial import RobotTrial
 
 Make = Callable[[], Any]
 Outcome = Literal["kept", "broken", "limited", "skipped"]
@@ -45,7 +45,7 @@ INTERFACES = {
 }
 # Run on its own: what a plugin's module loads beyond what the core itself brings.
 _LOADS = """
-import sys, memo_core.plugins, memo_core.config, jinja2, numpy, sqlalchemy, yaml
+import sys, memo_core.plugins.registry, memo_core.config, jinja2, numpy, sqlalchemy, yaml
 before = set(sys.modules)
 import importlib
 importlib.import_module(sys.argv[1])
@@ -133,7 +133,8 @@ def check_robot(
 ) -> Iterator[Result]:
     """The static rules for a robot, and where they hold the dynamic ones, in the default simulator and for the default
     suite's tasks. What only follows from an earlier failure is skipped, so that what is broken is the cause."""
-    from memo_core.testing import robot, robot_motion
+    from memo_core.testing import robot
+    from memo_core.testing.robot_check import motion as robot_motion
 
     broken = ""
     static = {rule: functools.partial(check, make) for rule, check in robot.RULES.items()}
@@ -182,7 +183,7 @@ def _in_turn(
 def trial_of(registry: Registry, robot: Any) -> RobotTrial:
     """The robot in the default simulator, with the default suite's tasks. Raises as ``Registry.default``, and
     ``BackendUnavailable`` where the simulator is not installed."""
-    from memo_core.testing.robot_trial import RobotTrial
+    from memo_core.testing.robot_check.trial import RobotTrial
 
     simulator = registry.default("simulator")
     missing = missing_needs(attrs.evolve(simulator.needs, keys=(), system={}))

@@ -18,8 +18,8 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import Urdf, link_poses, read_urdf
-from memo_core.robot.urdf_units import check_units
+from memo_core.robot.urdf.reading import Urdf, link_poses, read_urdf
+from memo_core.robot.urdf.units import check_units
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.rules import Rules
 

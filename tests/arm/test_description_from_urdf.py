@@ -15,7 +15,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
-from memo_core.robot.urdf import link_poses, read_urdf
+from memo_core.robot.urdf.reading import link_poses, read_urdf
 from memo_core.testing.robot import RULES
 from memo_core.testing.simulator_scenes import check_robot
 from tests.support.arms import on_a_rail, six_joint_arm

@@ -10,7 +10,7 @@ from memo_franka.description import panda
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.arm.facing import facing
 from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.robot.mounting import mounted
 from memo_core.testing.plugins import check_robot
 from tests.support.arms import facing_arm, six_joint_arm

@@ -6,8 +6,8 @@ import pytest
 from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.errors import MotionError
-from memo_core.testing.robot_motion import RULES
-from memo_core.testing.robot_trial import RobotTrial
+from memo_core.testing.robot_check.motion import RULES
+from memo_core.testing.robot_check.trial import RobotTrial
 from memo_core.testing.rules import Limited
 from tests.support.arms import control_of, five_joint_arm, six_joint_arm
 

@@ -17,7 +17,7 @@ from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.meshes import mesh_vertices
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import find_mesh, read_urdf, with_meshes_found
+from memo_core.robot.urdf.reading import find_mesh, read_urdf, with_meshes_found
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.pose import Pose
 from tests.support.arms import six_joint_arm

@@ -7,7 +7,7 @@ from memo_benchmarks.perception.comparing import compare
 from memo_benchmarks.perception.scenes import seen_by
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import tasks_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Body, Geom, Hinge, SceneDescription

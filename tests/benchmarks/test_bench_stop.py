@@ -11,7 +11,7 @@ from memo_benchmarks.signals import bench_signals
 from memo_benchmarks.stop import PhaseStop, StopBench, bench_stop
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 
 

@@ -18,7 +18,7 @@ from memo_core.cli.main import main
 from memo_core.cli.signal_handling import INTERRUPTED
 from memo_core.config import load_experiment
 from memo_core.errors import UnknownName
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of
 from memo_core.runs.sections import SECTIONS
 

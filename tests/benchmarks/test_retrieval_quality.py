@@ -26,9 +26,9 @@ from memo_benchmarks.retrieval_quality import (
 from memo_embedder.sentence_transformers import SentenceTransformersEmbedder
 from memo_embedder.settings import SentenceTransformersSettings
 
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

@@ -10,7 +10,7 @@ from memo_benchmarks.transfer import NOBODY, Row, Transfer
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 
 SIMULATORS = ("mujoco", "pybullet")

@@ -9,7 +9,7 @@ import time
 import pytest
 from memo_benchmarks.trial import POLICY_THREAD, Sampler, bench_trial, place_of
 
-from memo_core.runs.carrying_out import Halted
+from memo_core.runs.run_errors import Halted
 
 
 def framed(file: str, function):

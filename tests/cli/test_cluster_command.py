@@ -14,7 +14,7 @@ import pytest
 
 from memo_core.cli.main import main
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from tests.support.cluster_books import ARC, approve, teach, teach_general, texts
 
 SCENE = """## Scene

@@ -9,8 +9,8 @@ from memo_franka.description import fr3
 from memo_core.arm.slow_motion import move_joints
 from memo_core.cli import robot as command
 from memo_core.environment.hardware import HardwareSettings
+from memo_core.environment.hardware_check import examine_host, examine_robot
 from memo_core.environment.lease import Lease
-from memo_core.environment.robot_check import examine_host, examine_robot
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped
 from memo_core.interfaces.driver import RobotDriver
 from memo_core.robot.safety import SafetyLimits

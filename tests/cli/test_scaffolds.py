@@ -26,7 +26,7 @@ from memo_core.cli.options import load
 from memo_core.cli.scaffolds import SCAFFOLDS, RobotSource, rendered, write_scaffold
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.backend import KINDS
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.robot.mounting import base_pose
 from memo_core.teachers.goal_check import unseen_goal
 from memo_core.testing.perception import StillWorld

@@ -13,7 +13,7 @@ from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 from memo_core.cli.options import load
 from memo_core.cli.verification import Trial, TrialLog, digest_of, holds, report_of, run_trial, run_trials
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, TaskCodeError
-from memo_core.runs.carrying_out import Halted
+from memo_core.runs.run_errors import Halted
 
 RESULT = {
     "task": "lift",
@@ -27,7 +27,7 @@ RESULT = {
     "cpu_s": 1.5,
 }
 OWN_TASKS = """
-from memo_core.hooks import hookimpl
+from memo_core.plugins.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.scene.description import SceneDescription
@@ -121,10 +121,9 @@ def test_the_digest_depends_on_the_files_of_the_plugins_that_decide(tmp_path):
     (tmp_path / "own_tasks").mkdir()
     (tmp_path / "own_tasks" / "__init__.py").write_text(OWN_TASKS)
     asks = "from memo_core.cli.options import load; from memo_core.cli.verification import digest_of; "
-    asks += "from memo_core.plugins import Registry; import own_tasks, memo_core.cli.options as options; "
-    asks += (
-        "from memo_core.testing.fake_entry_point import FakeEntryPoint; from memo_core.entry_points import installed; "
-    )
+    asks += "from memo_core.plugins.registry import Registry; import own_tasks, memo_core.cli.options as options; "
+    asks += "from memo_core.testing.fake_entry_point import FakeEntryPoint; "
+    asks += "from memo_core.plugins.entry_points import installed; "
     asks += "own = FakeEntryPoint('own', 'own', memo_task_suites=own_tasks.memo_task_suites); "
     asks += "options.load_registry = lambda: Registry([*installed('memo')[0], own]); "
     asks += "print(digest_of(load(None, ['suite.backend=own'])[1])('lift', 0))"

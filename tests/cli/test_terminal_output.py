@@ -16,7 +16,7 @@ import pytest
 
 from memo_core.cli.main import main
 from memo_core.skillbook.book import Skillbook
-from memo_core.terminal import console, printable
+from memo_core.text.terminal import console, printable
 
 ROOT = Path(__file__).parents[2]
 
@@ -137,7 +137,7 @@ def test_closed_standard_streams_change_no_exit_code(closed, command, code):
 
 CLAIMS_NUMBERS = """
 import os, sys
-from memo_core.terminal import replace_closed_streams
+from memo_core.text.terminal import replace_closed_streams
 replace_closed_streams()
 print("lost")
 opened = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from memo_core.cli.main import main
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.config.layers import FromOption
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 from tests.support.config_backends import Budget, load, registry
 

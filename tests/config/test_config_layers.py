@@ -14,9 +14,9 @@ import yaml
 from memo_core.cli.main import main
 from memo_core.config.schema import experiment_schema
 from memo_core.errors import BackendUnavailable
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins import NoDefaultBackend, Registry
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import NoDefaultBackend, Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from tests.support.config_backends import Budget, Camera, load, registry
 

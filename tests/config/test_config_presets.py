@@ -11,7 +11,7 @@ from memo_core.config.experiment import load_experiment
 from memo_core.config.layers import presets
 from memo_core.policy.settings import TeachingSettings
 from memo_core.runs.sections import SECTIONS
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
 
 def load(tmp_path, text: str, *overrides: str):

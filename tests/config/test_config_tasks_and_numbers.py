@@ -7,7 +7,7 @@ import pytest
 
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.config.schema import experiment_schema
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 
 

@@ -22,11 +22,11 @@ from memo_core.environment.commissioning import Commissioning, tool_of
 from memo_core.environment.hardware import HardwareEnvironment, HardwareSettings
 from memo_core.environment.lease import Lease
 from memo_core.errors import BackendUnavailable, InvalidArgument, MotionError
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 from memo_core.interfaces.perception import Perception
 from memo_core.interfaces.teacher import Episode, Program, TaskEpisode, Teacher, Verdict
-from memo_core.plugins import Registry
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import Registry
 from memo_core.robot.safety import SafetyLimits
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.run import resume_experiment, run_experiment

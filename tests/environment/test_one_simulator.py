@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.checkout import uninstalled
-from memo_core.plugins import Registry, UnknownBackend
+from memo_core.plugins.checkout import uninstalled
+from memo_core.plugins.registry import Registry, UnknownBackend
 
 ROOT = Path(__file__).parents[2]
 ABSENT = {

@@ -13,7 +13,7 @@ from memo_core.environment.task_verification import run_code
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.lesions import VariedTask
 from memo_core.interfaces.task import Monitor
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, sandbox_of, tasks_of
 from memo_core.runs.sections import SECTIONS
 

@@ -11,10 +11,10 @@ from memo_core.config import load_experiment
 from memo_core.environment.task_verification import run_code
 from memo_core.errors import TaskCodeError
 from memo_core.evaluation.lesions import VariedTask
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.plugins import Registry
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, sandbox_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Body, Free, Geom, SceneDescription

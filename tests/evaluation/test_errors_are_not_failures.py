@@ -15,7 +15,7 @@ import pytest
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, Stopped, TaskCodeError
 from memo_core.evaluation.table import ERRORS, read_table
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.runs.carrying_out import RunError, reason_to_stop, run_error
+from memo_core.runs.run_errors import RunError, reason_to_stop, run_error
 from tests.support.fake_openai_server import Asked, Reply, Wire, error
 from tests.support.offline_server import offline_replies
 

@@ -11,10 +11,10 @@ from memo_core.errors import InvalidArgument
 from memo_core.evaluation.evaluating import evaluate
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.table import VARYING, read_table
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.report.run_reader import read_story
 from memo_core.runs.factories import book_of
-from memo_core.runs.story import read_story
-from memo_core.stop_switch import StopSwitch
 from memo_core.study.running import run_study
 from memo_core.study.study import loader, open_study, shared_settings
 

@@ -11,7 +11,7 @@ from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.books import book_key
 from memo_core.evaluation.grid import trials_of
 from memo_core.evaluation.sections import ALL_SECTIONS
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 
 
 def grid(*overrides: str, histories: int = 2):

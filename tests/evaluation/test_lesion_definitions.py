@@ -22,12 +22,12 @@ from memo_core.evaluation.lesions import (
     opposite,
 )
 from memo_core.interfaces.task import Task
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, task_of, tasks_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Hinge
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

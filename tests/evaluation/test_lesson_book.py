@@ -7,10 +7,10 @@ import pytest
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.lesson_book import make_lesson_book, needs_lesson
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of, task_of, tasks_of
 from memo_core.runs.sections import SECTIONS
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 
 
 def experiment(suite: str):

@@ -14,7 +14,7 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.on_hardware import in_random_order
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.interfaces.teacher import Arrangement, Verdict
-from memo_core.stop_switch import StopSwitch
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.study.study import loader
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.environment.test_hardware import UP, Person, registry_with

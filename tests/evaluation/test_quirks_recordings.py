@@ -9,8 +9,8 @@ import pytest
 
 from memo_core.evaluation.evaluating import evaluate
 from memo_core.evaluation.sections import ALL_SECTIONS
-from memo_core.plugins import Registry
-from memo_core.stop_switch import StopSwitch
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
 pytestmark = pytest.mark.sim

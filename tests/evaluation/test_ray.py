@@ -14,8 +14,8 @@ from memo_core.evaluation.evaluating import evaluate
 from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.table import VARYING, read_table
-from memo_core.plugins import Registry
-from memo_core.stop_switch import StopSwitch
+from memo_core.plugins.registry import Registry
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.study.study import loader, shared_settings
 
 pytestmark = pytest.mark.process

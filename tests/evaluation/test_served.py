@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from memo_core.evaluation.served import ObservedBook, read_questions, same_answers
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.evaluation.retrieval_equivalence import ObservedBook, read_questions, same_answers
+from memo_core.policy.methods import METHODS
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

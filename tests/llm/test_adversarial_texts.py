@@ -20,7 +20,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds}))
 from memo_core.errors import MemoError
 {imports}
-from memo_core.reading_limits import LONGEST_WORDS
+from memo_core.text.reading_limits import LONGEST_WORDS
 units = ["a", "A", "_", "_a", "OPEN ", "a b ", " ", "\n", "\r", "\t\n", ",", "a, ", "(", ")", "[", "{{", "}}", "()",
     '"', "'", "`", "```\n", "~~~", "```\nf()\n```\n", "> ", ">\n", "#\n", "1", "1,", "-", " - ", "->", "!",
     "\U0001f44d", "<think>", "/*", "\\\\", "not if ", "cup is a ", "that is not a ", "then ", ":", "a:", ".", "a.", "://a:b",
@@ -47,10 +47,10 @@ scene = SceneGraph((), (), Observation(Pose(), 0.0, False))
 """
 ELSEWHERE = """
 from memo_core.llm.prompt_values import one_line, quoted, unfenced
-from memo_core.redaction import Redactor
-from memo_core.skillbook.keys import Key
+from memo_core.text.redaction import Redactor
+from memo_core.skillbook.model.keys import Key
 from memo_core.study.export import looks_personal
-from memo_core.terminal import printable
+from memo_core.text.terminal import printable
 redact = Redactor((("sk-aaaaaaaa", "KEY"),))
 """
 

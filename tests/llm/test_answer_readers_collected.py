@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from memo_core.llm.readers import Notes, Unreadable, read_code, read_notes, read_plan, read_template
 from memo_core.llm.readers.plan import NOT_IN_A_TABLE
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 
 ANSWERS = Path(__file__).parents[1] / "data" / "answers"
 FILES = {name: yaml.safe_load((ANSWERS / f"{name}.yaml").read_text(encoding="utf-8")) for name in

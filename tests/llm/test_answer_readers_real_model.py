@@ -12,11 +12,11 @@ from memo_llm.replay.recording import Call, read_recording
 from memo_core.config import load_experiment
 from memo_core.llm.prompt_sections import Prompt
 from memo_core.llm.readers import read_code, read_notes, read_plan, read_template
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS
 from memo_core.sandbox import Sandbox
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
 
@@ -92,7 +92,7 @@ def teach(experiment) -> None:
 
 def test_the_demo_of_the_quirks_is_played_with_the_settings_its_story_needs(monkeypatch, tmp_path):
     import memo_core.cli.demo as command
-    import memo_core.runs.demo as story
+    import memo_core.demo.running as story
 
     taken = []
 

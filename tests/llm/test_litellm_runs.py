@@ -15,7 +15,7 @@ import pytest
 
 from memo_core.config import load_experiment
 from memo_core.llm.ledger import Ledger, read_ledger
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.run import RunReport, run_experiment
 from memo_core.runs.sections import SECTIONS
 from tests.support.fake_openai_server import Asked, Reply, Wire, error

@@ -15,13 +15,13 @@ from memo_llm.litellm.library import quiet_litellm
 from memo_llm.litellm.providers import KEYS, known_providers
 from rich.console import Console
 
+from memo_core.cli.narration import Narrator
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.events import CodeWritten
 from memo_core.interfaces.llm import Usage
 from memo_core.llm.ledger import Ledger
 from memo_core.llm.spending import Spent
-from memo_core.plugins import Registry
-from memo_core.runs.narration import Narrator
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 
 # Whatever wants to leave the machine, looks up where to, or reads an .env file, is noted here.

@@ -24,13 +24,13 @@ from memo_core.llm.calls import LONGEST_WAIT_S, ModelCalls, Retrying
 from memo_core.llm.ledger import Ledger, LedgerError, read_ledger
 from memo_core.llm.spending import Spent
 from memo_core.policy.settings import RunSettings
-from memo_core.redaction import Redactor
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.log_file import FILE, read_lines
 from memo_core.runlog.log_history import read_history
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
+from memo_core.text.redaction import Redactor
 
 QUESTION = Request("plan", (Message("user", "What is next, please?"),))
 

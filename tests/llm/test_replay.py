@@ -18,7 +18,7 @@ from memo_llm.replay.settings import ReplaySettings
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, Image, LanguageModelError, Message, Request
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.record_replay import recorded, replayed, shipped
 from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS
@@ -370,7 +370,7 @@ def package(tmp_path, monkeypatch) -> str:
 
 def test_the_demo_plays_the_recording_that_ships_with_its_suite_on_its_seed(registry, package, monkeypatch, tmp_path):
     import memo_core.cli.demo as command
-    import memo_core.runs.demo as story
+    import memo_core.demo.running as story
 
     taken = []
 

@@ -18,7 +18,7 @@ from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose, look_at
 from memo_core.scene.scene_table import scene_table
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.book_errors import SkillbookError
+from memo_core.skillbook.model.errors import SkillbookError
 
 CAMERAS = ["--set", "perception.backend=cameras", "--set", "perception.detector=oracle"]
 

@@ -8,8 +8,8 @@ import attrs
 import numpy as np
 import pytest
 from memo_perception.cameras.backend import Cameras
+from memo_perception.cameras.geometry.estimate_boxes import _without_lone_points, _without_strays
 from memo_perception.cameras.geometry.fitting import Seen, extents
-from memo_perception.cameras.geometry.measuring import _without_lone_points, _without_strays
 from memo_perception.cameras.memory import HIDDEN
 from memo_perception.cameras.settings import CamerasSettings, SimulatedSettings
 

@@ -10,7 +10,7 @@ import pytest
 
 from memo_core.cli.app import run_app
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.sections import SECTIONS
 

@@ -13,13 +13,13 @@ from memo_core.config import load_experiment
 from memo_core.events import ModelCalled
 from memo_core.interfaces.llm import Message, Request
 from memo_core.llm.budget import Budget, BudgetExceeded, Limit
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.policy.settings import RunSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runs.asking import asking
 from memo_core.runs.factories import task_of, world_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.pose import Pose
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
 
 TASK = "put-the-food-in-the-microwave"

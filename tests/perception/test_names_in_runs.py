@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import LanguageMethod
+from memo_core.policy.methods import METHODS
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder

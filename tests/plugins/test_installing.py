@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.installing import damage, install, pip_install, reinstall
 from memo_core.interfaces.backend import Needs
-from memo_core.plugins import missing_needs
+from memo_core.plugins.installing import damage, install, pip_install, reinstall
+from memo_core.plugins.registry import missing_needs
 
 CORE = ("arm_sim/__init__.py", "arm_sim/_native.so", "arm_sim/tests/__init__.py", "arm_sim/readme.txt")
 
@@ -93,7 +93,7 @@ def test_the_command_installs_into_the_environment_of_memo_activated_or_not(tmp_
     venv.create(environment, with_pip=False)
     (environment / "bin" / "pip").write_text("#!/bin/sh\n")
     (environment / "bin" / "pip").chmod(0o755)
-    code = "from memo_core.installing import pip_install; print(pip_install('x'))"
+    code = "from memo_core.plugins.installing import pip_install; print(pip_install('x'))"
     path = {"PATH": str(environment / "bin"), "PYTHONPATH": ":".join(sys.path)}
     told = subprocess.run([environment / "bin" / "python", "-c", code], env=path, capture_output=True, text=True)
     assert told.stdout.strip() == "pip install x", told.stderr

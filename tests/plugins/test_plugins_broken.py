@@ -14,14 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from memo_core import plugin_loading
-from memo_core.entry_points import installed
 from memo_core.events import Problem
-from memo_core.plugins import Registry
+from memo_core.plugins import loading as plugin_loading
+from memo_core.plugins.entry_points import installed
+from memo_core.plugins.registry import Registry
 
 HEAD = """
 import attrs
-from memo_core.hooks import hookimpl
+from memo_core.plugins.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
 def make(settings): return object()
 """
@@ -64,7 +64,7 @@ BROKEN: dict[str, tuple[str, str]] = {
     "asserts": ("assert 1 == 2, 'arithmetic'", "arithmetic"),
     "out-of-memory": ("raise MemoryError('all of it')", "MemoryError"),
     "unicode": ("raise RuntimeError('\\ud800 \\x1b[2J')", "RuntimeError"),
-    "name-that-is-missing": ("from memo_core.hooks import hookimplement", "hookimplement"),
+    "name-that-is-missing": ("from memo_core.plugins.hooks import hookimplement", "hookimplement"),
     # its hooks
     "misspelt-hook": (hook("return []", "memo_vektor_stores"), "did you mean 'memo_vector_stores'"),
     "unmarked-hook": (hook("return []", marker=""), "@hookimpl"),
@@ -235,7 +235,7 @@ def test_while_a_plugin_does_not_finish_loading_the_terminal_says_which(tmp_path
 
 
 def test_a_listener_that_exits_is_detached_and_one_that_is_slow_is_named_once(tmp_path, monkeypatch):
-    import memo_core.plugins as plugins
+    import memo_core.plugins.registry as plugins
 
     monkeypatch.setattr(plugins, "SLOW_LISTENER_S", 0.01)
     monkeypatch.syspath_prepend(str(tmp_path))

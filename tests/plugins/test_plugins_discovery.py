@@ -8,9 +8,9 @@ import attrs
 import pytest
 
 from memo_core.events import Problem
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins import AmbiguousBackend, NoDefaultBackend, Registry, UnknownBackend, missing_needs
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import AmbiguousBackend, NoDefaultBackend, Registry, UnknownBackend, missing_needs
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from memo_core import hooks
 from memo_core.config import Choice
 from memo_core.errors import BackendUnavailable, UnknownName
 from memo_core.events import Problem
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import KINDS, Backend, Needs
-from memo_core.plugin_loading import HOOK_OF_KIND, HOOKS
-from memo_core.plugins import Registry
+from memo_core.plugins import hooks
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.loading import HOOK_OF_KIND, HOOKS
+from memo_core.plugins.registry import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from memo_core.testing.plugins import check_backend, find_backends
 
@@ -31,7 +31,7 @@ def test_there_is_one_registration_hook_a_kind_and_one_for_events():
 @pytest.mark.parametrize("name", SPECS)
 def test_every_hook_says_what_it_promises_and_since_when(name):
     assert getattr(hooks, name).__doc__
-    assert re.search(rf"def {name}\(.*\) -> .*:  # since \d+\.\d+", (ROOT / "memo_core/hooks.py").read_text())
+    assert re.search(rf"def {name}\(.*\) -> .*:  # since \d+\.\d+", (ROOT / "memo_core/plugins/hooks.py").read_text())
 
 
 @pytest.mark.parametrize("name", SPECS)

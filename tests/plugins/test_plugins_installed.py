@@ -13,7 +13,7 @@ import pytest
 pytestmark = pytest.mark.process
 
 DECLARES = """
-from memo_core.hooks import hookimpl
+from memo_core.plugins.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 
 @hookimpl

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 from memo_core.testing.simulator import RULES
 

@@ -10,9 +10,9 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.policy.feedback_processing import FeedbackProcessor, retry
 from memo_core.policy.model_questions import Questions
-from memo_core.reading_limits import LONGEST_WORDS, excerpt, too_long
-from memo_core.skillbook.entries import Note
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.entries import Note
+from memo_core.skillbook.model.keys import Key
+from memo_core.text.reading_limits import LONGEST_WORDS, excerpt, too_long
 from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
 SCRIPT = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [BESIDE, GRASP], "template": [TEMPLATE], "feedback": [NOTES]}

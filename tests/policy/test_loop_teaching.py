@@ -11,7 +11,7 @@ from memo_core.events import CodeEnded
 from memo_core.interfaces.teacher import ReadBack, Verdict
 from memo_core.policy.plan_feedback import for_plans
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_store import FakeStore

@@ -9,7 +9,7 @@ import pytest
 from memo_core.events import Retrieved
 from memo_core.interfaces.teacher import Verdict
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Dropped, Merged
+from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged
 from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, YES, Bench
 
 ONE_TRY = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP]}

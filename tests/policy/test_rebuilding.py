@@ -12,16 +12,16 @@ from memo_core.interfaces.llm import LanguageModel, Request
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
-from memo_core.policy.clustering import Clustering
+from memo_core.maintenance.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
+from memo_core.policy.consolidation import Clustering
 from memo_core.policy.feedback_processing import FeedbackProcessor, asking_without_a_run
-from memo_core.policy.memo_and_baselines import METHODS
-from memo_core.policy.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
+from memo_core.policy.methods import METHODS
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import GLOBAL_KEY, Note, ReadBack
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.rebuild_input import RawLog
-from memo_core.stop_switch import StopSwitch
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.sharing.rebuild_input import RawLog
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.support.cluster_books import approve, new_book

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from memo_core.errors import InvalidArgument
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.report.films import wanted
 from memo_core.report.tables import Table, paper_numbers, said_by_the_paper
 from memo_core.report.writing import write_report

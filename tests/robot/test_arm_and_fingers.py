@@ -16,8 +16,8 @@ from memo_core.errors import InvalidArgument
 from memo_core.robot.arm_and_fingers import arm_and_fingers
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.parallel_hand import ParallelHand
-from memo_core.robot.urdf import read_urdf
-from memo_core.robot.urdf_text import Solid, box_inertia, joint_text, link_text
+from memo_core.robot.urdf.reading import read_urdf
+from memo_core.robot.urdf.text import Solid, box_inertia, joint_text, link_text
 from memo_core.testing.robot import RULES
 from tests.support.arms import six_joint_arm
 

@@ -8,9 +8,9 @@ import pytest
 
 from memo_core.config import ConfigErrors, load_experiment
 from memo_core.errors import BackendUnavailable
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
-from memo_core.plugins import Registry
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.testing import gripper_driver, robot_driver

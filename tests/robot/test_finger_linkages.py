@@ -19,11 +19,11 @@ from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.errors import InvalidArgument
 from memo_core.robot.finger_linkage import FingerLinkage
 from memo_core.robot.parallel_hand import ParallelHand
-from memo_core.robot.urdf import read_urdf
-from memo_core.robot.urdf_text import Solid, box_inertia, joint_text, link_text
+from memo_core.robot.urdf.reading import read_urdf
+from memo_core.robot.urdf.text import Solid, box_inertia, joint_text, link_text
 from memo_core.scene.description import SceneDescription
 from memo_core.testing.robot import RULES
-from memo_core.testing.robot_trial import RobotTrial
+from memo_core.testing.robot_check.trial import RobotTrial
 from tests.support.arms import six_joint_arm
 
 LENGTH, APART = 0.055, 0.030  # m: knuckle to fingertip joint, and of the knuckles from the middle

@@ -15,7 +15,7 @@ from memo_sim_mujoco.simulator import MujocoSimulator
 
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import read_urdf
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.scene.description import SceneDescription
 
 # Franka's documentation, Denavit-Hartenberg parameters in Craig's convention: a (m), d (m), alpha (rad).

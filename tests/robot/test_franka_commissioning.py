@@ -18,7 +18,7 @@ from memo_core.arm.simulated_link import IncludedGripper
 from memo_core.cli import commission
 from memo_core.environment.commissioning import check_commissioning, read_commissioning
 from memo_core.environment.hardware import HardwareSettings
-from memo_core.environment.robot_check import examine_robot
+from memo_core.environment.hardware_check import examine_robot
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.robot.safety import SafetyLimits
 

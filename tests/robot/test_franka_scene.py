@@ -13,7 +13,7 @@ from memo_core.config import load_experiment
 from memo_core.environment.task_verification import run_code, verify_task
 from memo_core.errors import InvalidArgument, RobotFault
 from memo_core.interfaces.simulator import Simulator
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.testing.fake_drivers import FakeGripper

@@ -11,12 +11,12 @@ import pytest
 
 from memo_core.arm.control import ArmControl
 from memo_core.errors import Stopped
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.robot.safety import SafetyLimits
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
-from memo_core.stop_switch import StopSwitch
 from tests.support.arms import FixedPerception
 from tests.support.franka_cell import ROBOT, Cell, running_cell, until
 

@@ -12,7 +12,7 @@ import pytest
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.robot.hand_mount import mount_rpy, sideways
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
-from memo_core.robot.urdf import link_poses, read_urdf
+from memo_core.robot.urdf.reading import link_poses, read_urdf
 from memo_core.scene.pose import Pose
 from tests.support.arms import six_joint_arm
 
@@ -77,7 +77,7 @@ def test_the_axis_of_a_flange_is_named():
 
 
 def test_the_check_says_so_first_and_what_to_write():
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
     from memo_core.testing.plugins import check_robot
 
     right = describe_urdf(_flange("+x"), "mine").robot

@@ -19,7 +19,7 @@ from memo_sim_pybullet.simulator import PybulletSimulator
 from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.arm.simulated_link import SimulatorLink
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import read_urdf
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.scene.description import SceneDescription
 from memo_core.testing.robot import RULES
 

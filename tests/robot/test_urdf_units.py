@@ -8,8 +8,8 @@ import pytest
 
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.errors import InvalidArgument
-from memo_core.robot.urdf import read_urdf
-from memo_core.robot.urdf_units import check_units, implausible_units
+from memo_core.robot.urdf.reading import read_urdf
+from memo_core.robot.urdf.units import check_units, implausible_units
 from tests.support.arms import six_joint_arm
 
 RIGHT = six_joint_arm().urdf

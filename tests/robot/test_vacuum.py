@@ -16,7 +16,7 @@ from memo_core.arm.inverse_kinematics import Kinematics
 from memo_core.errors import InvalidArgument
 from memo_core.scene.description import SceneDescription
 from memo_core.testing.robot import RULES
-from memo_core.testing.robot_trial import RobotTrial
+from memo_core.testing.robot_check.trial import RobotTrial
 
 ROBOT = configured(UR5eSettings(gripper="vacuum"))
 SIMULATORS = {"mujoco": MujocoSimulator, "pybullet": PybulletSimulator}

@@ -16,11 +16,11 @@ from memo_robots.ur5e import ur5e
 
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.cli.main import main
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
 from memo_core.testing.plugins import Result, check_robot
-from memo_core.testing.robot_page import write_robot_page
+from memo_core.testing.robot_check.page import write_robot_page
 from tests.support.arms import on_a_rail, six_joint_arm
 
 RIGHT = ur5e()

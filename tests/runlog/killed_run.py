@@ -22,9 +22,10 @@ from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.budget import Budget
 from memo_core.llm.kept_calls import spent_in
 from memo_core.policy.loop import Loop
-from memo_core.policy.memo_and_baselines import METHODS
-from memo_core.policy.session import Session
+from memo_core.policy.methods import METHODS
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.log_file import FILE, LogFile
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.folder import RunFolder
@@ -33,7 +34,6 @@ from memo_core.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_store import FakeStore

@@ -13,12 +13,12 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
-from memo_core.plugins import Registry
-from memo_core.policy.clustering import ClusteringSettings
+from memo_core.plugins.registry import Registry
+from memo_core.policy.consolidation import ClusteringSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
-from memo_core.runs.clustering import AfterRun, after_run
+from memo_core.runs.consolidation import AfterRun, after_run
 from memo_core.runs.sections import SECTIONS
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.support.cluster_books import new_book, teach, texts
 

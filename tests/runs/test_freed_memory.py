@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
-from memo_core.runs import clustering, run
-from memo_core.runs.freed_memory import give_back_freed_memory
+from memo_core.plugins.registry import Registry
+from memo_core.process.freed_memory import give_back_freed_memory
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.runs import consolidation as clustering
+from memo_core.runs import run
 from memo_core.runs.sections import SECTIONS
-from memo_core.stop_switch import StopSwitch
 
 
 def anonymous_mib() -> float:

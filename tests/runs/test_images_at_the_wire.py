@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import run_experiment
 from memo_core.runs.sections import SECTIONS

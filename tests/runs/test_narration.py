@@ -6,9 +6,9 @@ import io
 
 from rich.console import Console
 
+from memo_core.cli.narration import Narrator
 from memo_core.events import CodeWritten, RunEnded
-from memo_core.runs.narration import Narrator
-from memo_core.skillbook.entries import headline
+from memo_core.skillbook.model.entries import headline
 
 TEMPLATE = (
     'import math\n\n\ndef open_by_an_arc(door="door"):\n'

@@ -14,7 +14,7 @@ from memo_core.config import Experiment, load_experiment
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.events import CodeWritten, EntryStored, Event, SkillCalled
 from memo_core.interfaces.llm import Message, Request
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of, environment_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.record_replay import recorded, replayed

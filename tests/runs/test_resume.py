@@ -20,11 +20,11 @@ from memo_core.cli.app import run_app
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.events import Problem
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
+from memo_core.report.run_reader import read_story
 from memo_core.runs.resuming import check_place, read_cut_off
 from memo_core.runs.run import RunReport, resume_experiment, run_experiment
 from memo_core.runs.sections import SECTIONS
-from memo_core.runs.story import read_story
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
 from tests.support.commands import run as memo_here
@@ -34,7 +34,7 @@ from tests.support.commands import run as memo_here
 PLUGIN = """
 import os, signal, threading, time
 import attrs
-from memo_core.hooks import hookimpl
+from memo_core.plugins.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
 
 what, which, later = os.environ.get("DIE", "never:1:0").split(":")

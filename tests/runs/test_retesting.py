@@ -13,20 +13,20 @@ from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.cli.main import main
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.maintenance.retesting import CannotRetest, Planned, Retesting, program, start_of
+from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import LanguageMethod
+from memo_core.policy.methods import METHODS
 from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.log_history import Entry as Effect
 from memo_core.runlog.log_history import History
 from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.retesting import CannotRetest, Planned, Retesting, program, start_of
 from memo_core.runs.run import RunComponents, perform
 from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import Entry
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.keys import Key
 from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
@@ -168,7 +168,7 @@ def test_the_command_tells_keeps_and_goes_on(taught, tmp_path, capsys):
 
 
 def test_hardware_is_refused_in_one_sentence(taught, capsys, monkeypatch):
-    from memo_core.runs import retesting
+    from memo_core.maintenance import retesting
 
     class Moves:
         simulated = False

@@ -18,16 +18,16 @@ from memo_core.errors import InvalidArgument
 from memo_core.events import Problem, RunEnded
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, TaskEpisode, Teacher, Verdict
-from memo_core.plugins import Registry
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import LanguageMethod
+from memo_core.policy.methods import METHODS
 from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.report.run_reader import read_story
 from memo_core.runlog.whole_files import CannotWrite
 from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.run import RunComponents, RunReport, perform
 from memo_core.runs.sections import SECTIONS
-from memo_core.runs.story import read_story
 from memo_core.skillbook.book import Skillbook
 from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
 from memo_core.testing.fake_embedder import FakeEmbedder

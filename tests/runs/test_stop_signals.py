@@ -17,8 +17,8 @@ import pytest
 
 from memo_core.errors import Stopped
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
+from memo_core.process.stop_switch import StopSwitch, abandonable
 from memo_core.runs.signal_handling import Supervisor
-from memo_core.stop_switch import StopSwitch, abandonable
 from memo_core.teachers.silent import SilentTeacher
 from memo_core.testing.fake_environment import FakeEnvironment
 from tests.support.timing import shortest
@@ -202,7 +202,7 @@ PROGRAM = textwrap.dedent(
     """
     import sys, time
     from memo_core.runs.signal_handling import Supervisor
-    from memo_core.stop_switch import StopSwitch
+    from memo_core.process.stop_switch import StopSwitch
 
     supervisor = Supervisor(StopSwitch())
 
@@ -246,7 +246,7 @@ BUSY = textwrap.dedent(
     from memo_core.sandbox import Sandbox
     from memo_core.skills.contract import BUILTIN_SKILLS
     from memo_core.skills.skill import skill_library
-    from memo_core.stop_switch import StopSwitch
+    from memo_core.process.stop_switch import StopSwitch
     from memo_core.testing.fake_control import FakeControl
 
     supervisor = Supervisor(StopSwitch())

@@ -14,7 +14,7 @@ import pytest
 import memo_core as memo
 from memo_core.errors import InvalidArgument
 from memo_core.runs import sweep as sweeping
-from memo_core.runs.carrying_out import RunError
+from memo_core.runs.run_errors import RunError
 from memo_core.runs.sweep import sweep, sweep_folder
 
 QUICK = ("teacher.backend=silent", "skillbook.read_only=true", "run.video=off")

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.temporary_folders import PREFIX, scratch_folder
+from memo_core.process.temporary_folders import PREFIX, scratch_folder
 
 HOLD = """
 import time
-from memo_core.temporary_folders import scratch_folder
+from memo_core.process.temporary_folders import scratch_folder
 with scratch_folder() as folder:
     print(folder, flush=True)
     time.sleep(60)

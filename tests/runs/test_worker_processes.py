@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from memo_core.runs.worker_processes import WorkersDied, in_processes
-from memo_core.stop_switch import StopSwitch
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.process.worker_processes import WorkersDied, in_processes
 
 
 def die_once(folder, number):
@@ -83,8 +83,8 @@ PROGRAM = """
 import functools, pathlib, sys
 sys.path.insert(0, sys.argv[2])
 from test_worker_processes import take_long
-from memo_core.runs.worker_processes import in_processes
-from memo_core.stop_switch import StopSwitch
+from memo_core.process.worker_processes import in_processes
+from memo_core.process.stop_switch import StopSwitch
 list(in_processes(functools.partial(take_long, pathlib.Path(sys.argv[1])), range(2), 2, StopSwitch(), print))
 """
 

@@ -18,8 +18,8 @@ from memo_core.scene.graph import SceneGraph
 from memo_core.scene.graph_json import pack_scenes, unpack_scenes
 from memo_core.scene.pose import Pose
 from memo_core.scene.scene_table import read_scene_table, scene_table
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.testing.perception import still_context
 
 RED, WHITE, BROWN = (0.8, 0.2, 0.18, 1.0), (0.93, 0.93, 0.92, 1.0), (0.36, 0.22, 0.13, 1.0)

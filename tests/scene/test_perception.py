@@ -7,8 +7,8 @@ import math
 import attrs
 import numpy as np
 import pytest
-from memo_perception.boxes import geom_bounds
 from memo_perception.ground_truth import GroundTruth
+from memo_perception.ground_truth_boxes import geom_bounds
 from memo_perception.settings import GroundTruthSettings
 
 from memo_core.errors import InvalidArgument

@@ -12,9 +12,9 @@ from memo_benchmarks.generated_book import WordVectors
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.database import ReadOnlyBook
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.store.database import ReadOnlyBook
+from memo_core.skillbook.writing.bulk_adding import Lesson
 from memo_core.testing.fake_store import FakeStore
 
 

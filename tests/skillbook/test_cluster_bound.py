@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
-from memo_core.skillbook.clusters import Condensed, Dropped, Merged, problem_with
+from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged, problem_with
 from tests.support.cluster_books import approve, clustering, new_book, only_cluster, teach, texts
 
 WORDS = [

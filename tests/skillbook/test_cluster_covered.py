@@ -9,8 +9,8 @@ import pytest
 from memo_offline.model import OfflineModel
 
 from memo_core.config.layers import preset_sections
-from memo_core.policy.clustering import ClusteringSettings
-from memo_core.skillbook.clusters import Condensed, Dropped, Merged, problem_with
+from memo_core.policy.consolidation import ClusteringSettings
+from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged, problem_with
 from tests.support.cluster_books import ARC, approve, clustering, new_book, teach, texts
 
 ON = ClusteringSettings(join_keys=False, drop_covered=True)

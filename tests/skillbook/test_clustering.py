@@ -10,10 +10,10 @@ from memo_offline.model import OfflineModel
 from memo_core.errors import Stopped
 from memo_core.events import ClusterDone
 from memo_core.interfaces.llm import LanguageModelError
-from memo_core.policy.clustering import ClusteringSettings
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.condensing import ClusterChanged
-from memo_core.stop_switch import StopSwitch
+from memo_core.policy.consolidation import ClusteringSettings
+from memo_core.process.stop_switch import StopSwitch
+from memo_core.skillbook.consolidation.condensing import ClusterChanged
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.support.cluster_books import (
     ARC,

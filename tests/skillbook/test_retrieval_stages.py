@@ -9,9 +9,9 @@ import pytest
 from memo_benchmarks.generated_book import BookSize, WordVectors, fill, keys_of
 
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.bulk_adding import Lesson
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
+from memo_core.skillbook.writing.bulk_adding import Lesson
 from memo_core.testing.fake_store import FakeStore
 
 SIZE = BookSize(3000, 60, general=0.05)
@@ -36,7 +36,7 @@ def test_the_candidates_hold_what_scoring_every_entry_would_retrieve(
 
     found = retrieved()
     for name in ("UNDER_KEYS", "BY_TEXT"):
-        monkeypatch.setattr(f"memo_core.skillbook.retrieval.{name}", SIZE.entries)
+        monkeypatch.setattr(f"memo_core.skillbook.retrieval.retriever.{name}", SIZE.entries)
     every = retrieved()
     recall = [len(one & other) / len(other) for one, other in zip(found, every, strict=True)]
     assert np.mean(recall) > 0.95 and min(recall) > 0.7

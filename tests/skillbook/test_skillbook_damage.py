@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, MemoError
-from memo_core.skillbook import tables
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.recovery import rescue
+from memo_core.skillbook.store import tables
+from memo_core.skillbook.store.recovery import rescue
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.skillbook import connecting
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.connecting import filesystem_of
-from memo_core.skillbook.database import ReadOnlyBook, SkillbookError
+from memo_core.skillbook.store import connecting
+from memo_core.skillbook.store.connecting import filesystem_of
+from memo_core.skillbook.store.database import ReadOnlyBook, SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

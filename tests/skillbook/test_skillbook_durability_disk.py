@@ -18,10 +18,10 @@ from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook import connecting
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.database import SkillbookError
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
+from memo_core.skillbook.store import connecting
+from memo_core.skillbook.store.database import SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 NOBODY = 65534

@@ -24,9 +24,9 @@ from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
 
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.condensing import ClusterChanged
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.consolidation.condensing import ClusterChanged
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 pytestmark = pytest.mark.process

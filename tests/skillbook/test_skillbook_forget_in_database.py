@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import UnknownName
-from memo_core.skillbook import database as database_module
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.database import SkillbookError
+from memo_core.skillbook.store import database as database_module
+from memo_core.skillbook.store.database import SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.file_scrubbing import WITHDRAWN, Scrubber
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
+from memo_core.skillbook.forgetting.scrubbing import WITHDRAWN, Scrubber
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 WORDS = 'Nein, the "zebra" handle — pull it, round!'

@@ -8,8 +8,8 @@ import sqlite3
 import pytest
 
 from memo_core.errors import UnknownName
-from memo_core.skillbook.database import ReadOnlyBook
 from memo_core.skillbook.history import CannotRollBack
+from memo_core.skillbook.store.database import ReadOnlyBook
 from tests.support.cluster_books import ARC, approve, clustering, new_book, teach, texts
 
 

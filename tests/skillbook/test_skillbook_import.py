@@ -20,12 +20,12 @@ from hypothesis import strategies as st
 from memo_core.cli import skillbook_transfer
 from memo_core.cli.main import main
 from memo_core.errors import UnknownName
-from memo_core.skillbook.authors_books import NotALorebook, read_lorebook
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.entries import GLOBAL_KEY, ReadBack
-from memo_core.skillbook.import_records import BadImport, ImportRecords
-from memo_core.skillbook.safe_pickle import UnsafePickle
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
+from memo_core.skillbook.model.entries import GLOBAL_KEY, ReadBack
+from memo_core.skillbook.sharing.authors_books import NotALorebook, read_lorebook
+from memo_core.skillbook.sharing.import_records import BadImport, ImportRecords
+from memo_core.skillbook.sharing.safe_pickle import UnsafePickle
 from tests.support.cluster_books import approve, new_book, teach, teach_general
 
 

@@ -16,8 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from memo_core.skillbook import safe_pickle
-from memo_core.skillbook.safe_pickle import Opaque, UnsafePickle, load
+from memo_core.skillbook.sharing import safe_pickle
+from memo_core.skillbook.sharing.safe_pickle import Opaque, UnsafePickle, load
 
 PROTOCOLS = range(2, pickle.HIGHEST_PROTOCOL + 1)
 plain = st.recursive(

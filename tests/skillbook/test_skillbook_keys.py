@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from memo_core.errors import InvalidArgument
-from memo_core.skillbook.action_relations import Actions, default_actions
-from memo_core.skillbook.keys import Key, NotAKey
+from memo_core.skillbook.model.action_relations import Actions, default_actions
+from memo_core.skillbook.model.keys import Key, NotAKey
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from memo_core.config import load_experiment
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
 DOORS = ("OPEN(oven)", "OPEN(fridge)", "OPEN(cabinet door)", "OPEN(cupboard)", "OPEN(oven door)", "OPEN(microwave)")
 DRAWERS = ("OPEN(drawer)", "OPEN(top drawer)", "OPEN(desk drawer)", "OPEN(nightstand drawer)", "PULL_OPEN(drawer)")

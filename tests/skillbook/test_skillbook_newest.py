@@ -7,9 +7,9 @@ import pytest
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings
-from memo_core.skillbook.scene_context import SubtaskContext
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.model.scene_context import SubtaskContext
+from memo_core.skillbook.retrieval.retriever import Retrieval, RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 

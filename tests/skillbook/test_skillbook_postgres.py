@@ -20,9 +20,9 @@ from test_skillbook_import import content, exported
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Condensed, Merged
-from memo_core.skillbook.database import ReadOnlyBook, SkillbookError
-from memo_core.skillbook.reembedding import reembed
+from memo_core.skillbook.consolidation.rules import Condensed, Merged
+from memo_core.skillbook.store.database import ReadOnlyBook, SkillbookError
+from memo_core.skillbook.vectors.reembedding import reembed
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 from tests.support import postgres_server

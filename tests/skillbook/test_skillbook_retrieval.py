@@ -16,12 +16,12 @@ from memo_vectorstore.settings import FaissSettings
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.skillbook.action_relations import default_actions
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.database import SkillbookError
-from memo_core.skillbook.keys import Key
-from memo_core.skillbook.retrieval import Retrieval, RetrievalSettings, as_text
-from memo_core.skillbook.retrieval_score import key_score
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.retriever import Retrieval, RetrievalSettings, as_text
+from memo_core.skillbook.retrieval.score import key_score
+from memo_core.skillbook.store.database import SkillbookError
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 
@@ -357,7 +357,7 @@ def test_the_same_model_under_another_path_goes_on_with_the_book(tmp_path: Path)
 
 
 def test_another_embedder_is_refused_with_the_command_and_can_take_over(book: Skillbook, tmp_path: Path) -> None:
-    from memo_core.skillbook.reembedding import reembed
+    from memo_core.skillbook.vectors.reembedding import reembed
 
     wanted = texts(book.retrieve("OPEN(fridge)"))
     other = FakeEmbedder(64)

@@ -8,8 +8,8 @@ import pytest
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.entries import GLOBAL_KEY, Note, ReadBack
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
+from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 OPEN, PICK = Key.parse("OPEN(door)"), Key.parse("PICK_UP(cup)")

@@ -24,7 +24,7 @@ from memo_vectorstore.settings import ChromaSettings, FaissSettings
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.retrieval import RetrievalSettings
+from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.vectorstore import RULES
 from tests.support.chroma_server import chroma_server
@@ -290,7 +290,7 @@ from memo_vectorstore.chroma_store import ChromaStore
 from memo_vectorstore.settings import ChromaSettings
 from memo_core.errors import BackendUnavailable
 from memo_core.skillbook.book import Lesson, Skillbook
-from memo_core.skillbook.keys import Key
+from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 folder = Path(sys.argv[1])

@@ -8,7 +8,7 @@ import pytest
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.study.participants import order_of, participants_of, teacher_of
 from memo_core.study.running import study_sections
 from memo_core.study.settings import Participant, StudySettings

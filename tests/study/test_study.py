@@ -15,7 +15,7 @@ from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.evaluating import unread
 from memo_core.evaluation.sections import ALL_SECTIONS
-from memo_core.plugins import Registry
+from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of
 from memo_core.study.export import export_study
 from memo_core.study.running import run_study, study_sections

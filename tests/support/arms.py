@@ -8,7 +8,7 @@ from memo_core.arm.control import ArmControl
 from memo_core.arm.description_from_urdf import describe_urdf
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
-from memo_core.robot.urdf_text import Solid, joint_text, link_text, rod_inertia
+from memo_core.robot.urdf.text import Solid, joint_text, link_text, rod_inertia
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
 from memo_core.testing.ideal_link import IdealLink

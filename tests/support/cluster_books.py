@@ -8,11 +8,11 @@ from memo_core.events import Event
 from memo_core.interfaces.llm import Answer, LanguageModel, Request
 from memo_core.llm.budget import Budget
 from memo_core.llm.calls import ModelCalls, Retrying
-from memo_core.policy.clustering import Clustering, ClusteringSettings
+from memo_core.policy.consolidation import Clustering, ClusteringSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.clusters import Cluster
-from memo_core.stop_switch import StopSwitch
+from memo_core.skillbook.consolidation.rules import Cluster
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_llm import ScriptedModel
 from memo_core.testing.fake_store import FakeStore

@@ -8,9 +8,9 @@ from typing import Literal
 import attrs
 
 from memo_core.config import load_experiment
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins import Registry
+from memo_core.plugins.hooks import hookimpl
+from memo_core.plugins.registry import Registry
 from memo_core.testing.fake_entry_point import FakeEntryPoint
 
 

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from memo_core.events import Event
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.loop import Loop
-from memo_core.policy.memo_and_baselines import METHODS
+from memo_core.policy.methods import METHODS
 from memo_core.policy.results import RunResult
-from memo_core.policy.session import Session
+from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
-from memo_core.stop_switch import StopSwitch
 from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 

@@ -12,12 +12,12 @@ from unittest.mock import NonCallableMock, patch
 
 from typer.main import get_command
 
-from memo_core.entry_points import installed
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.interfaces.perception import Perception, PerceptionContext
 from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Sighting
+from memo_core.plugins.entry_points import installed
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.scene.description import SceneDescription
 from memo_core.scene.graph import SceneGraph
@@ -80,7 +80,7 @@ def stood_in() -> Iterator[None]:
     """While the block runs. For one process, from its main thread."""
     from memo_core.cli import app, options
     from memo_core.config.experiment import Choice
-    from memo_core.plugins import Registry
+    from memo_core.plugins.registry import Registry
     from memo_core.runs import factories, run
 
     sandboxes: dict[Any, Sandbox] = {}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import attrs
 import pytest
 
-from memo_core.builtin import memo_teachers
 from memo_core.config import load_experiment
 from memo_core.config.errors import ConfigErrors
 from memo_core.interfaces.teacher import Note, Noted
-from memo_core.plugins import Registry
+from memo_core.plugins.builtin import memo_teachers
+from memo_core.plugins.registry import Registry
 from memo_core.teachers.scripted import Line, NoteLine, PlanLine, ScriptedTeacher, ScriptSettings
 from memo_core.teachers.silent import SilentTeacher
 from memo_core.testing.teacher import check_teacher, episodes, noted, proposals, task_episodes

@@ -219,7 +219,7 @@ def test_a_simulated_teacher_cannot_import_what_a_person_cannot_see(module):
     """Only scene graphs, poses and the teacher's interface: no simulator, task, description, sandbox, policy or arm."""
     allowed = {
         "memo_core.errors",
-        "memo_core.parsing",
+        "memo_core.text.parsing",
         "memo_core.scene.graph",
         "memo_core.scene.pose",
         "memo_core.interfaces.teacher",

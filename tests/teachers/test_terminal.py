@@ -13,10 +13,10 @@ import pytest
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.teacher import Arrangement, Program
-from memo_core.reading_limits import LONGEST_WORDS
 from memo_core.teachers.answers import meaning_of
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 from memo_core.testing.teacher import episodes, noted, proposals, task_episodes
+from memo_core.text.reading_limits import LONGEST_WORDS
 
 ASK = """
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher

@@ -46,7 +46,7 @@ SUPERVISED = """
 import time
 from memo_core.errors import Stopped
 from memo_core.runs.signal_handling import Supervisor
-from memo_core.stop_switch import StopSwitch
+from memo_core.process.stop_switch import StopSwitch
 from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
 from memo_core.testing.teacher import episodes
 teacher = TerminalTeacher(TerminalSettings(who="ana"))

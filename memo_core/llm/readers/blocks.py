@@ -8,7 +8,7 @@ import textwrap
 import unicodedata
 from collections.abc import Iterator, Sequence
 
-from memo_core.reading_limits import LONGEST_CODE
+from memo_core.text.reading_limits import LONGEST_CODE
 
 PYTHON = ("", "python", "py", "python3", "python2", "tool_code", "robot", "monty")
 MOST_PARAGRAPHS = 40  # of an answer without a fence

@@ -7,7 +7,7 @@ from typing import Any
 from memo_core.llm.readers.json_objects import json_objects
 from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.llm.readers.unreadable import Unreadable
-from memo_core.skillbook.clusters import Cluster, Condensed, Dropped, Merged, problem_with
+from memo_core.skillbook.consolidation.rules import Cluster, Condensed, Dropped, Merged, problem_with
 
 PHASE = "cluster"
 

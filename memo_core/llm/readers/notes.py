@@ -10,7 +10,7 @@ import attrs
 
 from memo_core.llm.readers.json_objects import json_objects
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
-from memo_core.skillbook.keys import Key, NotAKey
+from memo_core.skillbook.model.keys import Key, NotAKey
 
 MAX_NOTE = 400  # characters; a longer note is a story, not an instruction
 MAX_NOTES = 12

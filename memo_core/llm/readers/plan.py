@@ -10,8 +10,8 @@ from typing import Any
 
 from memo_core.llm.readers.json_objects import json_objects
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
-from memo_core.skillbook.action_relations import default_actions
-from memo_core.skillbook.keys import Key, NotAKey
+from memo_core.skillbook.model.action_relations import default_actions
+from memo_core.skillbook.model.keys import Key, NotAKey
 
 WANTED = "answer with one line, ACTION(object), ACTION(object, place) or DONE"
 NOT_IN_A_TABLE = frozenset(("table", "floor", "robot", "arm", "hand", "gripper"))  # there without being listed

@@ -100,7 +100,7 @@ def configured(settings: PandaSettings) -> RobotDescription:
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
     """The same arm from another URDF: kinematics, limits and shapes are taken from it; accelerations, jerks and gains
     stay ours."""
-    from memo_core.robot.urdf import read_urdf
+    from memo_core.robot.urdf.reading import read_urdf
 
     path = Path(str(settings.urdf)).expanduser()
     if not path.is_file():

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
-from memo_core.robot.urdf_text import (
+from memo_core.robot.urdf.text import (
     Inertia,
     Solid,
     Vector,

@@ -17,12 +17,12 @@ from memo_core.scene import relations
 from memo_core.scene.description import Cavity, SceneDescription
 from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
 from memo_core.scene.pose import Pose, quaternion_from_axis_angle
-from memo_perception.boxes import body_box
+from memo_perception.ground_truth_boxes import body_box
 from memo_perception.heaps import Heap, heap_node, heaps
-from memo_perception.housings import Housing, housings, visible_box
 from memo_perception.labelled_things import Thing, labelled_things
 from memo_perception.settings import GroundTruthSettings
 from memo_perception.spatial_relations import spatial_relations
+from memo_perception.visible_parts import Housing, housings, visible_box
 
 
 @attrs.frozen

@@ -10,7 +10,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.scene.appearance import appearance
 from memo_core.scene.description import Body, Cavity, Free, SceneDescription
 from memo_core.scene.pose import Pose
-from memo_perception.boxes import body_box, loose_pieces
+from memo_perception.ground_truth_boxes import body_box, loose_pieces
 
 
 @attrs.frozen(eq=False)

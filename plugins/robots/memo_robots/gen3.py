@@ -11,7 +11,7 @@ import math
 
 from memo_core.robot.description import JointDescription, RobotDescription
 from memo_core.robot.parallel_hand import with_hand
-from memo_core.robot.urdf_text import (
+from memo_core.robot.urdf.text import (
     Inertia,
     Solid,
     Vector,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend
+from memo_core.plugins.hooks import hookimpl
 from memo_robots.configured import Gen3Settings, UR5eSettings, configured
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from memo_core.robot.description import GripperDescription, RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import UrdfJoint, UrdfLink, UrdfShape, read_urdf
-from memo_core.robot.urdf_checks import check_fits, may_touch
+from memo_core.robot.urdf.checks import check_fits, may_touch
+from memo_core.robot.urdf.reading import UrdfJoint, UrdfLink, UrdfShape, read_urdf
 from memo_core.scene.description import Geom, Material
 from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, SOLIMP, add_mesh, add_shape, surface
 

@@ -16,8 +16,8 @@ import attrs
 import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
-from memo_core.installing import reinstall
 from memo_core.interfaces.simulator import Contact, Simulator, divided
+from memo_core.plugins.installing import reinstall
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.building import families
 from memo_core.scene.description import SceneDescription

@@ -12,7 +12,7 @@ import numpy as np
 from memo_core.errors import InvalidArgument
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import read_urdf
+from memo_core.robot.urdf.reading import read_urdf
 from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
 from memo_sim_mujoco.robot import FINGER_SERVO, add_pad_contacts, add_robot
 from memo_sim_mujoco.scene import PREFIX, add_look, add_scene

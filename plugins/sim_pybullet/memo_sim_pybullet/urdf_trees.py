@@ -10,7 +10,7 @@ import attrs
 import numpy as np
 
 from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf import Urdf, UrdfLink, UrdfShape
+from memo_core.robot.urdf.reading import Urdf, UrdfLink, UrdfShape
 from memo_core.scene.building import masses
 from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide, Vector
 from memo_core.scene.pose import Array, Pose, quaternion_from_rotation

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import attrs
 
-from memo_core.hooks import hookimpl
 from memo_core.interfaces.backend import Backend, Demo
+from memo_core.plugins.hooks import hookimpl
 
 
 @attrs.frozen

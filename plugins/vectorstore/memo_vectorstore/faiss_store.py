@@ -21,7 +21,7 @@ import numpy as np
 
 from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.parsing import parse_json
+from memo_core.text.parsing import parse_json
 from memo_vectorstore.settings import FaissSettings
 
 log = logging.getLogger(__name__)

@@ -25,7 +25,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.interfaces.llm import Answer, Cause, Image, LanguageModelError, Message, Request, Usage
-from memo_core.parsing import parse_json, read_as
+from memo_core.text.parsing import parse_json, read_as
 
 VERSION = 1
 _ALWAYS_FITS = 64 << 20  # bytes

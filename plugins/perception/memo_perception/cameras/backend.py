@@ -19,7 +19,7 @@ from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.geometry.arm_mask import ArmMask
-from memo_perception.cameras.geometry.measuring import Measured, measure, sized
+from memo_perception.cameras.geometry.estimate_boxes import Measured, measure, sized
 from memo_perception.cameras.geometry.segmentation import regions_of
 from memo_perception.cameras.geometry.table import View, aligned_view
 from memo_perception.cameras.inventory import Hint, Item

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from memo_core.errors import InvalidArgument
 from memo_core.scene.graph import Node
 from memo_core.scene.pose import Pose
-from memo_perception.cameras.geometry.measuring import Measured
+from memo_perception.cameras.geometry.estimate_boxes import Measured
 from memo_perception.cameras.geometry.table import View
 
 HIDDEN = "hidden"  # attribute of what was seen before and is covered now

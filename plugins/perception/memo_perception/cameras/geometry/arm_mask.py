@@ -9,7 +9,7 @@ from memo_core.arm.meshes import mesh_vertices
 from memo_core.interfaces.link import Link
 from memo_core.robot.description import RobotDescription
 from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf import Urdf, UrdfShape, link_poses, read_urdf
+from memo_core.robot.urdf.reading import Urdf, UrdfShape, link_poses, read_urdf
 from memo_core.scene.pose import Array, Pose
 from memo_perception.cameras.frames import Frame
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from memo_core.scene.pose import Array
-from memo_perception.cameras.geometry.standing_out import split
+from memo_perception.cameras.geometry.protrusions import split
 from memo_perception.cameras.geometry.table import View
 from memo_perception.cameras.regions import Region
 

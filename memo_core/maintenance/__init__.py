@@ -1,0 +1,1 @@
+"""Maintenance of books: rebuilding and retesting."""

@@ -1,0 +1,76 @@
+"""The backends that need only the core, declared with the same hooks as any plugin's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from memo_core.interfaces.backend import Backend
+from memo_core.plugins.hooks import hookimpl
+
+
+@hookimpl
+def memo_methods() -> list[Backend]:
+    from memo_core.policy.methods import METHODS
+
+    return [
+        Backend("method", name, memory.summary, _language_method(name), default=name == "memo")
+        for name, memory in METHODS.items()
+    ]
+
+
+def _language_method(name: str) -> Any:
+    def make(settings: Any) -> Any:
+        from memo_core.policy.method_interface import LanguageMethod
+        from memo_core.policy.methods import METHODS
+
+        return LanguageMethod(name, METHODS[name])
+
+    return make
+
+
+@hookimpl
+def memo_robot_drivers() -> list[Backend]:
+    def make(settings: Any) -> Any:
+        from memo_core.arm.simulated_link import SimulatedDriver
+
+        return SimulatedDriver()
+
+    return [Backend("robot_driver", "simulated", "the simulator moves the robot", make, default=True)]
+
+
+@hookimpl
+def memo_gripper_drivers() -> list[Backend]:
+    def make(settings: Any) -> Any:
+        from memo_core.arm.simulated_link import IncludedGripper
+
+        return IncludedGripper()
+
+    return [Backend("gripper_driver", "included", "the robot's driver moves the gripper too", make, default=True)]
+
+
+@hookimpl
+def memo_teachers() -> list[Backend]:
+    from memo_core.teachers.scripted import ScriptedTeacher, ScriptSettings
+    from memo_core.teachers.silent import SilentTeacher
+    from memo_core.teachers.simulated_teacher import SimulatedTeacher, SimulatedTeacherSettings
+    from memo_core.teachers.terminal import TerminalSettings, TerminalTeacher
+
+    return [
+        Backend("teacher", "terminal", "a person at this terminal", TerminalTeacher, TerminalSettings, default=True),
+        Backend(
+            "teacher",
+            "scripted",
+            "gives the feedback written in the config",
+            ScriptedTeacher,
+            ScriptSettings,
+            aliases=("script",),
+        ),
+        Backend(
+            "teacher",
+            "simulated",
+            "a simulated person in the room, who judges what can be seen and speaks everyday language",
+            SimulatedTeacher,
+            SimulatedTeacherSettings,
+        ),
+        Backend("teacher", "silent", "never gives feedback, for evaluations", SilentTeacher, aliases=("nobody",)),
+    ]

@@ -1,0 +1,132 @@
+"""Commands that install what is missing, and distributions of which files are missing though they are installed.
+
+Versions come from what is installed or from what an installed plugin asks for, never from this file.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import json
+import re
+import shlex
+import shutil
+import sys
+from importlib.metadata import Distribution, PackageNotFoundError
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+import attrs
+
+from memo_core.plugins.entry_points import installed
+
+_NAME = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)\s*(\[[^]]*\])?([^;]*)")
+_IMPORTABLE = (".py", ".so", ".pyd")
+
+
+@attrs.frozen
+class Damage:
+    """Files of an installed distribution that are gone; ``remedy`` is the command that brings them back."""
+
+    distribution: str
+    files: tuple[str, ...]
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{len(self.files)} files of {self.distribution}, which is installed (such as {self.files[0]})"
+
+
+def pip_install(*arguments: str) -> str:
+    """The shell command that installs ``arguments`` into the environment that runs MEMO, activated or not."""
+    pip = shutil.which("pip")
+    ours = pip is not None and Path(pip).parent == Path(sys.executable).parent
+    start = ["pip"] if ours else [sys.executable, "-m", "pip"]
+    return shlex.join([*start, "install", *arguments])
+
+
+def install(wanted: str, module: str = "") -> str:
+    """The command that makes ``module`` importable with a distribution, and an extra if ``wanted`` names one: from the
+    folder that it was installed from, anew if it is installed and the module is not there, else in the version that an
+    installed plugin asks for; ``install NAME`` if none is known."""
+    name, extra, _ = _parts(wanted)
+    if (folder := folder_of(name)) is not None:
+        return pip_install("-e", f"{folder}{extra}")
+    if _with_requirements(name) and not extra:
+        return reinstall(name, module)
+    requirement = _requirement(name)
+    return pip_install(requirement) if requirement else f"install {wanted}"
+
+
+def reinstall(distribution: str, module: str) -> str:
+    """The command that writes all files of an installed distribution anew, with those of the distributions it requires
+    that have files in the same ``module``: reinstalled alone, one would remove what belongs to another."""
+    sharing = [one for one in _with_requirements(distribution) if one.name == distribution or _files(one, module)]
+    pinned = sorted(f"{one.name}=={one.version}" for one in sharing)
+    return pip_install("--force-reinstall", "--no-deps", *pinned) if pinned else install(distribution)
+
+
+@functools.cache
+def damage(distribution: str, module: str) -> Damage | None:
+    """The first distribution with importable files in ``module`` of which some are gone: ``distribution`` or one that
+    it requires. When a wheel is divided into several, the upgrade removes files of the new ones with those of the old.
+    None where all are there, or nothing is recorded of them. Tests are left out: people remove them to save space."""
+    for one in _with_requirements(distribution):
+        gone = tuple(
+            file for file in _files(one, module) if "test" not in file and not Path(str(one.locate_file(file))).exists()
+        )
+        if gone:
+            return Damage(f"{one.name} {one.version}", gone, reinstall(distribution, module))
+    return None
+
+
+def folder_of(distribution: str) -> Path | None:
+    """The source folder that the installer recorded, for an editable or a regular install; None without one."""
+    try:
+        noted = importlib.metadata.distribution(distribution).read_text("direct_url.json")
+        url = urlsplit(json.loads(noted or "{}").get("url", ""))
+    except (PackageNotFoundError, ValueError, AttributeError):
+        return None
+    return Path(url2pathname(url.path)) if url.scheme == "file" else None
+
+
+def _with_requirements(distribution: str) -> list[Distribution]:
+    """A distribution and those it requires without an extra, as far as they are installed."""
+    try:
+        found = importlib.metadata.distribution(distribution)
+    except (PackageNotFoundError, ValueError):
+        return []
+    required = []
+    for text in found.requires or ():
+        if "extra ==" not in text:
+            try:
+                required.append(importlib.metadata.distribution(_parts(text)[0]))
+            except (PackageNotFoundError, ValueError):
+                continue
+    return [found, *required]
+
+
+def _files(distribution: Distribution, module: str) -> tuple[str, ...]:
+    """The importable files in ``module`` that a distribution's RECORD lists."""
+    recorded = (line.partition(",")[0].strip('"') for line in (distribution.read_text("RECORD") or "").splitlines())
+    return tuple(file for file in recorded if file.startswith(f"{module}/") and file.endswith(_IMPORTABLE))
+
+
+def _requirement(name: str) -> str:
+    """The requirement of an installed plugin on a distribution, such as ``numpy>=2``; empty if none does."""
+    for point in installed("memo")[0]:
+        for text in (point.dist.requires or ()) if point.dist is not None else ():
+            required, extra, versions = _parts(text)
+            if _normal(required) == _normal(name):
+                return f"{required}{extra}{versions.strip()}"
+    return ""
+
+
+def _parts(requirement: str) -> tuple[str, str, str]:
+    """Name, extra in brackets, and versions of a requirement."""
+    found = _NAME.match(requirement)
+    return (found.group(1), found.group(2) or "", found.group(3)) if found else (requirement, "", "")
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()

@@ -1,0 +1,1 @@
+"""Processes: the switch that stops a run, workers, temporary folders, memory."""

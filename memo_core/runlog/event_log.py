@@ -1,0 +1,80 @@
+"""The event log of a run, ``events.jsonl``: all events, one JSON object per line, written as they happen."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+from memo_core.errors import InvalidArgument
+from memo_core.runlog.whole_files import writing
+from memo_core.text.parsing import parse_json
+
+FILE = "events.jsonl"
+
+
+class EventLog:
+    """Appends to the event log of a run folder, one process at a time. Safe to use from several threads."""
+
+    def __init__(self, folder: Path, option: str) -> None:
+        """Raises ``InvalidArgument``, naming ``option``, if another process writes to it, and ``CannotWrite``."""
+        with writing(folder / FILE):
+            self._file = (folder / FILE).open("a", encoding="utf-8", errors="surrogatepass")
+        self._lock = threading.Lock()
+        self._reserve(folder, option)
+
+    def _reserve(self, folder: Path, option: str) -> None:
+        """The system releases the lock however the process ends."""
+        try:
+            fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._file.close()
+            problem = f"the run in {folder} is still going on"
+            raise InvalidArgument(option, problem, "a run that has ended; wait for it, or stop it") from None
+        except OSError:
+            return  # a file system without locks
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    def close(self) -> None:
+        """Idempotent."""
+        with self._lock:
+            self._file.close()
+
+    def append(self, line: str) -> None:
+        """Add one event as JSON. It survives the end of this process; ignored once the log is closed."""
+        with self._lock:
+            if not self._file.closed:
+                with writing(Path(self._file.name)):
+                    self._file.write(line + "\n")
+                    self._file.flush()
+
+    def cut_incomplete_line(self) -> int:
+        """Remove an incomplete last line; returns its number of bytes."""
+        path = Path(self._file.name)
+        data = path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        if whole < len(data):
+            os.truncate(path, whole)
+        return len(data) - whole
+
+
+def read_events(folder: Path) -> list[dict[str, Any]]:
+    """The events of a run; incomplete and damaged lines are left out."""
+    try:
+        text = (folder / FILE).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    found = []
+    for line in text.splitlines():
+        try:
+            event = parse_json(line)
+        except ValueError:
+            continue
+        if isinstance(event, dict) and isinstance(event.get("event"), str):
+            found.append(event)
+    return found

@@ -1,0 +1,1 @@
+"""Consolidation: which entries are condensed together, and what a condensed entry may do."""

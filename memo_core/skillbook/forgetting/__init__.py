@@ -1,0 +1,1 @@
+"""Withdrawal of a person's words from the book and from files."""

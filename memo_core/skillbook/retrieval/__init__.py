@@ -1,0 +1,1 @@
+"""Retrieval of entries for a subtask."""

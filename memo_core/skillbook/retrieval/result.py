@@ -1,0 +1,101 @@
+"""The result of a retrieval: entries with each term of their scores, and what was cut by which rule."""
+
+from __future__ import annotations
+
+import attrs
+
+from memo_core import events
+from memo_core.skillbook.model.action_relations import Actions
+from memo_core.skillbook.model.entries import Entry, key_label
+from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.provenance import Provenance
+
+ALIKE = ("the same subtask", "the same action on something else", "another action on the same thing", "something else")
+
+
+def alike(subtask: Key, key: Key, actions: Actions) -> str:
+    """How an entry's key compares with a subtask, for prompts: one of ``ALIKE``."""
+    one, other = actions.about(subtask), actions.about(key)
+    same_action = actions.canonical(subtask.action) == actions.canonical(key.action)
+    same_objects = one.objects == other.objects
+    return ALIKE[(0 if same_objects else 1) if same_action else (2 if same_objects else 3)]
+
+
+@attrs.frozen
+class RetrievedEntry:
+    """An entry with each term of its score: what retrieval ranks, the run logs and the prompt shows.
+
+    ``passes`` tells the two ways of being retrieved apart. True: the entry's key passes the cut (``retrieval.cut``), it
+    is about this subtask or one like it, and is meant to be followed; so are general statements. False: it is a hint,
+    retrieved for what its text says or as the nearest there is, and may be about something else. General statements
+    have no key cosines; their score is their text's similarity to the subtask.
+    """
+
+    entry: Entry
+    rank: int  # 1 is first
+    score: float  # what it is ranked by: r, or s with ``retrieval.ranking: key-and-text``
+    action_cosine: float
+    objects_cosine: float
+    text_similarity: float  # cosine of its text and the subtask's words
+    key_score: float = 0.0  # r(q, v); 0 for general statements
+    overlap: float = 0.0  # share of the subtask's terms that the text has; 0 where r alone decides
+    provenance: Provenance = Provenance()  # who said it, when, and of which subtask
+    passes: bool = True
+    built: float | None = None  # how alike the things are built, in [0, 1]; None: not known, or not compared
+    exchanged: float = 0.0  # x(q, v): how far its key has the subtask's objects in exchanged roles
+    alike: str = ""  # how its key compares with the subtask, one of ``ALIKE``; "" for general statements
+    origin: str = ""  # how the prompt introduces it
+
+    @property
+    def key(self) -> str:
+        return key_label(self.entry.key)
+
+    @property
+    def text(self) -> str:
+        return self.entry.text
+
+    def event(self) -> events.EntryServed:
+        return events.EntryServed(
+            self.entry.id, self.entry.kind, self.key, self.text, self.score, self.action_cosine, self.objects_cosine
+        )
+
+
+@attrs.frozen
+class Cut:
+    """A key whose entries were not, or not all, retrieved, and the rule that kept them out."""
+
+    key: str
+    score: float  # r
+    rule: str  # "opposite action", "below the cut 0.85", "beyond the first 20 corrections"
+    action_cosine: float = 0.0
+    objects_cosine: float = 0.0
+    entries: int = 0
+
+
+@attrs.frozen
+class Retrieval:
+    """The entries retrieved for one subtask."""
+
+    query: Key
+    corrections: tuple[RetrievedEntry, ...] = ()
+    general: tuple[RetrievedEntry, ...] = ()
+    templates: tuple[RetrievedEntry, ...] = ()
+    cut: tuple[Cut, ...] = ()  # nearest first
+    generation: int = 0  # of the book
+    sources: tuple[int, ...] = ()  # feedback that the entries derive from
+
+    @property
+    def served(self) -> tuple[RetrievedEntry, ...]:
+        """All entries: corrections, general statements, templates."""
+        return self.corrections + self.general + self.templates
+
+    @property
+    def entry_ids(self) -> tuple[int, ...]:
+        return tuple(one.entry.id for one in self.served)
+
+    def event(self) -> events.Retrieved:
+        return events.Retrieved(
+            subtask=str(self.query),
+            served=tuple(one.event() for one in self.served),
+            cut=tuple((c.key, c.score, c.rule) for c in self.cut),
+        )

@@ -1,0 +1,1 @@
+"""Books exchanged with others: export, import, the paper authors' books."""

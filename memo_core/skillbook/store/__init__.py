@@ -1,0 +1,1 @@
+"""The database: tables, connections, queries, recovery, and where entries come from."""

@@ -1,0 +1,1 @@
+"""Embeddings of texts and keys, kept in the book."""

@@ -1,0 +1,1 @@
+"""Feedback, notes and templates stored in the book, and their revisions."""

@@ -1,0 +1,1 @@
+"""The trial of a robot that ``memo plugins check robot`` runs."""

@@ -1,0 +1,1 @@
+"""Text from and for people: parsing, limits, redaction, output on a terminal."""
