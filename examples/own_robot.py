@@ -9,8 +9,8 @@ import argparse
 from pathlib import Path
 
 import memo_core as memo
-from memo_core.arm.description_from_urdf import describe_urdf
-from memo_core.environment.simulated import SimulatedEnvironment, find_task
+from memo_core.environment import SimulatedEnvironment, find_task
+from memo_core.plugin import describe_urdf
 
 
 def main(urdf: Path) -> float:

@@ -9,11 +9,9 @@ import sys
 from pathlib import Path
 
 import memo_core as memo
-from memo_core.environment.simulated import SimulatedEnvironment
-from memo_core.environment.task_verification import run_code
-from memo_core.sandbox.sandbox import Sandbox
-from memo_core.skills.contract import BUILTIN_SKILLS
-from memo_core.skills.skill import skill_library
+from memo_core.environment import SimulatedEnvironment, run_code
+from memo_core.plugin import BUILTIN_SKILLS, skill_library
+from memo_core.sandbox import Sandbox
 
 sys.path.insert(0, str(Path(__file__).parent / "own-task"))
 from memo_put_the_block_on_the_mat import PutTheBlockOnTheMat

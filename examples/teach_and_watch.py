@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 import memo_core as memo
-from memo_core.events import FeedbackGiven
+from memo_core.plugin import FeedbackGiven
 
 
 def watch(event: object) -> None:

@@ -8,14 +8,15 @@ from memo_core.moved_modules import install
 
 TYPE_CHECKING = False  # importing typing would take longer than everything else here
 if TYPE_CHECKING:
-    from memo_core.api import load as load
-    from memo_core.api import make_environment as make_environment
-    from memo_core.api import open_book as open_book
-    from memo_core.api import registry as registry
-    from memo_core.api import run as run
-    from memo_core.api import tasks as tasks
-    from memo_core.config import ConfigErrors as ConfigErrors
-    from memo_core.config import Experiment as Experiment
+    from memo_core.api import (
+        load as load,
+        make_environment as make_environment,
+        open_book as open_book,
+        registry as registry,
+        run as run,
+        tasks as tasks,
+    )
+    from memo_core.config import ConfigErrors as ConfigErrors, Experiment as Experiment
     from memo_core.environment.simulated import SimulatedEnvironment as SimulatedEnvironment
     from memo_core.errors import MemoError as MemoError
     from memo_core.runs.run import RunReport as RunReport

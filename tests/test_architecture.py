@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import importlib
 import re
 import sys
 import tomllib
@@ -24,7 +25,7 @@ PLUGINS = {path.parent.name: path.parent for path in sorted((ROOT / "plugins").g
 
 # Packages and modules directly below memo_core; those in one line do not import each other either.
 LEVELS = (
-    ("errors", "events", "moved_modules"),
+    ("errors", "events", "lazy_exports", "moved_modules"),
     ("text", "process"),
     ("scene",),
     ("robot",),
@@ -42,7 +43,7 @@ LEVELS = (
     ("evaluation",),
     ("report",),
     ("demo",),
-    ("api",),
+    ("api", "plugin"),
     ("testing",),
     ("cli",),
 )
@@ -58,6 +59,11 @@ SKILLBOOK_LEVELS = (
     ("consolidation",),
     ("history", "stats"),
     ("book",),
+)
+PACKAGES = sorted(
+    ".".join(path.parent.relative_to(ROOT).parts)
+    for path in CORE
+    if path.name == "__init__.py" and "lazy_exports(" in path.read_text(encoding="utf-8")
 )
 BUILT_IN = ROOT / "memo_core/plugins/builtin.py"  # a plugin that is part of the core; loaded by its entry point
 # Distributions whose files do not say, or say elsewhere, which package they bring.
@@ -268,3 +274,52 @@ def test_nothing_in_the_repository_holds_a_machine_path_or_an_index():
             continue
         text = path.read_text(encoding="utf-8", errors="replace")
         assert not [word for word in forbidden if word in text], name
+
+
+def private_imports(source: str) -> set[str]:
+    """What a file imports of the core that is no public name: of ``memo_core``, ``memo_core.plugin``, a module of
+    ``memo_core.testing`` or a package's ``__init__``."""
+    private = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            private |= {alias.name for alias in node.names if alias.name.startswith("memo_core.")}
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "memo_core":
+            module = str(node.module)
+            if module.startswith("memo_core.testing"):
+                continue
+            public = set(getattr(importlib.import_module(module), "__all__", ()))
+            package = module == "memo_core.plugin" or (ROOT / module.replace(".", "/") / "__init__.py").is_file()
+            private |= {f"{module}.{alias.name}" for alias in node.names if not package or alias.name not in public}
+    return private
+
+
+def test_shipped_plugins_and_examples_import_public_names():
+    folders = [*PLUGINS.values(), ROOT / "examples"]
+    files = [path for folder in folders for path in folder.rglob("*.py") if "solutions" not in path.parts]
+    assert len(files) > 100
+    found = {str(path.relative_to(ROOT)): private_imports(path.read_text(encoding="utf-8")) for path in files}
+    assert not {path: names for path, names in found.items() if names}
+
+
+def test_the_documentation_imports_public_names():
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    found = {}
+    for page in pages:
+        for code in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+            if names := private_imports(code):
+                found[str(page.relative_to(ROOT))] = names
+    assert not found
+
+
+def test_a_private_import_is_seen():
+    code = (
+        "import memo_core.skillbook.book\nfrom memo_core.scene.pose import Pose\nfrom memo_core.scene import Pose, pose"
+    )
+    assert private_imports(code) == {"memo_core.skillbook.book", "memo_core.scene.pose.Pose", "memo_core.scene.pose"}
+
+
+@pytest.mark.parametrize("module", ["memo_core", "memo_core.plugin", *PACKAGES])
+def test_every_export_is_there(module):
+    package = importlib.import_module(module)
+    for name in package.__all__:
+        assert getattr(package, name) is not None

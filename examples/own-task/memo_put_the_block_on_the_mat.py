@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from memo_core.interfaces.backend import Backend
-from memo_core.interfaces.task import Outcome, Task
-from memo_core.plugins.hooks import hookimpl
-from memo_core.scene.description import Body, Camera, Free, Geom, SceneDescription
-from memo_core.scene.pose import Pose, look_at
+from memo_core.plugin import Backend, Body, Camera, Free, Geom, Outcome, Pose, SceneDescription, Task, hookimpl, look_at
 
 SOLUTION = """
 block, mat = get_position("block"), get_bounds("mat")

@@ -167,8 +167,7 @@ def within_limits(
 
 def stopping(kinematics: Kinematics, before: Array, last: Array, period: float) -> Array:
     """Targets (T, n) that bring the arm to rest from its last two targets (n,), by Ruckig within the joint limits."""
-    from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization
-    from ruckig import Trajectory as RuckigTrajectory
+    from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory as RuckigTrajectory
 
     count = kinematics.count
     generator = Ruckig(count)

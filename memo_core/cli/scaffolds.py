@@ -356,9 +356,10 @@ def _robot_files(name: str, source: RobotSource | None) -> tuple[dict[str, str],
         described = attrs.evolve(described, robot=attrs.evolve(described.robot, mesh_folder=None))
         meshes = None
     code = described.source()
-    names = ("GripperDescription", "JointDescription", "RobotDescription")
     more = {"read": described.read, "source": code, "mesh_folder": repr(meshes), "turned": described.turned}
-    more["described_by"] = ", ".join(name for name in names if f"{name}(" in code)
+    names = ("GripperDescription", "JointDescription", "RobotDescription")
+    used = [name for name in names if f"{name}(" in code] + (["turned_by"] if described.turned else [])
+    more["imports"] = ", ".join(sorted(["Backend", "Mounting", "Pose", "hookimpl", *used]))
     files = rendered("robot", name, **more)
     files[f"memo_{name.replace('-', '_')}/{name}.urdf"] = described.robot.urdf
     notes = [*described.read, *found, *(f"guessed {one.what}: {one.value} ({one.why})" for one in described.guessed)]

@@ -180,8 +180,7 @@ def retry(
     """Ask the model again about feedback that was set aside or is still pending. Exit code 1 when the model could not
     be asked.
     """
-    from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, asking_without_a_run
-    from memo_core.policy.feedback_processing import retry as ask_again
+    from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, asking_without_a_run, retry as ask_again
     from memo_core.runs.consolidation import calls_without_a_run
     from memo_core.runs.factories import book_of, prompts_of
 

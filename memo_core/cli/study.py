@@ -157,8 +157,7 @@ def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | No
 def _status(folder: Path) -> dict[str, Any]:
     from memo_core.cli.options import load_registry
     from memo_core.study.running import study_sections
-    from memo_core.study.study import loader
-    from memo_core.study.study import status as status_of
+    from memo_core.study.study import loader, status as status_of
 
     experiment = loader(load_registry(), config_of(folder), study_sections())()
     return status_of(experiment, folder / "study")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.llm.readers import Unreadable, read_code, read_notes, read_plan, read_template
 

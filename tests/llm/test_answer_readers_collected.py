@@ -8,8 +8,7 @@ from pathlib import Path
 import attrs
 import pytest
 import yaml
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from memo_core.llm.readers import Notes, Unreadable, read_code, read_notes, read_plan, read_template
 from memo_core.llm.readers.plan import NOT_IN_A_TABLE

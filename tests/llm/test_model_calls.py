@@ -12,8 +12,7 @@ from pathlib import Path
 
 import cattrs
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.cli.main import main
 from memo_core.errors import BackendUnavailable, InvalidArgument, Stopped

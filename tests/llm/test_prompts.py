@@ -11,8 +11,7 @@ from pathlib import Path
 import attrs
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.cli.main import main
 from memo_core.llm.prompt_files import (

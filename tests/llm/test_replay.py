@@ -9,8 +9,7 @@ from pathlib import Path
 
 import attrs
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from memo_llm.replay.model import Player, Recorder
 from memo_llm.replay.recording import BadRecording, Call, RecordingFile, read_recording
 from memo_llm.replay.settings import ReplaySettings

@@ -6,8 +6,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from memo_perception.cameras.detectors.conventions import CONVENTIONS, Convention
 from memo_perception.cameras.detectors.marks import read_marks
 from memo_perception.cameras.detectors.model_answers import Reading

@@ -12,8 +12,7 @@ from memo_core.config import load_experiment
 from memo_core.plugins.registry import Registry
 from memo_core.process.freed_memory import give_back_freed_memory
 from memo_core.process.stop_switch import StopSwitch
-from memo_core.runs import consolidation as clustering
-from memo_core.runs import run
+from memo_core.runs import consolidation as clustering, run
 from memo_core.runs.sections import SECTIONS
 
 

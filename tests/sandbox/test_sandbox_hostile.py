@@ -9,8 +9,7 @@ from typing import Any
 import attrs
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from memo_core.sandbox import Execution, Limits, Sandbox, Workspace
 from memo_core.skills.contract import BUILTIN_SKILLS

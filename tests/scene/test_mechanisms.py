@@ -12,8 +12,7 @@ from collections.abc import Callable
 import attrs
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from memo_franka.description import panda
 from memo_sim_mujoco.simulator import MujocoSimulator
 from memo_tabletop.quirks.buttons import OpenTheRiceCooker, OpenTheSafe

@@ -5,8 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose

@@ -6,8 +6,7 @@ import json
 
 import pytest
 import sqlalchemy as sa
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable

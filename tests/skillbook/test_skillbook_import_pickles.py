@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.skillbook.sharing import safe_pickle
 from memo_core.skillbook.sharing.safe_pickle import Opaque, UnsafePickle, load

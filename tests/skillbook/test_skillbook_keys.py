@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from memo_core.errors import InvalidArgument
 from memo_core.skillbook.model.action_relations import Actions, default_actions

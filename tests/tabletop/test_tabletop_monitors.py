@@ -6,8 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import SAMPLE_S, HeldUp, Mishaps, Moved, Standing
 from memo_tabletop.objects import apple, banana, can, cup, cutlery, open_box, pan, plate

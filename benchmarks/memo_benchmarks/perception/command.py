@@ -51,8 +51,7 @@ def perception(
     """How far a perception backend is off the truth, by kind of thing, noise off and on side by side; or what the
     tasks' reference solutions achieve with it. Without --set perception.…: cameras with the simulator's masks."""
     from memo_benchmarks.perception.comparing import summary
-    from memo_benchmarks.perception.running import looks as measure_looks
-    from memo_benchmarks.perception.running import solutions as try_solutions
+    from memo_benchmarks.perception.running import looks as measure_looks, solutions as try_solutions
 
     moments = list(dict.fromkeys(when or ("start", "ajar")))
     for moment in moments:

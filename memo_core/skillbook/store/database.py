@@ -20,9 +20,11 @@ from typing import Any
 import sqlalchemy as sa
 
 from memo_core.errors import MemoError
-from memo_core.skillbook.model.errors import DamagedBook as DamagedBook
-from memo_core.skillbook.model.errors import ReadOnlyBook as ReadOnlyBook
-from memo_core.skillbook.model.errors import SkillbookError as SkillbookError
+from memo_core.skillbook.model.errors import (
+    DamagedBook as DamagedBook,
+    ReadOnlyBook as ReadOnlyBook,
+    SkillbookError as SkillbookError,
+)
 from memo_core.skillbook.store import tables
 from memo_core.skillbook.store.connecting import BUSY_TIMEOUT_MS, parse_url, refused, server_engine, sqlite_engine
 from memo_core.skillbook.store.integrity import broken_tables, broken_values

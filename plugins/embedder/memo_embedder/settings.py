@@ -6,7 +6,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.config.provider_fields import api_base, api_key_env, provider_model
+from memo_core.plugin import api_base, api_key_env, provider_model
 
 
 @attrs.frozen

@@ -9,10 +9,7 @@ from typing import Literal
 import attrs
 from attrs.validators import ge, gt, le
 
-from memo_core.errors import InvalidArgument, close_match
-from memo_core.robot.description import JointDescription, RobotDescription
-from memo_core.robot.mounting import Mounting
-from memo_core.scene.pose import Pose
+from memo_core.plugin import InvalidArgument, JointDescription, Mounting, Pose, RobotDescription, close_match
 from memo_franka.description import UMI, fr3, panda
 
 
@@ -100,7 +97,7 @@ def configured(settings: PandaSettings) -> RobotDescription:
 def _with_urdf(own: RobotDescription, settings: PandaSettings) -> RobotDescription:
     """The same arm from another URDF: kinematics, limits and shapes are taken from it; accelerations, jerks and gains
     stay ours."""
-    from memo_core.robot.urdf.reading import read_urdf
+    from memo_core.plugin import read_urdf
 
     path = Path(str(settings.urdf)).expanduser()
     if not path.is_file():

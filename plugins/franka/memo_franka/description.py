@@ -12,10 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
-from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
-from memo_core.robot.urdf.text import (
+from memo_core.plugin import (
+    GripperDescription,
     Inertia,
+    JointDescription,
+    ParallelHand,
+    Pose,
+    RobotDescription,
     Solid,
     Vector,
     between,
@@ -23,8 +26,8 @@ from memo_core.robot.urdf.text import (
     joint_text,
     link_text,
     materials_text,
+    with_parallel_hand,
 )
-from memo_core.scene.pose import Pose
 
 _Limits = tuple[float, float, float, float, float, float, float]
 

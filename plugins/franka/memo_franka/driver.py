@@ -14,12 +14,18 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault
-from memo_core.interfaces.driver import GripperDriver, RobotDriver
-from memo_core.interfaces.link import Health, Link
-from memo_core.interfaces.simulator import Simulator
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.plugin import (
+    Array,
+    BackendUnavailable,
+    GripperDriver,
+    Health,
+    InvalidArgument,
+    Link,
+    RobotDescription,
+    RobotDriver,
+    RobotFault,
+    Simulator,
+)
 from memo_franka.faults import fault, fault_of_error, fault_of_state
 from memo_franka.hand import FrankaHand, import_franky
 from memo_franka.scheduling import Scheduling

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from memo_core.errors import RobotFault
+from memo_core.plugin import RobotFault
 
 _RECOVER = "look what happened, then memo robot recover"
 _COLLISIONS = ("cartesian reflex", "joint reflex")

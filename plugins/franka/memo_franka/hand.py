@@ -10,10 +10,7 @@ import threading
 import time
 from typing import Any
 
-from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.driver import GripperDriver, check_gripper_command
-from memo_core.interfaces.link import Health
-from memo_core.robot.description import GripperDescription
+from memo_core.plugin import BackendUnavailable, GripperDescription, GripperDriver, Health, check_gripper_command
 from memo_franka.faults import fault_of_error
 from memo_franka.settings import HandSettings
 

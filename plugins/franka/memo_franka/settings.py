@@ -7,8 +7,7 @@ from typing import Literal
 import attrs
 from attrs.validators import ge, gt, in_
 
-from memo_core.errors import InvalidArgument
-from memo_core.robot.safety import SafetyLimits
+from memo_core.plugin import InvalidArgument, SafetyLimits
 
 
 def _stiffness(instance: object, attribute: attrs.Attribute[list[float]], value: list[float]) -> None:

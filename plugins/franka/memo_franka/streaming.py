@@ -14,8 +14,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, RobotDescription
 from memo_franka.settings import FrankaSettings
 
 _GAIN = 10.0  # 1/s

@@ -7,9 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from gymnasium import spaces
 
-from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array, Pose, quaternion_from_axis_angle
+from memo_core.plugin import Array, Kinematics, Pose, RobotDescription, quaternion_from_axis_angle
 
 
 class Actions(ABC):

@@ -11,11 +11,8 @@ import numpy as np
 from gymnasium import spaces
 
 import memo_core
-from memo_core.environment.simulated import SimulatedEnvironment
-from memo_core.errors import InvalidArgument
-from memo_core.interfaces.task import Outcome
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.environment import SimulatedEnvironment
+from memo_core.plugin import Array, InvalidArgument, Outcome, RobotDescription
 from memo_gymnasium.actions import CartesianTargets, JointTargets
 from memo_gymnasium.scene_arrays import SceneArrays
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.graph import PREDICATES, SceneGraph
+from memo_core.plugin import PREDICATES, InvalidArgument, SceneGraph
 
 RELATIONS = tuple(PREDICATES)
 

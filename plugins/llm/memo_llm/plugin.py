@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, Needs, hookimpl
 from memo_llm.litellm.providers import KEYS
 from memo_llm.replay.settings import ReplaySettings
 from memo_llm.settings import LiteLLMSettings

@@ -6,8 +6,7 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.config.provider_fields import api_base, api_key_env, provider_model
-from memo_core.errors import InvalidArgument, close_match
+from memo_core.plugin import InvalidArgument, api_base, api_key_env, close_match, provider_model
 from memo_llm.litellm.providers import known_providers
 
 # Said elsewhere in the section, or decided by MEMO, or secret.

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import attrs
 
-from memo_core.llm.prompt_sections import Prompt
+from memo_core.plugin import Prompt
 from memo_offline.reading import Edit, read
 
 _NOTE = re.compile(r"^(\d+)\. (.*?)(?: \[(said of code .*?)\])?$", re.M)

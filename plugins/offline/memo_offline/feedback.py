@@ -8,9 +8,7 @@ import re
 
 import attrs
 
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt
-from memo_core.policy.plan_feedback import PLANNING
-from memo_core.scene.graph import SceneGraph
+from memo_core.plugin import PLANNING, Prompt, SceneGraph, UnreadablePrompt
 from memo_offline.editing import axis_of, length_of, metres, reach
 from memo_offline.phrases import Amount, load
 from memo_offline.planning import wish_in

@@ -6,7 +6,7 @@ import ast
 import re
 import textwrap
 
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt
+from memo_core.plugin import Prompt, UnreadablePrompt
 
 
 def generalise(prompt: Prompt) -> str:

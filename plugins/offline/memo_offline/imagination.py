@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from memo_core.sandbox.limits import Limits
-from memo_core.sandbox.sandbox import Sandbox
-from memo_core.scene.graph import SceneGraph
-from memo_core.scene.pose import Pose
-from memo_core.skills.contract import BUILTIN_SKILLS
-from memo_core.skills.recording_control import Command, RecordingControl
-from memo_core.skills.skill import skill_library
+from memo_core.plugin import BUILTIN_SKILLS, Command, Pose, RecordingControl, SceneGraph, skill_library
+from memo_core.sandbox import Limits, Sandbox
 
 # These limits are by the clock on the wall: what is read out of a template must not depend on the machine's load.
 PATIENCE = Limits(seconds_between_calls=60.0, seconds_in_all=120.0)

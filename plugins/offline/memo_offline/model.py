@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt
+from memo_core.plugin import Answer, LanguageModel, LanguageModelError, Prompt, Request, UnreadablePrompt, Usage
 from memo_offline.clustering import condense
 from memo_offline.feedback import note
 from memo_offline.generalising import generalise

@@ -7,8 +7,7 @@ from collections import Counter
 
 import attrs
 
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt, read_subtask
-from memo_core.scene.graph import Node, SceneGraph
+from memo_core.plugin import Node, Prompt, SceneGraph, UnreadablePrompt, read_subtask
 from memo_offline.planning_remarks import Remark, asked_in, concerns, remarks
 from memo_offline.surroundings import descendants, doors, find, last_word, space_of, states
 

@@ -10,8 +10,7 @@ import re
 
 import attrs
 
-from memo_core.llm.prompt_sections import Prompt
-from memo_core.scene.graph import SceneGraph
+from memo_core.plugin import Prompt, SceneGraph
 from memo_offline.surroundings import descendants, find
 
 _OPENERS = re.compile(r"^(?:(?:no|but|well|please|hey|and|so|now|then|next time|always|robot)[, ]+)+")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from memo_core.interfaces.backend import Backend
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, hookimpl
 from memo_offline.settings import OfflineSettings
 
 

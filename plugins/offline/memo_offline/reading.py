@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import attrs
 
-from memo_core.scene.graph import Node
+from memo_core.plugin import Node
 from memo_offline.phrases import Amount, Phrase, Phrases, Tokens, load
 
 _OF_GRIPS = ("handle", "knob", "bar", "grip", "lever", "button")

@@ -7,7 +7,7 @@ import textwrap
 
 import attrs
 
-from memo_core.scene.graph import SceneGraph
+from memo_core.plugin import SceneGraph
 from memo_offline.code_builder import Sheet
 from memo_offline.directions import BASE_WAYS, REVERSED, heading_of
 from memo_offline.placing import write_placing

@@ -6,7 +6,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import InvalidArgument
+from memo_core.plugin import InvalidArgument
 
 
 def _empty(_: Any, attribute: Any, value: str) -> None:

@@ -6,8 +6,7 @@ import re
 
 import attrs
 
-from memo_core.errors import UnknownName
-from memo_core.scene.graph import Node, SceneGraph
+from memo_core.plugin import Node, SceneGraph, UnknownName
 
 GRIPS = ("handle", "knob", "bar", "grip", "lever", "pull")  # what people call the part that one takes hold of
 DOORS = ("door", "lid", "flap", "cover", "panel")

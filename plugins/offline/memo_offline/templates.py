@@ -14,10 +14,7 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.llm.prompt_sections import Entry
-from memo_core.scene.graph import Node, SceneGraph
-from memo_core.scene.pose import Array, Pose, quaternion_angle
-from memo_core.skills.recording_control import Command
+from memo_core.plugin import Array, Command, Entry, Node, Pose, SceneGraph, quaternion_angle
 from memo_offline.imagination import Imagination
 from memo_offline.recipe import Recipe
 from memo_offline.surroundings import Surroundings, descendants, find, last_word

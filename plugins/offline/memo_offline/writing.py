@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import attrs
 
-from memo_core.llm.prompt_sections import Entry, Prompt, read_subtask
-from memo_core.scene.graph import Node, SceneGraph
+from memo_core.plugin import Entry, Node, Prompt, SceneGraph, read_subtask
 from memo_offline.editing import apply
 from memo_offline.imagination import Imagination
 from memo_offline.reading import read

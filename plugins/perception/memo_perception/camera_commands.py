@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from memo_core.cli.options import ConfigFile, Json, Overrides, load
-from memo_core.cli.output import note, print_json, print_table
-from memo_core.errors import BackendUnavailable, InvalidArgument
+from memo_core.cli import ConfigFile, Json, Overrides, load, note, print_json, print_table
+from memo_core.plugin import BackendUnavailable, InvalidArgument
 
 if TYPE_CHECKING:
     from memo_perception.calibration.board import Board
@@ -78,7 +77,7 @@ def calibrate(
     Bring the arm to where the board is in view; it then moves slowly through poses around there. In simulation the
     board is drawn into the pictures. Nothing is written if the error on pictures left out exceeds 5 mm.
     """
-    from memo_core.cli.robot_link import confirmed
+    from memo_core.cli import confirmed
     from memo_perception.calibration.file import Calibration, save
     from memo_perception.calibration.hand_eye import calibrate as solve
     from memo_perception.calibration.rig import rig_of
@@ -143,8 +142,7 @@ def check(
     Once, after calibrating: --remember. Exit code 1 if a tag has drifted further than --most, or none is seen. Nothing
     moves.
     """
-    from memo_perception.calibration.file import load as read
-    from memo_perception.calibration.file import save
+    from memo_perception.calibration.file import load as read, save
     from memo_perception.calibration.rig import rig_of
 
     known = [(file, read(file)) for file in files]
@@ -185,7 +183,7 @@ def record(
     """Record what the cameras see: colour, depth, intrinsics and poses, for perception.source=folder. Nothing moves."""
     import time
 
-    from memo_core.cli.output import progress_bar
+    from memo_core.cli import progress_bar
     from memo_perception.calibration.rig import rig_of
     from memo_perception.cameras.sources.folder import write_look
 

@@ -11,12 +11,20 @@ from collections.abc import Iterator
 import attrs
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.interfaces.perception import Perception, PerceptionContext
-from memo_core.scene import relations
-from memo_core.scene.description import Cavity, SceneDescription
-from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
-from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_core.plugin import (
+    Cavity,
+    InvalidArgument,
+    Node,
+    Observation,
+    Perception,
+    PerceptionContext,
+    Pose,
+    Relation,
+    SceneDescription,
+    SceneGraph,
+    held_thing,
+    quaternion_from_axis_angle,
+)
 from memo_perception.ground_truth_boxes import body_box
 from memo_perception.heaps import Heap, heap_node, heaps
 from memo_perception.labelled_things import Thing, labelled_things
@@ -199,7 +207,7 @@ class GroundTruth(Perception):
             if closing.node in ids:
                 away = abs(context.simulator.joint_position(closing.joint) - closing.at)  # type: ignore[union-attr]
                 yield Relation(closing.node, "closed" if away <= closing.within else "open")
-        held = relations.held_thing(nodes, context.tool_pose().position) if context.link.holding() else None
+        held = held_thing(nodes, context.tool_pose().position) if context.link.holding() else None
         yield from spatial_relations(nodes, held, context.scene.table_height if context.scene else 0.0)
 
     def _observation(self, cameras: tuple[str, ...]) -> Observation:

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.description import Body, Geom, Part
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Body, Geom, InvalidArgument, Part, Pose
 
 INSIDE_PART_M = 0.005
 MOUNTING_SHARE = 0.05  # a geom below this share of the body's volume that touches a part is the part's mounting

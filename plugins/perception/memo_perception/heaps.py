@@ -8,10 +8,7 @@ from collections.abc import Callable, Mapping
 import attrs
 import numpy as np
 
-from memo_core.scene.appearance import appearance
-from memo_core.scene.description import Body, SceneDescription
-from memo_core.scene.graph import Node
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Body, Node, Pose, SceneDescription, appearance
 
 TOGETHER = 3.0  # diameters between neighbours that still lie together
 

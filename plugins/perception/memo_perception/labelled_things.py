@@ -6,10 +6,7 @@ from collections.abc import Iterator
 
 import attrs
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.appearance import appearance
-from memo_core.scene.description import Body, Cavity, Free, SceneDescription
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Cavity, Free, InvalidArgument, Pose, SceneDescription, appearance
 from memo_perception.ground_truth_boxes import body_box, loose_pieces
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, Needs, hookimpl
 from memo_perception.cameras.settings import CamerasSettings
 from memo_perception.settings import GroundTruthSettings
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from memo_core.scene import relations
-from memo_core.scene.graph import Node, Relation
+from memo_core.plugin import Node, Relation, arrangement, containment, support
 
 
 def spatial_relations(nodes: Sequence[Node], held: Node | None, table_height: float) -> Iterator[Relation]:
@@ -13,9 +12,9 @@ def spatial_relations(nodes: Sequence[Node], held: Node | None, table_height: fl
     if held is not None:
         yield Relation(held.id, "held")
     held_ids = {held.id} if held else set()
-    inside = relations.containment(nodes)
-    on = relations.support(nodes, table_height, held_ids, inside)
+    inside = containment(nodes)
+    on = support(nodes, table_height, held_ids, inside)
     yield from inside
     yield from on
     related = [(r.subject, r.object) for r in [*inside, *on] if r.object]
-    yield from relations.arrangement([node for node in nodes if node.id not in held_ids], related)
+    yield from arrangement([node for node in nodes if node.id not in held_ids], related)

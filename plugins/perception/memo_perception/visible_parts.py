@@ -6,8 +6,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.scene.description import SceneDescription, Slide
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Pose, SceneDescription, Slide
 from memo_perception.ground_truth_boxes import body_box
 
 Box = tuple[Pose, tuple[float, float, float]]

@@ -7,9 +7,7 @@ from typing import Literal
 import attrs
 from attrs.validators import ge, gt, le, optional
 
-from memo_core.errors import InvalidArgument
-from memo_core.robot.description import RobotDescription
-from memo_core.robot.mounting import Mounting
+from memo_core.plugin import InvalidArgument, Mounting, RobotDescription
 from memo_robots.gen3 import gen3
 from memo_robots.hands import PARALLEL, VACUUM
 from memo_robots.ur5e import ur5e

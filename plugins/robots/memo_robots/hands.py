@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from memo_core.robot.parallel_hand import ParallelHand
-from memo_core.robot.vacuum_hand import VacuumHand
+from memo_core.plugin import ParallelHand, VacuumHand
 
 PARALLEL = ParallelHand(stroke=0.085, length=0.135, palm_distance=0.042, width=0.15, thickness=0.070, mass=0.8)
 VACUUM = VacuumHand()

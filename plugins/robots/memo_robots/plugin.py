@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from memo_core.interfaces.backend import Backend
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, hookimpl
 from memo_robots.configured import Gen3Settings, UR5eSettings, configured
 
 

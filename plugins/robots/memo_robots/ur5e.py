@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from memo_core.robot.description import JointDescription, RobotDescription
-from memo_core.robot.parallel_hand import with_hand
-from memo_core.robot.urdf.text import (
+from memo_core.plugin import (
     Inertia,
+    JointDescription,
+    RobotDescription,
     Solid,
     Vector,
     between,
@@ -20,6 +20,7 @@ from memo_core.robot.urdf.text import (
     link_text,
     materials_text,
     rod_inertia,
+    with_hand,
 )
 from memo_robots.hands import PARALLEL, Hand
 

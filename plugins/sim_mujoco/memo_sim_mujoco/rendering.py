@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
+from memo_core.plugin import BackendUnavailable
 
 REMEDY = "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
 _MAX_GEOMS = 4000

@@ -9,11 +9,19 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from memo_core.robot.description import GripperDescription, RobotDescription
-from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf.checks import check_fits, may_touch
-from memo_core.robot.urdf.reading import UrdfJoint, UrdfLink, UrdfShape, read_urdf
-from memo_core.scene.description import Geom, Material
+from memo_core.plugin import (
+    FingerLinkage,
+    Geom,
+    GripperDescription,
+    Material,
+    RobotDescription,
+    UrdfJoint,
+    UrdfLink,
+    UrdfShape,
+    check_fits,
+    may_touch,
+    read_urdf,
+)
 from memo_sim_mujoco.scene import LIMIT_SOLREF, MESH_FILES, PREFIX, SOLIMP, add_mesh, add_shape, surface
 
 _log = logging.getLogger("memo.mujoco")

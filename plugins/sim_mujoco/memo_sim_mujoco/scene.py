@@ -9,11 +9,24 @@ from typing import Any
 
 import mujoco
 
-from memo_core.arm.meshes import mesh_vertices
-from memo_core.errors import InvalidArgument
-from memo_core.scene.building import FLOOR_DEPTH, check_scene, check_size, default_table, joined_pairs, masses
-from memo_core.scene.description import Body, Free, Geom, Hinge, Latch, Material, SceneDescription
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    FLOOR_DEPTH,
+    Body,
+    Free,
+    Geom,
+    Hinge,
+    InvalidArgument,
+    Latch,
+    Material,
+    Pose,
+    SceneDescription,
+    check_scene,
+    check_size,
+    default_table,
+    joined_pairs,
+    masses,
+    mesh_vertices,
+)
 from memo_sim_mujoco.settings import MujocoSettings
 
 PREFIX = "robot/"  # of the names of robot links and joints

@@ -15,15 +15,24 @@ from typing import Any, cast
 import attrs
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError, UnknownName
-from memo_core.interfaces.simulator import Contact, Simulator, divided
-from memo_core.plugins.installing import reinstall
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.building import families
-from memo_core.scene.description import SceneDescription
-from memo_core.scene.mechanism_state import Mechanisms
-from memo_core.scene.pose import Array, Pose
-from memo_core.scene.sealed_state import seal, unseal
+from memo_core.plugin import (
+    Array,
+    BackendUnavailable,
+    Contact,
+    InvalidArgument,
+    Mechanisms,
+    MemoError,
+    Pose,
+    RobotDescription,
+    SceneDescription,
+    Simulator,
+    UnknownName,
+    divided,
+    families,
+    reinstall,
+    seal,
+    unseal,
+)
 from memo_sim_mujoco.rendering import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
 

@@ -9,11 +9,16 @@ import attrs
 import mujoco
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.robot.description import RobotDescription
-from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf.reading import read_urdf
-from memo_core.scene.description import Free, Hinge, SceneDescription, Slide
+from memo_core.plugin import (
+    FingerLinkage,
+    Free,
+    Hinge,
+    InvalidArgument,
+    RobotDescription,
+    SceneDescription,
+    Slide,
+    read_urdf,
+)
 from memo_sim_mujoco.robot import FINGER_SERVO, add_pad_contacts, add_robot
 from memo_sim_mujoco.scene import PREFIX, add_look, add_scene
 from memo_sim_mujoco.settings import MujocoSettings

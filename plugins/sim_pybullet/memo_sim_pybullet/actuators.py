@@ -15,8 +15,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.scene.description import Latch
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, Latch
 from memo_sim_pybullet.world import BulletWorld
 
 # The gripper's servo on the opening, critically damped for two fingers of 0.5 kg.

@@ -20,8 +20,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.scene.building import default_table
-from memo_core.scene.description import Material, SceneDescription
+from memo_core.plugin import Material, SceneDescription, default_table
 
 # A common or rough surface, a pad, or the copy of a smooth surface that meets smooth ones, pads, or all others.
 Surface = Literal["plain", "pad", "for smooth", "for others", "for pads"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, Needs, hookimpl
 from memo_sim_pybullet.settings import PybulletSettings
 
 

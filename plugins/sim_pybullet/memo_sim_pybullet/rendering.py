@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.scene.description import Camera
+from memo_core.plugin import Camera
 
 _NEAR, _FAR = 0.02, 30.0  # m
 _SKY = (235, 240, 247)

@@ -14,16 +14,25 @@ from typing import Any, cast
 import attrs
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument, UnknownName
-from memo_core.interfaces.simulator import Contact, Simulator, divided
-from memo_core.plugins.installing import reinstall
-from memo_core.process.temporary_folders import scratch_folder
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.building import families
-from memo_core.scene.description import Camera, SceneDescription
-from memo_core.scene.mechanism_state import Mechanisms
-from memo_core.scene.pose import Array, Pose
-from memo_core.scene.sealed_state import seal, unseal
+from memo_core.plugin import (
+    Array,
+    BackendUnavailable,
+    Camera,
+    Contact,
+    InvalidArgument,
+    Mechanisms,
+    Pose,
+    RobotDescription,
+    SceneDescription,
+    Simulator,
+    UnknownName,
+    divided,
+    families,
+    reinstall,
+    scratch_folder,
+    seal,
+    unseal,
+)
 from memo_sim_pybullet.rendering import Pictures
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import caught_output

@@ -9,11 +9,23 @@ from xml.etree import ElementTree
 import attrs
 import numpy as np
 
-from memo_core.robot.description import RobotDescription
-from memo_core.robot.urdf.reading import Urdf, UrdfLink, UrdfShape
-from memo_core.scene.building import masses
-from memo_core.scene.description import Body, Free, Geom, Hinge, Material, Slide, Vector
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import (
+    Array,
+    Body,
+    Free,
+    Geom,
+    Hinge,
+    Material,
+    Pose,
+    RobotDescription,
+    Slide,
+    Urdf,
+    UrdfLink,
+    UrdfShape,
+    Vector,
+    masses,
+    quaternion_from_rotation,
+)
 from memo_sim_pybullet.friction import Frictions, Surface
 
 ROBOT = "robot/"

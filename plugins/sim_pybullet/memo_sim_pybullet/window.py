@@ -12,9 +12,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from memo_core.errors import BackendUnavailable
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.description import SceneDescription
+from memo_core.plugin import BackendUnavailable, RobotDescription, SceneDescription
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import Diversion, caught_output
 from memo_sim_pybullet.world import build_world

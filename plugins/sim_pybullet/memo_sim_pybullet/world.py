@@ -9,15 +9,27 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import InvalidArgument
-from memo_core.process.temporary_folders import scratch_folder
-from memo_core.robot.description import RobotDescription
-from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf.checks import check_fits, may_touch
-from memo_core.robot.urdf.reading import Urdf, read_urdf
-from memo_core.scene.building import FLOOR_DEPTH, check_scene, default_table, joined_pairs
-from memo_core.scene.description import Body, Free, Geom, Hinge, SceneDescription, Slide
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    FLOOR_DEPTH,
+    Body,
+    FingerLinkage,
+    Free,
+    Geom,
+    Hinge,
+    InvalidArgument,
+    Pose,
+    RobotDescription,
+    SceneDescription,
+    Slide,
+    Urdf,
+    check_fits,
+    check_scene,
+    default_table,
+    joined_pairs,
+    may_touch,
+    read_urdf,
+    scratch_folder,
+)
 from memo_sim_pybullet.friction import Frictions, collide, frictions_of
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import caught_output

@@ -9,9 +9,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Latch, Part, Slide, Vector
-from memo_core.scene.hollow import shell
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Cavity, Colour, Geom, Hinge, Latch, Part, Pose, Slide, Vector, shell
 from memo_tabletop.furniture import DARK, STEEL, WHITE
 
 CHROME: Colour = (0.78, 0.80, 0.83, 1.0)

@@ -10,9 +10,7 @@ from typing import Literal
 
 import attrs
 
-from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Material, Part, Slide, Vector
-from memo_core.scene.hollow import bar, inside, shell
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Cavity, Colour, Geom, Hinge, Material, Part, Pose, Slide, Vector, bar, inside, shell
 
 WALL = 0.012  # m
 PANEL = 0.018  # m, thickness of doors and drawer fronts

@@ -9,10 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.scene.description import Body, Cavity, Colour, Free, Geom, Material, Vector
-from memo_core.scene.hollow import cup
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Cavity, Colour, Free, Geom, Material, Pose, Vector, WorldState, cup
 
 # A little soft: they come to rest sooner, and the solver needs half the iterations.
 CEREAL = Material(rolling=1e-4, contact_dimensions=6, softness_s=0.01)

@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor
+from memo_core.plugin import Monitor, WorldState
 from memo_tabletop import success_checks as checks
 
 SAMPLE_S = 0.02

@@ -7,10 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from memo_core.scene.description import Body, Camera, Cavity, Colour, Free, Geom, Material, Part, Vector
-from memo_core.scene.hollow import cup as cup_geoms
-from memo_core.scene.hollow import inside, shell
-from memo_core.scene.pose import Pose, look_at, quaternion_from_axis_angle
+from memo_core.plugin import (
+    Body,
+    Camera,
+    Cavity,
+    Colour,
+    Free,
+    Geom,
+    Material,
+    Part,
+    Pose,
+    Vector,
+    cup as cup_geoms,
+    inside,
+    look_at,
+    quaternion_from_axis_angle,
+    shell,
+)
 
 RED: Colour = (0.80, 0.20, 0.18, 1.0)
 GREEN: Colour = (0.25, 0.62, 0.32, 1.0)

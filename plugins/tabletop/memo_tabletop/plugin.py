@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import attrs
 
-from memo_core.interfaces.backend import Backend, Demo
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, Demo, hookimpl
 
 
 @attrs.frozen

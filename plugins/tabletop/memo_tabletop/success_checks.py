@@ -8,10 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, Cavity, Geom
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Body, Cavity, Geom, Outcome, Pose, WorldState
 
 AT_REST_M_S = 0.01
 AT_REST_RAD_S = 0.1

@@ -25,8 +25,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.plugin import BackendUnavailable, InvalidArgument, VectorStore
 from memo_vectorstore.settings import ChromaSettings
 
 _NEIGHBOURS = 32  # links a vector; 16 (the default) finds 99.75 % where 32 finds all, docs/skillbook-sharing.md

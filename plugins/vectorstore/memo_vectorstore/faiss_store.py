@@ -19,9 +19,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.vectorstore import VectorStore
-from memo_core.text.parsing import parse_json
+from memo_core.plugin import BackendUnavailable, InvalidArgument, VectorStore, parse_json
 from memo_vectorstore.settings import FaissSettings
 
 log = logging.getLogger(__name__)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from memo_core.interfaces.backend import Backend, Needs
-from memo_core.plugins.hooks import hookimpl
+from memo_core.plugin import Backend, Needs, hookimpl
 from memo_vectorstore.settings import ChromaSettings, FaissSettings
 
 

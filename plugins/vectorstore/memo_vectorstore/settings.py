@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import attrs
 
-from memo_core.errors import InvalidArgument
+from memo_core.plugin import InvalidArgument
 
 
 def _whole(least: int, most: int) -> Any:

@@ -10,10 +10,7 @@ import struct
 import threading
 import time
 
-from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.driver import GripperDriver, check_gripper_command
-from memo_core.interfaces.link import Health
-from memo_core.robot.description import GripperDescription
+from memo_core.plugin import BackendUnavailable, GripperDescription, GripperDriver, Health, check_gripper_command
 from memo_wsg.protocol import FLOAT, FLOATS, Broken, Command, Grasping, Status, packed, unpacked
 from memo_wsg.settings import WsgSettings
 

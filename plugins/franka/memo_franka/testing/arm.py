@@ -10,11 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.wrench import ToolDynamics, WrenchEstimate
-from memo_core.interfaces.simulator import Simulator
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, Kinematics, RobotDescription, Simulator, ToolDynamics, WrenchEstimate
 from memo_franka.testing.wire import Error
 
 DT = 0.001  # s

@@ -22,9 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 import attrs
 import numpy as np
 
-from memo_core.arm.wrench import ToolDynamics
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, RobotDescription, ToolDynamics
 from memo_franka.testing.arm import DT, Arm, Body, IdealBody
 from memo_franka.testing.hand import HandDouble
 from memo_franka.testing.model import arm_urdf

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 
-from memo_core.interfaces.simulator import Simulator
+from memo_core.plugin import Simulator
 from memo_franka.testing.server import FrankaServer
 from memo_franka.testing.wire import (
     HAND_GRASP,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from memo_core.robot.description import RobotDescription
+from memo_core.plugin import RobotDescription
 from memo_franka.description import FLANGE, FR3_BRAKING
 
 

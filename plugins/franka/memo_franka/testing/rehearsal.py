@@ -22,15 +22,20 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from memo_core.arm.guarded_link import GuardedLink
-from memo_core.arm.link_checkpoint import LinkCheckpoint
-from memo_core.arm.simulated_link import IncludedGripper
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.driver import GripperDriver, RobotDriver
-from memo_core.interfaces.link import Health, Link
-from memo_core.interfaces.simulator import Simulator
-from memo_core.robot.description import RobotDescription
-from memo_core.scene.pose import Array
+from memo_core.plugin import (
+    Array,
+    BackendUnavailable,
+    GripperDriver,
+    GuardedLink,
+    Health,
+    IncludedGripper,
+    InvalidArgument,
+    Link,
+    LinkCheckpoint,
+    RobotDescription,
+    RobotDriver,
+    Simulator,
+)
 from memo_franka.driver import FrankaDriver, FrankaLink
 from memo_franka.scheduling import Scheduling
 from memo_franka.settings import DoubleSettings, FrankaSettings

@@ -8,7 +8,7 @@ import time
 
 import attrs
 
-from memo_core.interfaces.llm import Cause, LanguageModelError
+from memo_core.plugin import Cause, LanguageModelError
 from memo_llm.litellm.connection import Line
 from memo_llm.litellm.server_errors import ServerError, error_in, page_in
 

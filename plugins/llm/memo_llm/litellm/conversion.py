@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.interfaces.llm import Message, Request
+from memo_core.plugin import Message, Request
 
 Finish = Literal["stop", "length", "refusal"]
 _FINISHES: dict[str, Finish] = {"length": "length", "max_tokens": "length", "content_filter": "refusal"}

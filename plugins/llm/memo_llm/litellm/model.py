@@ -11,9 +11,17 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.llm import Answer, Cause, LanguageModel, LanguageModelError, Request, Usage
-from memo_core.text.redaction import Redactor
+from memo_core.plugin import (
+    Answer,
+    BackendUnavailable,
+    Cause,
+    InvalidArgument,
+    LanguageModel,
+    LanguageModelError,
+    Redactor,
+    Request,
+    Usage,
+)
 from memo_llm.litellm.call_errors import problem_of
 from memo_llm.litellm.connection import Line
 from memo_llm.litellm.conversion import Spoken, ending_note, messages_of, read_stream, read_whole, response_format

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-from memo_core.interfaces.llm import Message, Request
+from memo_core.plugin import Message, Request
 from memo_llm.replay.recording import Call
 
 MOST_LINES = 6

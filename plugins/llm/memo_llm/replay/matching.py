@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 import attrs
 
-from memo_core.interfaces.llm import Request
-from memo_core.llm.prompt_sections import Prompt, UnreadablePrompt
+from memo_core.plugin import Prompt, Request, UnreadablePrompt
 from memo_llm.replay.recording import Call
 
 # Decimal numbers are measured, whole ones count or name things; whole degrees are measured too.

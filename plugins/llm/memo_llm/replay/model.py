@@ -8,8 +8,7 @@ from pathlib import Path
 
 import attrs
 
-from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request
-from memo_core.text.redaction import Redactor
+from memo_core.plugin import Answer, LanguageModel, LanguageModelError, Redactor, Request
 from memo_llm.replay.differences import describe
 from memo_llm.replay.matching import Answers, Match
 from memo_llm.replay.recording import Call, RecordingFile, read_recording

@@ -23,9 +23,19 @@ from typing import Any, Literal
 
 import attrs
 
-from memo_core.errors import InvalidArgument, MemoError
-from memo_core.interfaces.llm import Answer, Cause, Image, LanguageModelError, Message, Request, Usage
-from memo_core.text.parsing import parse_json, read_as
+from memo_core.plugin import (
+    Answer,
+    Cause,
+    Image,
+    InvalidArgument,
+    LanguageModelError,
+    MemoError,
+    Message,
+    Request,
+    Usage,
+    parse_json,
+    read_as,
+)
 
 VERSION = 1
 _ALWAYS_FITS = 64 << 20  # bytes

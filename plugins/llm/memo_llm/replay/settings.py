@@ -36,7 +36,7 @@ class ReplaySettings:
     )
 
     def __attrs_post_init__(self) -> None:
-        from memo_core.errors import InvalidArgument
+        from memo_core.plugin import InvalidArgument
 
         if self.record and self.inner is None:
             raise InvalidArgument("inner", "nothing to record", "the backend to ask, e.g. `inner: {backend: …}`")

@@ -9,8 +9,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import Array, InvalidArgument, Pose, UnknownName, quaternion_from_rotation
 
 _NAMES = [
     "4X4_50",

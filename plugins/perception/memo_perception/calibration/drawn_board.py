@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose, look_at
+from memo_core.plugin import Array, Pose, look_at
 from memo_perception.calibration.board import Board, Lens
 
 _FINER = 3  # times the picture's resolution at which it is drawn

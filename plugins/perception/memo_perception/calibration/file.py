@@ -10,8 +10,7 @@ import attrs
 import cattrs
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.pose import Pose
+from memo_core.plugin import InvalidArgument, Pose
 from memo_perception.calibration.board import DICTIONARIES, Board, Lens
 from memo_perception.calibration.hand_eye import HandEye
 from memo_perception.calibration.tags import Tag, find_tags

@@ -21,8 +21,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
-from memo_core.errors import MemoError
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import Array, MemoError, Pose, quaternion_from_rotation
 from memo_perception.calibration.board import Board, Lens, Sighting
 
 Mount = Literal["world", "hand"]

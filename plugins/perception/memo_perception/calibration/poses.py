@@ -8,11 +8,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from memo_core.arm.collision import Checker, Held, RobotShape, obstacles_of
-from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.rrt_connect import densified
-from memo_core.scene.graph import Observation, SceneGraph
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import (
+    Array,
+    Checker,
+    Held,
+    Kinematics,
+    Observation,
+    Pose,
+    RobotShape,
+    SceneGraph,
+    densified,
+    obstacles_of,
+    quaternion_from_rotation,
+)
 
 TURN = (0.45, 0.45, 0.6)  # rad to either side about the axes of what the hand turns about
 SHIFT = 0.08  # m to either side along each axis

@@ -8,17 +8,11 @@ from contextlib import contextmanager
 import attrs
 import numpy as np
 
-from memo_core.arm.collision import Held
-from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.cli.robot_link import connected
+from memo_core.cli import connected
 from memo_core.config import Experiment
-from memo_core.environment.simulated import SimulatedEnvironment
-from memo_core.environment.task_environment import generator
-from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.interfaces.link import Link
-from memo_core.interfaces.perception import PerceptionContext
-from memo_core.runs.factories import environment_of, task_of, tasks_of
-from memo_core.scene.pose import Pose, look_at
+from memo_core.environment import SimulatedEnvironment, generator
+from memo_core.plugin import Held, InvalidArgument, Kinematics, Link, PerceptionContext, Pose, UnknownName, look_at
+from memo_core.runs import environment_of, task_of, tasks_of
 from memo_perception.calibration.board import Board, Lens
 from memo_perception.calibration.drawn_board import draw_board, facing
 from memo_perception.calibration.hand_eye import Mount

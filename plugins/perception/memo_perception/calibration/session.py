@@ -7,11 +7,7 @@ from collections.abc import Callable, Iterable
 import attrs
 import numpy as np
 
-from memo_core.arm.inverse_kinematics import Kinematics
-from memo_core.arm.slow_motion import move_joints
-from memo_core.errors import MotionError
-from memo_core.interfaces.link import Link
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, Kinematics, Link, MotionError, move_joints
 from memo_perception.calibration.board import Board
 from memo_perception.calibration.hand_eye import Shot
 from memo_perception.cameras.frames import Frame

@@ -12,7 +12,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Pose
 from memo_perception.calibration.board import DICTIONARIES, Lens, pose_of
 
 _FLIP = 2.0  # times that the second of a square's two poses must fit worse, for the first to be trusted

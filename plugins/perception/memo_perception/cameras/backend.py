@@ -10,11 +10,19 @@ from collections.abc import Callable, Iterator, Sequence
 import attrs
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.interfaces.perception import Ask, Perception, PerceptionContext
-from memo_core.scene import relations
-from memo_core.scene.graph import Node, Observation, Relation, SceneGraph
-from memo_core.scene.name_corrections import NameCorrection, corrected
+from memo_core.plugin import (
+    Ask,
+    InvalidArgument,
+    NameCorrection,
+    Node,
+    Observation,
+    Perception,
+    PerceptionContext,
+    Relation,
+    SceneGraph,
+    corrected,
+    held_thing,
+)
 from memo_perception.cameras.detectors import DETECTORS
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame
@@ -122,7 +130,7 @@ class Cameras(Perception):
         seen = self._memory.named(measured, time)
         hidden = self._memory.unseen(seen, views, holding, tool)
         nodes = (*seen, *hidden)
-        held = relations.held_thing(nodes, tool.position) if holding else None
+        held = held_thing(nodes, tool.position) if holding else None
         self._memory.keep(seen, held, tool)
         states = _states(seen, measured)
         said = (*states, *spatial_relations(nodes, held, table))

@@ -13,8 +13,7 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, InvalidArgument, Pose
 
 
 @attrs.frozen

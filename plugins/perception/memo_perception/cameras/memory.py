@@ -10,9 +10,7 @@ import attrs
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.graph import Node
-from memo_core.scene.pose import Pose
+from memo_core.plugin import InvalidArgument, Node, Pose
 from memo_perception.cameras.geometry.estimate_boxes import Measured
 from memo_perception.cameras.geometry.table import View
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from memo_core.scene.graph import Node, SceneGraph
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Node, Pose, SceneGraph
 from memo_perception.cameras.frames import Intrinsics
 
 _COLOURS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 
 
 @attrs.frozen(eq=False)

@@ -3,7 +3,7 @@ the list that a person would write."""
 
 from __future__ import annotations
 
-from memo_core.scene.description import SceneDescription
+from memo_core.plugin import SceneDescription
 from memo_perception.cameras.inventory import Item, Kind
 from memo_perception.heaps import heaps
 from memo_perception.labelled_things import Thing, labelled_things

@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.errors import UnknownName
+from memo_core.plugin import UnknownName
 
 
 @attrs.frozen

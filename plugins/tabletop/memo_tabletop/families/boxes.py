@@ -5,9 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.scene.description import Body, Free, Geom, SceneDescription
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Free, Geom, Pose, SceneDescription, WorldState
 from memo_tabletop.families.task import BOX, LESSONS, THIN, FamilyTask, PlainThing
 from memo_tabletop.objects import BLUE, RED
 from memo_tabletop.quirks.crushable import TRAY, CarryAThinThing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from memo_core.scene.description import Body
+from memo_core.plugin import Body
 from memo_tabletop.families.task import CABINET, CHEST, LESSONS, LIFTS, POPS_OPEN, FamilyTask, PlainThing, painted
 from memo_tabletop.furniture import STEEL, WHITE, WOOD
 from memo_tabletop.quirks.doors import OpenADoor, OpenTheCupboard, OpenTheLocker

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import attrs
 
-from memo_core.scene.description import Body, Colour
+from memo_core.plugin import Body, Colour
 from memo_tabletop.furniture import WOOD
 from memo_tabletop.quirks.task import QuirkTask
 

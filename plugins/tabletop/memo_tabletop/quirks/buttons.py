@@ -8,12 +8,20 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, Cavity, Colour, Geom, Hinge, Slide, Vector
-from memo_core.scene.hollow import shell
-from memo_core.scene.mechanisms import Mechanism
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    Body,
+    Cavity,
+    Colour,
+    Geom,
+    Hinge,
+    Mechanism,
+    Outcome,
+    Pose,
+    Slide,
+    Vector,
+    WorldState,
+    shell,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import CHROME, LYING_ALONG_X
 from memo_tabletop.furniture import DARK, STEEL, WHITE, DoorHinge, Handle

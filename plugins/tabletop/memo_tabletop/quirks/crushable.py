@@ -6,11 +6,24 @@ import math
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome
-from memo_core.scene.description import Body, Colour, Free, Geom, SceneDescription, Slide, Vector
-from memo_core.scene.mechanisms import Above, Lasting, Lock, Mechanism, Pressed
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    Above,
+    Body,
+    Colour,
+    Free,
+    Geom,
+    Lasting,
+    Lock,
+    Mechanism,
+    Monitor,
+    Outcome,
+    Pose,
+    Pressed,
+    SceneDescription,
+    Slide,
+    Vector,
+    WorldState,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, story_of
 from memo_tabletop.objects import RED, cameras

@@ -11,12 +11,25 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome
-from memo_core.scene.description import Body, Cavity, Colour, Free, Geom, SceneDescription, Slide, Vector
-from memo_core.scene.hollow import cup
-from memo_core.scene.mechanisms import Below, Lock, Mechanism, Times
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    Below,
+    Body,
+    Cavity,
+    Colour,
+    Free,
+    Geom,
+    Lock,
+    Mechanism,
+    Monitor,
+    Outcome,
+    Pose,
+    SceneDescription,
+    Slide,
+    Times,
+    Vector,
+    WorldState,
+    cup,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import WOOD
 from memo_tabletop.grains import SALT, grains

@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.scene.description import Body, Colour, Vector
-from memo_core.scene.mechanisms import Mechanism
+from memo_core.plugin import Body, Colour, Mechanism, Vector, WorldState
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import DARK, STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.quirks.code import quirk_code

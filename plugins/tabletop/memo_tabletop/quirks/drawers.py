@@ -7,9 +7,7 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.scene.description import Body, Vector
-from memo_core.scene.mechanisms import Mechanism
+from memo_core.plugin import Body, Mechanism, Vector, WorldState
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import Handle, chest
 from memo_tabletop.quirks.code import quirk_code

@@ -9,8 +9,7 @@ from typing import Any
 
 import attrs
 
-from memo_core.scene.description import Body, Hinge, Slide
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Hinge, Pose, Slide
 
 
 def with_mover(fixture: Body, change: Callable[[Body], Body]) -> Body:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from memo_core.scene.mechanisms import Above, AllOf, Below, Condition, Lasting, Lock, Locked, Mechanism, Spring, Times
+from memo_core.plugin import Above, AllOf, Below, Condition, Lasting, Lock, Locked, Mechanism, Spring, Times
 
 
 def push_latch(joint: str, lowest: float, pushed: float) -> tuple[Mechanism, ...]:

@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, SceneDescription
-from memo_core.scene.mechanisms import Mechanism
+from memo_core.plugin import Body, Mechanism, Outcome, SceneDescription, WorldState
 from memo_tabletop import success_checks as checks
 from memo_tabletop.objects import cameras
 from memo_tabletop.quirks.task import QuirkTask

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from memo_core.interfaces.task import Task
+from memo_core.plugin import Task
 
 
 class QuirkTask(Task):

@@ -7,11 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome
-from memo_core.scene.description import Body, Colour, Geom, Hinge, SceneDescription, Slide
-from memo_core.scene.mechanisms import Above, AllOf, Below, Lock, Locked, Mechanism, Spring
-from memo_core.scene.pose import Pose
+from memo_core.plugin import (
+    Above,
+    AllOf,
+    Below,
+    Body,
+    Colour,
+    Geom,
+    Hinge,
+    Lock,
+    Locked,
+    Mechanism,
+    Outcome,
+    Pose,
+    SceneDescription,
+    Slide,
+    Spring,
+    WorldState,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import DARK, STEEL, WHITE
 from memo_tabletop.objects import cameras

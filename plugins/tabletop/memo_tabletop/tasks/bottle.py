@@ -13,11 +13,23 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.scene.description import Body, Camera, Colour, Free, Geom, Material, SceneDescription, Vector
-from memo_core.scene.hollow import cup
-from memo_core.scene.pose import Pose, look_at
+from memo_core.plugin import (
+    Body,
+    Camera,
+    Colour,
+    Free,
+    Geom,
+    Material,
+    Monitor,
+    Outcome,
+    Pose,
+    SceneDescription,
+    Task,
+    Vector,
+    WorldState,
+    cup,
+    look_at,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Sampled
 from memo_tabletop.objects import METAL, RED, cameras

@@ -7,11 +7,7 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.scene.description import Body, SceneDescription
-from memo_core.scene.hollow import shelf
-from memo_core.scene.pose import Pose
+from memo_core.plugin import Body, Monitor, Outcome, Pose, SceneDescription, Task, WorldState, shelf
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import STEEL, WALL, WHITE, WOOD, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Outcome, Task
-from memo_core.scene.description import SceneDescription
+from memo_core.plugin import Outcome, SceneDescription, Task, WorldState
 from memo_tabletop import success_checks as checks
 from memo_tabletop.appliances import Lever, faucet
 from memo_tabletop.objects import cameras

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.scene.description import Body, SceneDescription
+from memo_core.plugin import Body, Monitor, Outcome, SceneDescription, Task, WorldState
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import WALL, DoorHinge
 from memo_tabletop.monitors import Mishaps, story_of

@@ -8,10 +8,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.scene.description import SceneDescription
-from memo_core.scene.hollow import shelf
+from memo_core.plugin import Monitor, Outcome, SceneDescription, Task, WorldState, shelf
 from memo_tabletop import success_checks as checks
 from memo_tabletop.furniture import STEEL, WALL, WHITE, DoorHinge, Handle, cabinet
 from memo_tabletop.monitors import Mishaps, story_of

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from memo_core.scene.description import Body
+from memo_core.plugin import Body
 from memo_tabletop.furniture import DARK, STEEL, DoorHinge, Handle, cabinet, stand
 from memo_tabletop.tasks.food_in_cabinet import FoodInCabinet
 

@@ -7,10 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.interfaces.simulator import WorldState
-from memo_core.interfaces.task import Monitor, Outcome, Task
-from memo_core.scene.description import Body, Colour, Free, Geom, Material, SceneDescription, Vector
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import (
+    Array,
+    Body,
+    Colour,
+    Free,
+    Geom,
+    Material,
+    Monitor,
+    Outcome,
+    Pose,
+    SceneDescription,
+    Task,
+    Vector,
+    WorldState,
+)
 from memo_tabletop import success_checks as checks
 from memo_tabletop.monitors import Mishaps, Moved, Sampled
 from memo_tabletop.objects import PORCELAIN, cameras

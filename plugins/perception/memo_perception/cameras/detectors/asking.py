@@ -8,10 +8,7 @@ from collections.abc import Callable, Iterable
 import cv2
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
-from memo_core.interfaces.llm import Image, Message
-from memo_core.interfaces.llm import Request as Question
-from memo_core.interfaces.perception import Ask
+from memo_core.plugin import Ask, BackendUnavailable, Image, Message, Request as Question
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.detectors.model_answers import Reading, Thing
 

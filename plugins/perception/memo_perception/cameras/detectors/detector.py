@@ -8,7 +8,7 @@ from typing import Literal
 import attrs
 import numpy as np
 
-from memo_core.interfaces.perception import Ask, PerceptionContext
+from memo_core.plugin import Ask, PerceptionContext
 from memo_perception.cameras.frames import Frame
 from memo_perception.cameras.inventory import Hint, Item, Kind
 from memo_perception.cameras.regions import Region

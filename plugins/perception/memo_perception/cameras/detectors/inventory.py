@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import attrs
 import numpy as np
 
-from memo_core.scene.appearance import colour_name
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array, colour_name
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.detectors.likelihood import Piece, most_likely
 from memo_perception.cameras.geometry.fitting import trimmed_extents

@@ -12,7 +12,7 @@ import attrs
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 from memo_perception.cameras.geometry.panels import slides
 from memo_perception.cameras.inventory import Hint, Item
 from memo_perception.cameras.regions import Region

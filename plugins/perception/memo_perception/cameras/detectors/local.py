@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from memo_core.errors import InvalidArgument
+from memo_core.plugin import InvalidArgument
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.detectors.local_models import Finder, FoundThing, Sam2, finder_of, segmenter_of
 from memo_perception.cameras.detectors.model_answers import Box

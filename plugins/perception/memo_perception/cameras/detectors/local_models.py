@@ -15,7 +15,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.errors import BackendUnavailable
+from memo_core.plugin import BackendUnavailable
 from memo_perception.cameras.detectors.model_answers import Box
 
 INSTALL = "pip install './plugins/perception[local]'"

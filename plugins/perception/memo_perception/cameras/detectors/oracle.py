@@ -11,11 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.interfaces.perception import PerceptionContext
-from memo_core.interfaces.simulator import Simulator
-from memo_core.scene.description import Camera, SceneDescription
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Camera, InvalidArgument, PerceptionContext, Pose, SceneDescription, Simulator
 from memo_perception.cameras.detectors.detector import Detection, Detector, Request
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.labelled_things import Thing, labelled_things

@@ -5,12 +5,18 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from memo_core.arm.meshes import mesh_vertices
-from memo_core.interfaces.link import Link
-from memo_core.robot.description import RobotDescription
-from memo_core.robot.finger_linkage import FingerLinkage
-from memo_core.robot.urdf.reading import Urdf, UrdfShape, link_poses, read_urdf
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import (
+    Array,
+    FingerLinkage,
+    Link,
+    Pose,
+    RobotDescription,
+    Urdf,
+    UrdfShape,
+    link_poses,
+    mesh_vertices,
+    read_urdf,
+)
 from memo_perception.cameras.frames import Frame
 
 WIDER_PX = 9  # at 640 pixels of width: for joints that lag and a calibration that is a little wrong

@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Pose
 from memo_perception.cameras.geometry.fitting import Fit, Seen, extents
 
 LEAST_POINTS = 25  # of the lining

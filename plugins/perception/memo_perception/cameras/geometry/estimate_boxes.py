@@ -8,8 +8,7 @@ import attrs
 import numpy as np
 from scipy.spatial import cKDTree
 
-from memo_core.scene.appearance import colour_name
-from memo_core.scene.pose import Array, Pose
+from memo_core.plugin import Array, Pose, colour_name
 from memo_perception.cameras.detectors.detector import Detection, State
 from memo_perception.cameras.geometry.cavities import LEAST_POINTS, fit_inside, is_lining
 from memo_perception.cameras.geometry.fitting import Fit, Seen, extents, fit_thing, trimmed_extents

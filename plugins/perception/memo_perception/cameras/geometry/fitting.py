@@ -13,7 +13,7 @@ import attrs
 import numpy as np
 from scipy.optimize import least_squares
 
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import Array, Pose, quaternion_from_rotation
 from memo_perception.cameras.geometry.footprints import CELL, footprint
 from memo_perception.cameras.geometry.shapes import Box, Cylinder, Shape, Sphere
 from memo_perception.cameras.geometry.silhouettes import Silhouette

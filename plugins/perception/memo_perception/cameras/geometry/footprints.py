@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 from memo_perception.cameras.geometry.silhouettes import Silhouette
 
 CELL = 0.002  # m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import Array, Pose, quaternion_from_rotation
 from memo_perception.cameras.geometry.fitting import Fit, Seen, fit_box, rectangle
 
 CLOSERS = ("door", "lid", "drawer", "flap", "gate", "hatch", "cover")  # words for what closes an inside

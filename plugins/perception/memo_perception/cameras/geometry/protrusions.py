@@ -12,7 +12,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 from memo_perception.cameras.geometry.panels import largest_plane
 
 _WIDE = 0.15  # m: a face is at least this long and half as wide

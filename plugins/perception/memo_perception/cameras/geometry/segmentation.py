@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 from memo_perception.cameras.geometry.protrusions import split
 from memo_perception.cameras.geometry.table import View
 from memo_perception.cameras.regions import Region

@@ -8,7 +8,7 @@ from typing import Protocol
 import attrs
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose, quaternion_from_rotation
+from memo_core.plugin import Array, Pose, quaternion_from_rotation
 
 _CORNERS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
 _RING = 24

@@ -11,7 +11,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.scene.pose import Array
+from memo_core.plugin import Array
 from memo_perception.cameras.geometry.table import View
 
 COUNT = 32

@@ -6,7 +6,7 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from memo_core.scene.pose import Array, Pose, quaternion_from_axis_angle
+from memo_core.plugin import Array, Pose, quaternion_from_axis_angle
 from memo_perception.cameras.frames import Frame
 
 _NEAR_PLANE = 0.025  # m within which a pixel may be the table's

@@ -13,9 +13,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.errors import BackendUnavailable, InvalidArgument
-from memo_core.interfaces.perception import PerceptionContext
-from memo_core.scene.pose import Pose
+from memo_core.plugin import BackendUnavailable, InvalidArgument, PerceptionContext, Pose
 from memo_perception.calibration.file import Calibration, load
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.cameras.settings import DeviceCamera, DeviceSettings

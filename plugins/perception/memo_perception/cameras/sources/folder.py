@@ -21,8 +21,7 @@ import attrs
 import cv2
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.scene.pose import Pose
+from memo_core.plugin import InvalidArgument, Pose
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.cameras.settings import FolderSettings
 from memo_perception.cameras.sources.source import Source

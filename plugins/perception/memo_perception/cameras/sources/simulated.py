@@ -8,10 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from memo_core.errors import InvalidArgument
-from memo_core.interfaces.perception import PerceptionContext
-from memo_core.scene.description import Camera
-from memo_core.scene.pose import Pose, quaternion_from_axis_angle
+from memo_core.plugin import Camera, InvalidArgument, PerceptionContext, Pose, quaternion_from_axis_angle
 from memo_perception.cameras.frames import Frame, Intrinsics
 from memo_perception.cameras.settings import SimulatedSettings
 from memo_perception.cameras.sources.depth_noise import NOISE, noisy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from memo_core.interfaces.perception import PerceptionContext
+from memo_core.plugin import PerceptionContext
 from memo_perception.cameras.frames import Frame
 
 
