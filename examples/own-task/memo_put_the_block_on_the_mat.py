@@ -2,7 +2,19 @@
 
 import numpy as np
 
-from memo_core.plugin import Backend, Body, Camera, Free, Geom, Outcome, Pose, SceneDescription, Task, hookimpl, look_at
+from memo_core.plugin import (
+    Backend,
+    Body,
+    Camera,
+    Free,
+    Geom,
+    Outcome,
+    Pose,
+    SceneDescription,
+    Task,
+    hookimpl,
+    look_at,
+)
 
 SOLUTION = """
 block, mat = get_position("block"), get_bounds("mat")

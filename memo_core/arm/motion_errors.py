@@ -93,8 +93,8 @@ class MotionErrors:
         near = kinematics.solve(seeds, same, position, 60)
         aligned = near.rotation_error < 0.1
         if aligned.any():
-            short = float(near.position_error[aligned].min())
-            return f"; the arm falls short by {100 * short:.0f} cm"
+            short = round(100 * float(near.position_error[aligned].min()))  # cm; an upper bound, of the seeds tried
+            return f"; the arm falls short by at most {short} cm" if short else ""
         return ""
 
 

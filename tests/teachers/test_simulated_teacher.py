@@ -253,7 +253,7 @@ HINT = "; it is reachable with the hand turned by 30 degrees, pointing "
         (f"{REACH}{HINT}20 degrees to the left of forward and 40 degrees up", "refused-tilt", "tilt", "up"),
         (f"{REACH}{HINT}down", "refused-from", "approach", "top"),
         (f"{REACH}{HINT}forward", "refused-from", "approach", "front"),
-        (f"{REACH}; the arm falls short by 4 cm", "refused", "approach", ""),
+        (f"{REACH}; the arm falls short by at most 4 cm", "refused", "approach", ""),
         (
             "MotionError: move_to: [0, 0, 0] cannot be reached, because the hand would hit the shelf",
             "refused",

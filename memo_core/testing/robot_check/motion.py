@@ -224,7 +224,7 @@ def it_reaches_in_six_dimensions(trial: RobotTrial) -> None:
             f"it has {joints} joints: where the hand is decides which way it can point, so that of positions with an "
             f"orientation only those that suit it are reached ({100 * reached:.0f} % of {8 * share.size} hand poses)"
         )
-    poses = f"{100 * reached:.0f} % of {8 * share.size} hand poses within {trial.robot.reach:.2f} m are reached"
+    poses = f"{100 * reached:.1f} % of {8 * share.size} hand poses within {trial.robot.reach:.2f} m are reached"
     assert reached >= LEAST_REACH, f"only {poses}, fewer than {100 * LEAST_REACH:.0f} %: {_narrow(trial)}"
 
 
