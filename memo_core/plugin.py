@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from memo_core.policy.plan_feedback import PLANNING as PLANNING
     from memo_core.policy.results import RunResult as RunResult
     from memo_core.policy.run_context import Session as Session
+    from memo_core.process.signal_safe import Flag as Flag
     from memo_core.process.temporary_folders import scratch_folder as scratch_folder
     from memo_core.robot.description import (
         GripperDescription as GripperDescription,

@@ -21,6 +21,7 @@ from memo_core.evaluation.grid import Trial
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.evaluation.trial import Place, do_group
 from memo_core.plugins.registry import Registry
+from memo_core.process.signal_safe import Wake
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.process.worker_processes import MOST_DEATHS, POLL_S, WorkersDied, in_processes
 from memo_core.runs.run_errors import UNEXPECTED, RunError
@@ -50,7 +51,7 @@ class GroupResult:
 def do_here(group: Group, stop: StopSwitch | None = None) -> GroupResult:
     """Do a group in this process, in a thread that is not the main one: Ctrl-C is for the process that waits. On a stop
     the thread is abandoned, and the run that it is at is cut off like that of a killed process."""
-    over, errors = threading.Event(), list[RunError | None]()
+    over, errors = Wake(), list[RunError | None]()
     results: list[GroupResult] = []
 
     def work() -> None:

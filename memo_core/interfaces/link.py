@@ -6,12 +6,12 @@ The link owns the latched stop: ``stop`` may be called from any thread or signal
 
 from __future__ import annotations
 
-import threading
 from abc import ABC, abstractmethod
 
 import attrs
 
 from memo_core.errors import BackendUnavailable, Stopped
+from memo_core.process.signal_safe import Flag
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.pose import Array
 
@@ -43,7 +43,7 @@ class Link(ABC):
 
     def __init__(self, description: RobotDescription) -> None:
         self.description = description
-        self._stop = threading.Event()
+        self._stop = Flag()
 
     # -- life ----------------------------------------------------------------------------------------------------------
     def open(self) -> None:

@@ -19,6 +19,7 @@ from memo_core.events import Event, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
+from memo_core.process.signal_safe import Wake
 from memo_core.process.stop_switch import StopSwitch, abandonable
 from memo_core.runlog.run_log import Effect, RunLog
 from memo_core.text.parsing import read_as
@@ -240,7 +241,7 @@ class ModelCalls:
         )
 
     def _pause(self, seconds: float) -> None:
-        news = threading.Event()
+        news = Wake()
         with self._stop.waking(news.set):
             news.wait(seconds)
         self._stop.check("waiting to ask again")

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from memo_core.errors import Stopped
+from memo_core.process.signal_safe import Flag, Wake
 
 T = TypeVar("T")
 
@@ -17,7 +18,7 @@ class StopSwitch:
     quick."""
 
     def __init__(self) -> None:
-        self._pressed = threading.Event()
+        self._pressed = Flag()
         self._wakers: tuple[Callable[[], None], ...] = ()
         self._lock = threading.Lock()
 
@@ -58,7 +59,7 @@ def abandonable(stop: StopSwitch, where: str, work: Callable[[], T], late: Calla
     """Run ``work()`` in its own thread and abandon it when the stop is pressed: ``Stopped`` is then raised immediately,
     and ``late`` is called in that thread with the late result or error."""
     stop.check(where)
-    finished = threading.Event()  # set by the work or by the stop, whichever is first
+    finished = Wake()  # set by the work or by the stop, whichever is first
     lock = threading.Lock()
     result: list[T | BaseException] = []
     abandoned = False
@@ -103,7 +104,7 @@ class Leaving:
         end, then ``Stopped`` is raised and its result is discarded."""
         self.wait()
         self._stop.check(where)
-        news, ended = threading.Event(), threading.Event()
+        news, ended = Wake(), threading.Event()
         result: list[T | BaseException] = []
 
         def run() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.spending import Spent
 from memo_core.policy.consolidation import Clustering, ClusteringSettings, Outcome
 from memo_core.process.freed_memory import give_back_freed_memory
+from memo_core.process.signal_safe import Wake
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
 from memo_core.runs.factories import budget_of, prompts_of
@@ -190,7 +190,7 @@ def _round(clustering: Clustering, tried: set[tuple[str, str]], report: Callable
 
 
 def _pause(stop: StopSwitch, seconds: float) -> None:
-    news = threading.Event()
+    news = Wake()
     with stop.waking(news.set):
         news.wait(seconds)
     stop.check("waiting for changes")

@@ -23,6 +23,7 @@ import attrs
 
 from memo_core.errors import Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, TaskEpisode, Teacher, Verdict
+from memo_core.process.signal_safe import Flag
 from memo_core.process.stop_switch import StopSwitch
 
 T = TypeVar("T")
@@ -58,7 +59,7 @@ class Supervisor:
         self.stop = stop
         self.teacher = teacher
         self.attended = attended
-        self._ending = threading.Event()
+        self._ending = Flag()
         # SimpleQueue may be used from a signal handler, which a Queue with its lock may not.
         self._inbox: queue.SimpleQueue[_Question | _Ended[Any]] = queue.SimpleQueue()
         self._asking = False

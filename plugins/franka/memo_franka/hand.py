@@ -10,7 +10,7 @@ import threading
 import time
 from typing import Any
 
-from memo_core.plugin import BackendUnavailable, GripperDescription, GripperDriver, Health, check_gripper_command
+from memo_core.plugin import BackendUnavailable, Flag, GripperDescription, GripperDriver, Health, check_gripper_command
 from memo_franka.faults import fault_of_error
 from memo_franka.settings import HandSettings
 
@@ -29,7 +29,7 @@ class FrankaHand(GripperDriver):
         self._wanted: queue.SimpleQueue[tuple[float, float] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
-        self._stopping = threading.Event()
+        self._stopping = Flag()
         self._counting = threading.Lock()  # of the next three and what is wanted
         self._motion = 0  # number of the newest that was begun
         self._obsolete = 0  # the newest that is to end

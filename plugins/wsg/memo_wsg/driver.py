@@ -10,7 +10,7 @@ import struct
 import threading
 import time
 
-from memo_core.plugin import BackendUnavailable, GripperDescription, GripperDriver, Health, check_gripper_command
+from memo_core.plugin import BackendUnavailable, Flag, GripperDescription, GripperDriver, Health, check_gripper_command
 from memo_wsg.protocol import FLOAT, FLOATS, Broken, Command, Grasping, Status, packed, unpacked
 from memo_wsg.settings import WsgSettings
 
@@ -41,7 +41,7 @@ class WsgGripper(GripperDriver):
         self._thread: threading.Thread | None = None
         self._wake = (0, 0)  # a pipe: what is written ends the thread's waiting
         self._closing = threading.Event()
-        self._stopping = threading.Event()
+        self._stopping = Flag()
         self._answered = threading.Event()  # the first width is known
         self._problem = "it is not open"
         self._width, self._state = 0.0, Grasping.IDLE
