@@ -77,6 +77,20 @@ def test_the_simulated_teachers_words_are_understood(cause):
     assert len(understood) >= OF_MOTIONS[cause], sorted(set(said) - set(understood))
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("no, come from above, not from the side", ["from above"]),
+        ("Move it left, not right.", ["left"]),
+        ("pull straight, not in an arc, and slower", ["straight", "slower"]),
+        ("lift it, not too high", []),
+        ("not from the side, come from above", []),
+    ],
+)
+def test_what_is_said_instead_of_its_opposite_is_followed(words, expected):
+    assert names(words) == expected
+
+
 @pytest.mark.parametrize("words", FAULTS["unclear"])
 def test_a_remark_that_teaches_nothing_teaches_nothing(words):
     assert names(words.format(object="toy box"), thing("toy box")) == []

@@ -24,6 +24,7 @@ _IMPERATIVE_NO = {
 }
 _ALONE = {"degrees": "through an angle", "times": "again"}  # what an amount says that nothing else takes
 _EVERYWHERE = re.compile(r"\b(?:always|every time|in general|generally|everything|all \w+s)\b")
+_CONTRAST = re.compile(r",\s*(?:and |but )?not ([^,.;:!?]+)")  # "from above, not from the side"
 _COUNTS = {"twice": 2, "again": 2, "once more": 2, "a second time": 2}
 
 
@@ -70,6 +71,11 @@ def read(text: str, nodes: Iterable[Node] = ()) -> Reading:
     """Read what a remark or a note asks for. ``nodes`` are the things of the scene, whose names may be said."""
     phrases = load()
     text = with_names_replaced(text, nodes)
+    contrast = _CONTRAST.search(text)
+    if contrast is not None:
+        said = read(text[: contrast.start()] + text[contrast.end() :])
+        if {one.phrase.matter for one in said.edits} & {one.phrase.matter for one in read(contrast[1]).edits}:
+            return said
     tokens = phrases.tokens(text)
     left, hits = _matched(tokens, phrases)
     if not hits and "#" not in left:
