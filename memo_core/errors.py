@@ -2,7 +2,7 @@
 on.
 
 Subclasses carry their data as fields, so that no code has to parse a message; ``str(error)`` is the line shown to
-people. Rooms define their own subclasses next to the code that raises them; those below are shared by several rooms.
+people. Packages define their own subclasses next to the code that raises them; those below are shared by several packages.
 """
 
 from __future__ import annotations

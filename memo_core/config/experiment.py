@@ -168,7 +168,7 @@ def load_experiment(
 ) -> Experiment:
     """Read and check an experiment; without a file, the defaults of the installed plugins.
 
-    ``sections`` are the rooms' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
+    ``sections`` are the packages' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
     and take precedence over the file. Raises ``ConfigErrors`` with all errors.
     """
     typed = {"task": task, "seed": seed}

@@ -23,7 +23,7 @@ INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
 
 
 def experiment_schema(registry: Registry, sections: Mapping[str, type]) -> dict[str, Any]:
-    """The schema for the installed plugins and the rooms' own sections."""
+    """The schema for the installed plugins and the packages' own sections."""
     properties: dict[str, Any] = {
         "extends": {
             "description": "Experiment files that this one extends, relative to it; this file takes precedence.",
