@@ -2,8 +2,8 @@
 on.
 
 Subclasses carry their data as fields, so that no code has to parse a message; ``str(error)`` is the line shown to
-people. Packages define their own subclasses next to the code that raises them; those below are shared by several packages.
-"""
+people. Packages define their own subclasses next to the code that raises them; those below are shared by several
+packages."""
 
 from __future__ import annotations
 

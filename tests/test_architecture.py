@@ -277,8 +277,8 @@ def test_nothing_in_the_repository_holds_a_machine_path_or_an_index():
 
 
 def private_imports(source: str) -> set[str]:
-    """What a file imports of the core that is no public name: of ``memo_core``, ``memo_core.plugin``, a module of
-    ``memo_core.testing`` or a package's ``__init__``."""
+    """The names that a file imports from the core and that are not public: public are those of ``memo_core``,
+    ``memo_core.plugin``, a module of ``memo_core.testing`` and the ``__init__`` of a package."""
     private = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):

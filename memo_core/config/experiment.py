@@ -168,9 +168,8 @@ def load_experiment(
 ) -> Experiment:
     """Read and check an experiment; without a file, the defaults of the installed plugins.
 
-    ``sections`` are the packages' own sections and their attrs classes; ``task`` and ``seed`` come from the command line
-    and take precedence over the file. Raises ``ConfigErrors`` with all errors.
-    """
+    ``sections`` are the packages' own sections and their attrs classes; ``task`` and ``seed`` come from the command
+    line and take precedence over the file. Raises ``ConfigErrors`` with all errors."""
     typed = {"task": task, "seed": seed}
     given = [
         FromOption(f"{name}={json.dumps(value)}", f"--{name}") for name, value in typed.items() if value is not None

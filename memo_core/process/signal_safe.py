@@ -1,5 +1,5 @@
-"""What a signal handler may set: unlike ``threading.Event``, these have no lock. The handler may have interrupted the
-thread that holds it."""
+"""Flags and wakers for signal handlers: unlike ``threading.Event``, without a lock. The handler may have interrupted
+the thread that holds it."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a book holds: keys, entries, feedback, and how actions relate to each other."""
+"""Keys, entries and feedback of a book, and relations between actions."""
