@@ -30,6 +30,7 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.interfaces.teacher import Episode, Teacher, Verdict
 from memo_core.policy.loop import Loop
 from memo_core.policy.methods import METHODS
+from memo_core.policy.person import Person
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.process.stop_switch import StopSwitch
@@ -192,6 +193,21 @@ class _Model(LanguageModel):
         return Answer(f"```python\n{_CODE.get(self._phase, _NOTHING)}\n```")
 
 
+class _Presser(Person):
+    """The person who presses stop, asked by the supervisor."""
+
+    watches = True
+
+    def __init__(self, supervisor: Supervisor) -> None:
+        self._supervisor = supervisor
+
+    def judge(self, episode: Episode, interrupted: bool) -> Verdict:
+        return self._supervisor.ask(episode, interrupted)
+
+    def has_ended(self) -> bool:
+        return self._supervisor.ending
+
+
 class _SlowBook:
     """A book whose retrieval takes long, as with an embedder behind a network."""
 
@@ -309,8 +325,7 @@ def _measure(experiment: Experiment, phase: str, signals: int) -> PhaseStop:
                     log=log,
                     emit=lambda event: button.begun() if phase == "computing" and _is_look(event) else None,
                     book=_SlowBook(book, phase, button),  # type: ignore[arg-type]
-                    teacher=supervisor.ask,
-                    ending=lambda: supervisor.ending,
+                    person=_Presser(supervisor),
                 )
                 button.arm()
                 try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -15,6 +15,8 @@ from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Sighting
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.name_corrections import NameCorrection
+from memo_core.scene.pose import Array
 from memo_core.skills.control import Control
 
 ControlFactory = Callable[[RobotDescription, Link, Perception], Control]
@@ -104,6 +106,14 @@ class TaskEnvironment(ABC):
     def look(self) -> SceneGraph:
         """Take a new look with the robot's perception. Skills use its result from now on."""
         return self.control.look()
+
+    def pictures(self, scene: SceneGraph) -> Mapping[str, Array]:
+        """The cameras' pictures of the last look, nothing drawn; RGB, uint8, shape (H, W, 3), by the camera's name."""
+        return self.perception.pictures() or scene.observation.rgb
+
+    def correct_names(self, corrections: Sequence[NameCorrection]) -> None:
+        """Tell the perception what people said of names; it holds from the next look on."""
+        self.perception.correct_names(tuple(corrections))
 
     # -- what a person in the room sees --------------------------------------------------------------------------------
     @abstractmethod

@@ -87,7 +87,7 @@ class Judge(Teacher):
         return dict(parse_json(self._file.read_text(encoding="utf-8"))) if self._file.exists() else None
 
     def over(self, left_s: float, attempts: int, subtasks: int) -> bool:
-        """Whether the trial is to end, as ``Session.time_is_up``."""
+        """Whether the trial is to end, as ``Person.time_is_up``."""
         return self.verdict is not None
 
     def judge(self, episode: Episode) -> Verdict:

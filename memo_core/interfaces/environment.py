@@ -5,12 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from memo_core.interfaces.link import Link
 from memo_core.interfaces.teacher import Sighting
 from memo_core.robot.description import RobotDescription
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.name_corrections import NameCorrection
+from memo_core.scene.pose import Array
 from memo_core.skills.control import Control
 
 
@@ -23,6 +26,10 @@ class Environment(Protocol):
     @property
     def goal(self) -> tuple[str, ...]:
         """What a person wants to see when the task is done (``Task.goal``); empty if not stated."""
+
+    @property
+    def time_limit(self) -> float:
+        """Seconds that the task may take, on the clock of a world that is put back after corrections."""
 
     @property
     def robot(self) -> RobotDescription: ...
@@ -38,6 +45,12 @@ class Environment(Protocol):
 
     def look(self) -> SceneGraph:
         """Take a new look with the robot's perception. Skills use its result from now on."""
+
+    def pictures(self, scene: SceneGraph) -> Mapping[str, Array]:
+        """The cameras' pictures of the last look, RGB, uint8, shape (H, W, 3), by the camera's name."""
+
+    def correct_names(self, corrections: Sequence[NameCorrection]) -> None:
+        """Tell the perception what people said of names; it holds from the next look on."""
 
     def settle(self, seconds: float) -> None:
         """Let objects come to rest. Raises ``Stopped``."""

@@ -17,7 +17,7 @@ import attrs
 
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
-from memo_core.policy.pictures import Picture, PictureFiles
+from memo_core.policy.pictures import Picture, PictureFiles, taken
 from memo_core.policy.run_context import Session
 from memo_core.process.stop_switch import Leaving
 from memo_core.runlog.run_log import Effect, LogMismatch
@@ -87,6 +87,7 @@ class Effects:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._person = session.person
         self._environment = session.environment
         self._log = session.log
         self._leaving = Leaving(session.stop)
@@ -94,7 +95,7 @@ class Effects:
         self._world = b""  # the newest checkpoint
         self._looks: list[dict[str, Any]] = []  # since it was taken
         self._seen: list[Sighting] | None = None  # since somebody began to watch
-        self._praise: Words = WordsFile(session.log.folder, session.who)  # words that are no correction
+        self._praise: Words = WordsFile(session.log.folder, session.person.who)  # words that are no correction
         self._teacher = ""  # what the teacher needs to go on, after the last verdict
         self._files = PictureFiles(session.log.folder)
         self.pictures: tuple[Picture, ...] = ()  # of the last look, if prompts are to have them
@@ -135,8 +136,8 @@ class Effects:
 
     def _look(self) -> SceneGraph:
         scene = self._environment.look()
-        if self._session.pictures is not None:
-            self.pictures = self._session.pictures(scene)
+        if self._session.images:
+            self.pictures = taken(self._environment.pictures(scene))
             if not self.pictures:
                 given = "this perception has no pictures"
                 raise InvalidArgument(
@@ -222,53 +223,38 @@ class Effects:
         """The teacher's verdict on an episode. A correction is stored in ``words`` before it is processed. Raises
         ``Stopped``."""
         name = "feedback after a stop" if after_a_stop else "feedback"
-        teacher = self._session.teacher
         about = f"{episode.subtask}, attempt {episode.attempt}"
-        return self._heard(
-            name,
-            about,
-            lambda: teacher(episode, after_a_stop) if teacher is not None else Verdict("silent"),
-            words,
-            after_a_stop,
-        )
+        return self._heard(name, about, lambda: self._person.judge(episode, after_a_stop), words, after_a_stop)
 
     def judge_task(self, episode: TaskEpisode, words: Words) -> Heard:
         """The teacher's verdict on the whole task. Raises ``Stopped``."""
-        ask = self._session.judge_task
-        if ask is None:
-            return Heard("silent")
-        return self._heard("verdict on the task", "", lambda: ask(episode), words)
+        return self._heard("verdict on the task", "", lambda: self._person.judge_task(episode), words)
 
     def judge_plan(self, proposal: Proposal, words: Words) -> Heard:
         """The teacher's verdict on the planned subtask. Raises ``Stopped``."""
-        ask = self._session.judge_plan
-        if ask is None:
-            return Heard("silent")
-        return self._heard("verdict on the plan", proposal.subtask, lambda: ask(proposal), words)
+        return self._heard("verdict on the plan", proposal.subtask, lambda: self._person.judge_plan(proposal), words)
 
     def permit(self, program: Program, words: Words) -> Heard:
         """Whether a program may run; ``approve`` if no person has to be asked. Raises ``Stopped``."""
-        ask = self._session.permit
-        if ask is None:
+        if not self._person.permits:
             return Heard("approve")
         about = f"{program.subtask}, attempt {program.attempt}, {len(program.code)}"
-        return self._heard("release of a program", about, lambda: ask(program), words)
+        return self._heard("release of a program", about, lambda: self._person.permit(program), words)
 
     def read_back(self, noted: Noted, feedback: int, words: Words) -> Answered:
         """The person's reaction to the notes made of their words (``feedback``); accepted if nobody is asked. A
         rewording is stored in ``words``. Raises ``Stopped``."""
-        put = self._session.read_back
         kind: Effect[Answered] = Effect(
             "read back", self._keep_answered, lambda record: self._read_answered(record, words), outside=True
         )
 
         def ask(entry: int) -> Answered:
-            answer = put(noted) if put is not None else ReadBack("accepted")
+            answer = self._person.read_back(noted)
             if answer.kind != "reworded":
                 return Answered(answer)
             if not answer.words.strip():
                 return Answered(ReadBack("accepted"))
-            return Answered(answer, words.keep(answer.words, entry, self._session.teacher_state()))
+            return Answered(answer, words.keep(answer.words, entry, self._person.state()))
 
         def found(entry: int) -> Answered | None:
             kept = self._kept(words, entry)
@@ -283,7 +269,7 @@ class Effects:
             name,
             lambda heard: self._keep_heard(heard, after_a_stop),
             lambda record: self._read_heard(record, words),
-            outside=self._session.teacher is not None,
+            outside=self._person.watches,
             answers_stop=after_a_stop,
         )
 
@@ -294,7 +280,7 @@ class Effects:
             if verdict.kind != "correct" and not verdict.words:
                 return Heard(verdict.kind)
             keeper = words if verdict.kind == "correct" else self._praise
-            number = keeper.keep(verdict.words, entry, self._session.teacher_state())
+            number = keeper.keep(verdict.words, entry, self._person.state())
             return Heard(verdict.kind, verdict.words, number)
 
         def found(entry: int) -> Heard | None:
@@ -309,12 +295,12 @@ class Effects:
         if kept is None:
             return None
         number, text, state = kept
-        self._session.restore_teacher(state)
+        self._person.restore(state)
         return number, text
 
     def ending(self) -> bool:
         """Whether a person has ended the run."""
-        return self._log.effect(Effect[bool]("ending?"), "", lambda _: self._session.ending())
+        return self._log.effect(Effect[bool]("ending?"), "", lambda _: self._person.has_ended())
 
     def release(self) -> None:
         """Let the robot move again after a stop was answered."""
@@ -329,15 +315,15 @@ class Effects:
     def put_back(self, episode: Episode) -> bool:
         """Ask the teacher to put the scene back as it was in ``episode.before``; False if that was not done."""
         kind: Effect[bool] = Effect("put back by hand", outside=True, confirms=True)
-        ask = self._session.put_back
-        return ask is not None and self._log.effect(kind, episode.subtask, lambda _: ask(episode))
+        ask = self._person.put_back
+        return self._person.puts_back and self._log.effect(kind, episode.subtask, lambda _: ask(episode))
 
     def confirm(self, episode: Episode) -> None:
         """Ask the teacher to confirm that the robot may continue from the present scene. Raises ``InvalidArgument``
         without confirmation."""
         kind: Effect[bool] = Effect("confirm the scene", outside=True, confirms=True)
-        ask = self._session.confirm
-        if ask is None or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
+        ask = self._person.confirm
+        if not self._person.confirms or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
             problem = f"what the robot did in {episode.subtask} before the interruption is in doubt"
             raise InvalidArgument("the world", problem, "somebody who looks and confirms the scene when asked")
 
@@ -351,7 +337,7 @@ class Effects:
             for logged in self._looks:
                 if json.dumps(scene_record(self._environment.look())) != json.dumps(logged):
                     raise LogMismatch(str(self._log.folder), 0, "a look at its scene", "a look that shows another")
-        self._session.restore_teacher(self._teacher)
+        self._person.restore(self._teacher)
         if self._seen is not None:
             self._environment.start_watching(tuple(self._seen))
 
@@ -430,12 +416,12 @@ class Effects:
 
     def _keep_heard(self, heard: Heard, after_a_stop: bool) -> dict[str, Any]:
         """The words by their id."""
-        self._teacher = self._session.teacher_state()
+        self._teacher = self._person.state()
         world = self._keep_world() if after_a_stop and heard.stays else {}
         return {"kind": heard.kind, "words": heard.feedback, "teacher": self._teacher, **world}
 
     def _keep_answered(self, answered: Answered) -> dict[str, Any]:
-        self._teacher = self._session.teacher_state()
+        self._teacher = self._person.state()
         answer = answered.answer
         return {
             "kind": answer.kind,

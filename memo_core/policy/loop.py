@@ -260,7 +260,7 @@ class Loop:
     def _plan_approved(self, key: Key) -> bool:
         """Whether the plan is not corrected by a teacher who is asked about plans; corrections are stored. Raises
         ``Stopped``."""
-        if self._session.judge_plan is None:
+        if not self._session.person.judges_plans:
             return True
         at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
         environment = self._session.environment
@@ -272,7 +272,7 @@ class Loop:
 
     def _judge_task(self) -> Heard:
         """The teacher's verdict on the whole task after the planner said DONE. Raises ``Stopped``."""
-        if not self._extensions.judge_task or self._session.judge_task is None:
+        if not (self._extensions.judge_task and self._session.person.watches):
             return Heard("silent")
         at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
         environment = self._session.environment
@@ -537,18 +537,20 @@ class Loop:
             return f"{tried}, and the planner had not called the task done"
         if self._robot_s > settings.time_limit_s:
             return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
-        if self._effects.time - began > self._session.time_limit_s:
-            return f"the task's time limit of {self._session.time_limit_s:g} s is reached"
+        if self._effects.time - began > self._session.environment.time_limit:
+            return f"the task's time limit of {self._session.environment.time_limit:g} s is reached"
         return TIME_IS_UP if last and self._time_is_up() else ""
 
     def _time_is_up(self, at: _Subtask | None = None) -> bool:
         """Whether nobody has time to go on; asked between attempts, decided once also where the run is resumed."""
-        asked = self._session.time_is_up
-        if asked is None:
+        person = self._session.person
+        if not person.has_limited_time:
             return False
         attempts = sum(one.attempts for one in self._results) + (at.attempt.number if at is not None else 0)
         calls = self._session.log.count(ASK)
-        return self._session.log.effect(_TIME, str(attempts), lambda _: asked(self._robot_s, attempts, calls))
+        return self._session.log.effect(
+            _TIME, str(attempts), lambda _: person.time_is_up(self._robot_s, attempts, calls)
+        )
 
     def _corrected_enough(self, at: _Subtask | None = None) -> bool:
         """Whether the task has reached its limit of corrections."""

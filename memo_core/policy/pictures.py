@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import attrs
 
+from memo_core.errors import BackendUnavailable
 from memo_core.interfaces.llm import Image, Message
+from memo_core.plugins.installing import install
 from memo_core.runlog.whole_files import write_whole
+from memo_core.scene.pose import Array
 
 FOLDER = "pictures/prompts"
 _TOLD = """
@@ -26,6 +30,28 @@ class Picture:
 
     camera: str
     image: Image
+
+
+def png(picture: Array) -> bytes:
+    """RGB, uint8, shape (H, W, 3), as the content of a PNG file. Raises ``BackendUnavailable`` without pillow."""
+    content = io.BytesIO()
+    image_of(picture).save(content, "PNG")
+    return content.getvalue()
+
+
+def image_of(picture: Array) -> Any:
+    """A pillow image of RGB, uint8, shape (H, W, 3). Raises ``BackendUnavailable`` without pillow."""
+    try:
+        from PIL import Image as Pillow
+    except ImportError as error:
+        remedy = install("memo-core[video]")
+        raise BackendUnavailable("picture writer", "pillow", "it is not installed", remedy) from error
+    return Pillow.fromarray(picture)
+
+
+def taken(pictures: Mapping[str, Array]) -> tuple[Picture, ...]:
+    """Pictures by the cameras' names, RGB, uint8, shape (H, W, 3), as prompts have them."""
+    return tuple(Picture(camera, Image(png(rgb))) for camera, rgb in sorted(pictures.items()))
 
 
 class PictureFiles:

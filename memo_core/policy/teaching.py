@@ -91,7 +91,7 @@ class Teaching:
         self._remarks: list[_Remark] = []  # of this run, oldest first
         self._raw = session.book if session.book is not None and not session.book.read_only else None
         self._book = LoggedBook(session, self._raw) if self._raw is not None else None
-        self._file = WordsFile(session.log.folder, session.who)
+        self._file = WordsFile(session.log.folder, session.person.who)
         if self._book is not None:
             self._processor = FeedbackProcessor(questions.ask, self._book, session.emit, session.teaching)
 
@@ -108,7 +108,7 @@ class Teaching:
         number = heard.feedback if self._book is not None else 0
         words = excerpt(heard.words)
         self._remarks.append(_Remark(judged, words, number, tuple(dict.fromkeys(subtasks))))
-        self._session.emit(FeedbackGiven(number, self._session.who, str(judged.key), words))
+        self._session.emit(FeedbackGiven(number, self._session.person.who, str(judged.key), words))
         if unread := too_long(heard.words) if self._book is None or not self._memory.any else "":
             self._problem(f"what was said of {judged.key}", unread)
         self._correct_names(judged, heard.words, number)
@@ -117,9 +117,9 @@ class Teaching:
 
     def _correct_names(self, judged: Judged, words: str, feedback: int) -> None:
         """What the words say of names holds from the next look on; from the next run on as the book has them."""
-        said = read_name_corrections(words, judged.scene, self._session.who, judged.key.objects)
+        said = read_name_corrections(words, judged.scene, self._session.person.who, judged.key.objects)
         if said:
-            self._session.correct_names(said)
+            self._session.environment.correct_names(said)
         for one in said:
             self._session.emit(NameCorrected(feedback, one.who, one.label, one.instead or UNKNOWN))
 
@@ -189,7 +189,7 @@ class Teaching:
         """Read what was noted back to the person and do as they say. What they said instead, to be noted; None where
         there is none."""
         assert self._book is not None and self._raw is not None
-        if self._session.read_back is None or not self._session.teaching.read_back:
+        if not (self._session.person.reads_back and self._session.teaching.read_back):
             return None
         notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
         question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")
@@ -279,7 +279,7 @@ class Teaching:
         named = kind == "correction" and says_only_names(words, judged.scene, judged.key.objects)
         return self._raw.record_feedback(
             words,
-            self._session.who,
+            self._session.person.who,
             task=self._session.environment.instruction,
             subtask=str(judged.key),
             scene=judged.scene.label,

@@ -14,7 +14,6 @@ from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import BackendUnavailable
 from memo_core.events import Event, Problem, SubtaskStarted
 from memo_core.interfaces.teacher import Episode, Sighting, TaskEpisode
-from memo_core.policy.run_context import PutBack
 from memo_core.policy.settings import RunSettings
 from memo_core.runs.folder import attempt_name, file_name
 from memo_core.runs.video import Recording, save_picture, write_picture
@@ -79,14 +78,10 @@ class Filmed:
             self._picture(_picture_name(self._name))
         return seen
 
-    def put_back_by(self, ask: PutBack) -> PutBack:
-        """``ask``, extended by camera images of the subtask's start, if there are any."""
-
-        def put_back(episode: Episode) -> bool:
-            shown = tuple(self._kept(name, picture) for name, picture in episode.before.observation.rgb.items())
-            return ask(attrs.evolve(episode, recordings=(*episode.recordings, *shown)))
-
-        return put_back
+    def with_pictures(self, episode: Episode) -> Episode:
+        """The episode with camera images of the subtask's start, if there are any."""
+        shown = tuple(self._kept(name, picture) for name, picture in episode.before.observation.rgb.items())
+        return attrs.evolve(episode, recordings=(*episode.recordings, *shown))
 
     def _kept(self, camera: str, picture: np.ndarray) -> str:
         path = self._folder / f"pictures/{self._name}-before-{file_name(camera)}.png"

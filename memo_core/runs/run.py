@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ from memo_core.config import Experiment
 from memo_core.environment.hardware import HardwareEnvironment, World
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.events import Event, Problem, RunEnded, RunResumed, RunStarted, SubtaskEnded
-from memo_core.interfaces.llm import Image, LanguageModel
-from memo_core.interfaces.perception import Perception, names_things
+from memo_core.interfaces.llm import LanguageModel
+from memo_core.interfaces.perception import names_things
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.llm.budget import Budget
@@ -27,7 +27,6 @@ from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
 from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import Method
-from memo_core.policy.pictures import Picture
 from memo_core.policy.results import RunResult, SubtaskResult
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
@@ -45,9 +44,8 @@ from memo_core.runs.resuming import CutOff, book_changes, check_config, check_pl
 from memo_core.runs.run_errors import RunError, run_error
 from memo_core.runs.signal_handling import Supervisor
 from memo_core.runs.trial_sheet import write_trial_sheet
-from memo_core.runs.video import png
+from memo_core.runs.watching import WatchingTeacher
 from memo_core.sandbox.sandbox import Sandbox
-from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.skill import Skill
 
@@ -138,7 +136,7 @@ class RunComponents:
     prompts: Prompts = attrs.field(factory=Prompts)
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
-    time_is_up: Callable[[float, int, int], bool] | None = None  # as in ``Session``
+    time_is_up: Callable[[float, int, int], bool] | None = None  # see ``Person``
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
     attended: bool = False  # whether the run breaks off, to be resumed, when its teacher has left
 
@@ -263,149 +261,10 @@ def perform(
     supervisor = Supervisor(StopSwitch(), components.teacher, components.attended)
     try:
         with supervisor.signals():  # before the folder is made and until it has its summary: no signal may cut it short
-            return _perform(
-                components, task, seed, folder(), registry, config, listener, view, on_text, before, supervisor
-            )
+            run = _Run(components, task, seed, folder(), registry, config, before, supervisor, view, on_text)
+            return run.do(listener)
     finally:
         give_back_freed_memory()
-
-
-def _perform(
-    components: RunComponents,
-    task: Task,
-    seed: int,
-    folder: RunFolder,
-    registry: Registry,
-    config: dict[str, Any],
-    listener: Callable[[Event], None] | None,
-    view: bool,
-    on_text: Callable[[str, str], None] | None,
-    before: CutOff | None,
-    supervisor: Supervisor,
-) -> RunReport:
-    log, run = _log_of(folder, task, before)
-    history = before.history if before is not None else None
-    already = spent_in(history, folder.path) if history is not None else Spent()
-    known = usages_in(history, folder.path) if history is not None else {}
-    budget = budget_of(components.settings, run, already, known)
-    subtasks: list[SubtaskResult] = []
-    bystander = registry.listen(listener, "console") if listener else None
-
-    def tell(event: Event, at: str | None = None) -> None:
-        event = event if event.time else attrs.evolve(event, time=time.time())
-        folder.event(event, at)
-        registry.emit(event)
-
-    def emit(event: Event) -> None:
-        """Of the run itself: once, however often it is resumed."""
-        if isinstance(event, SubtaskEnded):
-            subtasks.append(SubtaskResult(event.subtask, event.status, event.attempts))  # type: ignore[arg-type]
-        at = log.place()
-        if at != "":
-            tell(event, at)
-
-    started = time.monotonic()
-    if before is None:
-        folder.config(config)
-        tell(RunStarted(run, task.name, task.instruction, seed, config))
-    else:
-        _put_in_order(folder.path, log.part - 1)
-        answers = sum(entry.name == ASK and entry.ended for entry in before.history.replayed)
-        tell(RunResumed(run, log.part, before.subtask, before.attempt, answers))
-    head = {
-        "run": run,
-        "task": task.name,
-        "seed": seed,
-        "method": components.method.name,
-        "started_in": str(Path.cwd()),
-    }
-    torn = log.begin(head, {"settings": config})
-    for name, count in (("events.jsonl", folder.mended), (FILE, torn)):
-        if count:
-            tell(Problem(name, f"its last line is incomplete and was left out ({count} bytes)"))
-    ended = _Ended()
-    try:
-        if components.teacher is not None:
-            components.teacher.open()
-        parts = _Parts(log, run, folder.path, task, seed, emit, tell, supervisor, budget, folder.add_look)
-        supervisor.run(lambda: _work(components, parts, ended, view, on_text))
-    except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
-        ended.problem, ended.error = error.told, run_error(error)
-        ended.final = ended.error is None
-    except Stopped:
-        ended.problem = "ended by a person"
-    except MemoError as error:
-        ended.problem = str(error)
-        ended.error = run_error(error)
-    except BaseException as error:
-        ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
-        if isinstance(error, Exception) and not log.live:
-            ended.problem = f"{folder.path / FILE} cannot be followed ({ended.problem})"
-            raise InvalidArgument("--resume", ended.problem, "the files as the run wrote them") from error
-        raise
-    finally:
-        budget.wait(LATE_CALLS_S)
-        budget.close()
-        spent = budget.spent
-        over = _over(ended)
-        report = RunReport(
-            run=run,
-            folder=folder.path,
-            task=task.name,
-            instruction=task.instruction,
-            method=components.method.name,
-            seed=seed,
-            outcome=ended.outcome,
-            result=ended.result or RunResult(ended.problem or "it broke off", False, tuple(subtasks)),
-            problem=ended.problem,
-            wall_s=(before.history.wall_s if before is not None else 0.0) + time.monotonic() - started,
-            sim_s=ended.sim_s,
-            prompt_tokens=spent.prompt_tokens,
-            completion_tokens=spent.completion_tokens,
-            cost=spent.known_cost,
-            calls=spent.calls,
-            calls_unpriced=spent.unpriced,
-            ended_by_person=supervisor.ending,
-            parts=log.part,
-            error=ended.error,
-            resumable=not over and log.begun,
-        )
-        tell(_run_ended(report))
-        folder.write_json("summary.json", report.summary())
-        if over:  # last: a run that says it is over is not resumed, so it must have its summary
-            log.end(over)
-        elif log.begun:
-            log.cut_off()
-        log.close()
-        folder.close()
-        if bystander:
-            bystander()
-        if components.teacher is not None:
-            components.teacher.close()  # last: what it raises costs nothing of what is kept
-    return report
-
-
-def _log_of(folder: RunFolder, task: Task, before: CutOff | None) -> tuple[RunLog, str]:
-    """The run's log and its id."""
-    if before is None:
-        return RunLog(folder.path), f"{task.name}-{uuid.uuid4().hex[:8]}"
-    return RunLog(folder.path, before.history, before.sent), str(before.history.head["run"])
-
-
-def _put_in_order(folder: Path, part: int) -> None:
-    """What ``part`` had to say at its end is kept; files that were cut off are not: nothing reads them."""
-    summary = folder / "summary.json"
-    if summary.exists():
-        summary.rename(summary.with_name(f"summary-part-{part}.json"))
-    for film in (folder / "video").glob("*.part.mp4"):
-        film.unlink()
-    clear_unfinished(folder)
-
-
-def _over(ended: _Ended) -> str:
-    """Why there is nothing to resume; empty where there is."""
-    result = ended.result
-    return (ended.problem if ended.final else "") or (result.reason if result and not result.resumable else "")
 
 
 @attrs.define
@@ -419,120 +278,245 @@ class _Ended:
     final: bool = False  # whatever the problem is, going on would not help
     error: RunError | None = None  # as in ``RunReport``
 
+    @property
+    def over(self) -> str:
+        """Why there is nothing to resume; empty where there is."""
+        if self.final and self.problem:
+            return self.problem
+        return self.result.reason if self.result is not None and not self.result.resumable else ""
 
-@attrs.frozen(eq=False)
-class _Parts:
-    """What the worker needs besides the components. ``emit`` is for the method's events, ``tell`` for all others."""
 
-    log: RunLog
-    run: str
-    folder: Path
+@attrs.define(eq=False)
+class _Run:
+    """One run, from the first entry of its log to its summary."""
+
+    components: RunComponents
     task: Task
     seed: int
-    emit: Callable[[Event], None]
-    tell: Callable[[Event], None]
+    folder: RunFolder
+    registry: Registry
+    config: dict[str, Any]
+    before: CutOff | None
     supervisor: Supervisor
-    budget: Budget
-    add_look: Callable[[Mapping[str, bytes]], None]  # keeps pictures of what perception saw
+    view: bool
+    on_text: Callable[[str, str], None] | None
+    log: RunLog = attrs.field(init=False)
+    name: str = attrs.field(init=False)
+    budget: Budget = attrs.field(init=False)
+    subtasks: list[SubtaskResult] = attrs.field(init=False, factory=list)  # that have ended
+    ended: _Ended = attrs.field(init=False, factory=_Ended)
+    started: float = attrs.field(init=False, factory=time.monotonic)
+
+    def __attrs_post_init__(self) -> None:
+        if self.before is None:
+            self.log, self.name = RunLog(self.folder.path), f"{self.task.name}-{uuid.uuid4().hex[:8]}"
+            already, known = Spent(), {}
+        else:
+            history = self.before.history
+            self.log, self.name = RunLog(self.folder.path, history, self.before.sent), str(history.head["run"])
+            already, known = spent_in(history, self.folder.path), usages_in(history, self.folder.path)
+        self.budget = budget_of(self.components.settings, self.name, already, known)
+
+    def do(self, listener: Callable[[Event], None] | None) -> RunReport:
+        """Do the task, close everything, and keep the summary."""
+        bystander = self.registry.listen(listener, "console") if listener else None
+        self._begin()
+        try:
+            self._carry_out()
+        finally:
+            report = self._close()
+            if bystander:
+                bystander()
+            if self.components.teacher is not None:
+                self.components.teacher.close()  # last: what it raises costs nothing of what is kept
+        return report
+
+    def tell(self, event: Event, at: str | None = None) -> None:
+        """Keep an event and hand it to who listens. ``at``: its place in the log."""
+        event = event if event.time else attrs.evolve(event, time=time.time())
+        self.folder.event(event, at)
+        self.registry.emit(event)
+
+    def emit(self, event: Event) -> None:
+        """Keep an event of the method: once, however often the run is resumed."""
+        if isinstance(event, SubtaskEnded):
+            self.subtasks.append(SubtaskResult(event.subtask, event.status, event.attempts))  # type: ignore[arg-type]
+        at = self.log.place()
+        if at != "":
+            self.tell(event, at)
+
+    def _begin(self) -> None:
+        log, before = self.log, self.before
+        if before is None:
+            self.folder.config(self.config)
+            self.tell(RunStarted(self.name, self.task.name, self.task.instruction, self.seed, self.config))
+        else:
+            _put_in_order(self.folder.path, log.part - 1)
+            answers = sum(entry.name == ASK and entry.ended for entry in before.history.replayed)
+            self.tell(RunResumed(self.name, log.part, before.subtask, before.attempt, answers))
+        head = {
+            "run": self.name,
+            "task": self.task.name,
+            "seed": self.seed,
+            "method": self.components.method.name,
+            "started_in": str(Path.cwd()),
+        }
+        torn = log.begin(head, {"settings": self.config})
+        for name, count in (("events.jsonl", self.folder.mended), (FILE, torn)):
+            if count:
+                self.tell(Problem(name, f"its last line is incomplete and was left out ({count} bytes)"))
+
+    def _carry_out(self) -> None:
+        ended = self.ended
+        try:
+            if self.components.teacher is not None:
+                self.components.teacher.open()
+            self.supervisor.run(self._work)
+        except Unreadable as error:  # asked again it would be answered the same: there is nothing to go on with
+            ended.problem, ended.error = error.told, run_error(error)
+            ended.final = ended.error is None
+        except Stopped:
+            ended.problem = "ended by a person"
+        except MemoError as error:
+            ended.problem = str(error)
+            ended.error = run_error(error)
+        except BaseException as error:
+            ended.problem = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+            if isinstance(error, Exception) and not self.log.live:
+                ended.problem = f"{self.folder.path / FILE} cannot be followed ({ended.problem})"
+                raise InvalidArgument("--resume", ended.problem, "the files as the run wrote them") from error
+            raise
+
+    def _close(self) -> RunReport:
+        """Keep the summary, and close the files."""
+        self.budget.wait(LATE_CALLS_S)
+        self.budget.close()
+        over = self.ended.over
+        report = self._report(resumable=not over and self.log.begun)
+        self.tell(_run_ended(report))
+        self.folder.write_json("summary.json", report.summary())
+        if over:  # last: a run that says it is over is not resumed, so it must have its summary
+            self.log.end(over)
+        elif self.log.begun:
+            self.log.cut_off()
+        self.log.close()
+        self.folder.close()
+        return report
+
+    def _report(self, resumable: bool) -> RunReport:
+        ended, spent = self.ended, self.budget.spent
+        before_s = self.before.history.wall_s if self.before is not None else 0.0
+        return RunReport(
+            run=self.name,
+            folder=self.folder.path,
+            task=self.task.name,
+            instruction=self.task.instruction,
+            method=self.components.method.name,
+            seed=self.seed,
+            outcome=ended.outcome,
+            result=ended.result or RunResult(ended.problem or "it broke off", False, tuple(self.subtasks)),
+            problem=ended.problem,
+            wall_s=before_s + time.monotonic() - self.started,
+            sim_s=ended.sim_s,
+            prompt_tokens=spent.prompt_tokens,
+            completion_tokens=spent.completion_tokens,
+            cost=spent.known_cost,
+            calls=spent.calls,
+            calls_unpriced=spent.unpriced,
+            ended_by_person=self.supervisor.ending,
+            parts=self.log.part,
+            error=ended.error,
+            resumable=resumable,
+        )
+
+    # -- in the worker thread ------------------------------------------------------------------------------------------
+    def _work(self) -> None:
+        """Open the components and run the method. Drawing contexts belong to the thread that makes them, so the world
+        is opened here."""
+        made, stop = self.components, self.supervisor.stop
+        with ExitStack() as opened:
+            made.llm.open()
+            opened.callback(made.llm.close)
+            self.budget.open(made.llm)
+            if made.book is not None:
+                self._note_book(opened.enter_context(made.book))
+            opened.callback(made.sandbox.close)
+            made.sandbox.open()
+            world = made.make_environment()
+            world.perception.use_model(asking(made.llm, stop, self.tell, self.budget, made.settings))
+            world.perception.show_looks(self.folder.add_look)
+            if made.book is not None and names_things(world.perception):
+                world.perception.correct_names(made.book.name_corrections())
+            with world, stop.waking(world.link.stop):
+                if self.view:
+                    world.view()
+                self._run_method(world)
+            if made.clustering is not None and made.book is not None:
+                self.log.leave_order()  # each cluster is stored by itself: one that is done is not asked about again
+                retrying = Retrying(made.settings.retries, made.settings.retry_wait_s)
+                calls = ModelCalls(made.llm, stop, self.log, self.tell, self.budget, retrying)
+                made.clustering.condense(made.book, calls, self.tell, self.seed)
+
+    def _run_method(self, world: World) -> None:
+        made, ended = self.components, self.ended
+        filmed = Filmed(world, self.folder.path, made.settings, self.tell)
+
+        def emit(event: Event) -> None:
+            filmed.heard(event)
+            self.emit(event)
+
+        hardware = world.settings if isinstance(world, HardwareEnvironment) else None
+        person = WatchingTeacher(
+            made.teacher,
+            self.supervisor,
+            filmed,
+            releases=hardware is not None and hardware.release == "ask",
+            resets=hardware is None or hardware.reset == "ask",
+            time_is_up=made.time_is_up,
+        )
+        session = Session(
+            run=self.name,
+            environment=filmed,  # what it does not film it leaves to the world
+            llm=made.llm,
+            skills=made.skills,
+            sandbox=made.sandbox,
+            settings=made.settings,
+            stop=self.supervisor.stop,
+            log=self.log,
+            emit=emit,
+            book=made.book,
+            person=person,
+            seed=self.seed,
+            teaching=made.teaching,
+            images=made.images,
+            prompts=made.prompts,
+            budget=self.budget,
+            on_text=self.on_text,
+        )
+        try:
+            ended.result = made.method.run(session)
+            ended.error = run_error(ended.result.error) if ended.result.error is not None else None
+        finally:
+            filmed.close()
+            ended.sim_s = world.time()
+            ended.outcome = world.conclude(ended.result.verdict if ended.result else "unobserved")
+
+    def _note_book(self, book: Skillbook) -> None:
+        if not book.read_only:
+            book.note_place("run", self.folder.path)  # for `memo skillbook forget`
+        if self.log.history is not None and (changes := book_changes(self.log.history, book, self.name)):
+            self.tell(Problem("the skillbook has changed", f"{changes}; the run continues with it as it is"))
+        self.log.note_book(book.generation())
 
 
-def _work(
-    components: RunComponents, parts: _Parts, ended: _Ended, view: bool, on_text: Callable[[str, str], None] | None
-) -> None:
-    """In the worker thread: drawing contexts belong to the thread that makes them, so the world is opened here."""
-    log, supervisor, teacher = parts.log, parts.supervisor, components.teacher
-    stop = supervisor.stop
-    with ExitStack() as opened:
-        components.llm.open()
-        opened.callback(components.llm.close)
-        parts.budget.open(components.llm)
-        if components.book is not None:
-            _note_book(opened.enter_context(components.book), parts)
-        opened.callback(components.sandbox.close)
-        components.sandbox.open()
-        world = components.make_environment()
-        world.perception.use_model(asking(components.llm, stop, parts.tell, parts.budget, components.settings))
-        world.perception.show_looks(parts.add_look)
-        if components.book is not None and names_things(world.perception):
-            world.perception.correct_names(components.book.name_corrections())
-        with world, stop.waking(world.link.stop):
-            if view:
-                world.view()
-            asks = isinstance(world, HardwareEnvironment) and world.settings.release == "ask"
-            resets = not isinstance(world, HardwareEnvironment) or world.settings.reset == "ask"
-            filmed = Filmed(world, parts.folder, components.settings, parts.tell)
-
-            def emit(event: Event) -> None:
-                filmed.heard(event)
-                parts.emit(event)
-
-            session = Session(
-                run=parts.run,
-                environment=filmed,  # what it does not film it leaves to the world
-                llm=components.llm,
-                skills=components.skills,
-                sandbox=components.sandbox,
-                settings=components.settings,
-                stop=stop,
-                log=log,
-                emit=emit,
-                book=components.book,
-                teacher=None if teacher is None else lambda seen, stopped: supervisor.ask(filmed.shown(seen), stopped),
-                who=teacher.who if teacher is not None else "nobody",
-                seed=parts.seed,
-                ending=lambda: supervisor.ending,
-                teaching=components.teaching,
-                time_is_up=components.time_is_up,
-                judge_task=None if teacher is None else lambda seen: supervisor.judge_task(filmed.shown(seen)),
-                judge_plan=supervisor.judge_plan if _judges_plans(teacher) else None,
-                read_back=supervisor.read_back if teacher is not None and teacher.reads_back else None,
-                permit=supervisor.permit if asks else None,
-                put_back=filmed.put_back_by(supervisor.put_back) if teacher is not None and resets else None,
-                confirm=supervisor.confirm if teacher is not None else None,
-                teacher_state=teacher.state if teacher is not None else lambda: "",
-                restore_teacher=lambda state: teacher.restore(state) if teacher is not None and state else None,
-                time_limit_s=world.time_limit,
-                correct_names=world.perception.correct_names,
-                pictures=_pictures_of(world.perception) if components.images else None,
-                prompts=components.prompts,
-                budget=parts.budget,
-                on_text=on_text,
-            )
-            try:
-                ended.result = components.method.run(session)
-                ended.error = run_error(ended.result.error) if ended.result.error is not None else None
-            finally:
-                filmed.close()
-                ended.sim_s = world.time()
-                ended.outcome = world.conclude(ended.result.verdict if ended.result else "unobserved")
-        if components.clustering is not None and components.book is not None:
-            log.leave_order()  # each cluster is stored by itself: what is done already is not asked about again
-            retrying = Retrying(components.settings.retries, components.settings.retry_wait_s)
-            calls = ModelCalls(components.llm, stop, log, parts.tell, parts.budget, retrying)
-            components.clustering.condense(components.book, calls, parts.tell, parts.seed)
-
-
-def _pictures_of(perception: Perception) -> Callable[[SceneGraph], tuple[Picture, ...]]:
-    """A look's pictures as prompts have them: as the cameras saw it, nothing drawn."""
-
-    def taken(scene: SceneGraph) -> tuple[Picture, ...]:
-        seen = perception.pictures() or scene.observation.rgb
-        return tuple(Picture(camera, Image(png(rgb))) for camera, rgb in sorted(seen.items()))
-
-    return taken
-
-
-def _judges_plans(teacher: Teacher | None) -> bool:
-    """Whether the teacher has anything to say to plans: else nobody is asked about each."""
-    return teacher is not None and type(teacher).judge_plan is not Teacher.judge_plan
-
-
-def _note_book(book: Skillbook, parts: _Parts) -> None:
-    if not book.read_only:
-        book.note_place("run", parts.folder)  # for `memo skillbook forget`
-    if parts.log.history is not None and (changes := book_changes(parts.log.history, book, parts.run)):
-        parts.tell(Problem("the skillbook has changed", f"{changes}; the run continues with it as it is"))
-    parts.log.note_book(book.generation())
+def _put_in_order(folder: Path, part: int) -> None:
+    """What ``part`` had to say at its end is kept; files that were cut off are not: nothing reads them."""
+    summary = folder / "summary.json"
+    if summary.exists():
+        summary.rename(summary.with_name(f"summary-part-{part}.json"))
+    for film in (folder / "video").glob("*.part.mp4"):
+        film.unlink()
+    clear_unfinished(folder)
 
 
 def _run_ended(report: RunReport) -> RunEnded:

@@ -4,11 +4,9 @@ never makes a run fail: if rendering or encoding is not possible, one ``Problem`
 from __future__ import annotations
 
 import contextlib
-import io
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from memo_core.errors import BackendUnavailable, InvalidArgument, MemoError
 from memo_core.events import Problem
 from memo_core.interfaces.simulator import Simulator
 from memo_core.plugins.installing import install
+from memo_core.policy.pictures import image_of
 
 _PATIENCE_S = 20.0  # for the encoder to write its last frames
 
@@ -174,24 +173,8 @@ def save_picture(simulator: Simulator, camera: str, path: Path, width: int = 640
     write_picture(simulator.render(camera, width, height or width * 3 // 4), path)
 
 
-def png(picture: np.ndarray) -> bytes:
-    """RGB, uint8, shape (H, W, 3), as the content of a PNG file. Raises as ``write_picture``."""
-    content = io.BytesIO()
-    _image(picture).save(content, "PNG")
-    return content.getvalue()
-
-
 def write_picture(picture: np.ndarray, path: Path) -> None:
     """RGB, uint8, shape (H, W, 3), as a PNG. Raises ``BackendUnavailable`` if no encoder is installed."""
-    image = _image(picture)
+    image = image_of(picture)
     path.parent.mkdir(parents=True, exist_ok=True)
     image.save(path, optimize=False)
-
-
-def _image(picture: np.ndarray) -> Any:
-    try:
-        from PIL import Image
-    except ImportError as error:
-        remedy = install("memo-core[video]")
-        raise BackendUnavailable("picture writer", "pillow", "it is not installed", remedy) from error
-    return Image.fromarray(picture)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from memo_core.interfaces.link import Link
 from memo_core.interfaces.teacher import Sighting
 from memo_core.robot.description import GripperDescription, JointDescription, RobotDescription
 from memo_core.scene.graph import SceneGraph
+from memo_core.scene.name_corrections import NameCorrection
 from memo_core.scene.pose import Array
 from memo_core.testing.fake_control import FakeControl
 
@@ -79,6 +81,7 @@ class FakeEnvironment:
     ) -> None:
         self.instruction = instruction
         self.goal: tuple[str, ...] = ()
+        self.time_limit = math.inf
         self.robot = fake_robot()
         self.control = FakeControl(on_command=on_command)
         self.link = FakeLink(self.control)
@@ -90,6 +93,11 @@ class FakeEnvironment:
 
     def look(self) -> SceneGraph:
         return self.control.look()
+
+    def pictures(self, scene: SceneGraph) -> dict[str, Array]:
+        return {}
+
+    def correct_names(self, corrections: Sequence[NameCorrection]) -> None: ...
 
     def glance(self) -> SceneGraph:
         return self.control.scene()

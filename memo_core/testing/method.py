@@ -12,6 +12,7 @@ from typing import Any
 
 from memo_core.errors import MemoError
 from memo_core.policy.method_interface import Method
+from memo_core.policy.person import Person
 from memo_core.policy.results import RunResult
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
@@ -38,6 +39,16 @@ def check_method(make: Make) -> None:
             raise AssertionError(f"{name}: {check.__doc__} Broken: {error}") from error
 
 
+class _Leaving(Person):
+    """Nobody, or a person who has ended the run."""
+
+    def __init__(self, ended: bool) -> None:
+        self._ended = ended
+
+    def has_ended(self) -> bool:
+        return self._ended
+
+
 def _session(environment: FakeEnvironment, ending: bool = False) -> Session:
     library = skill_library(BUILTIN_SKILLS)
     return Session(
@@ -49,7 +60,7 @@ def _session(environment: FakeEnvironment, ending: bool = False) -> Session:
         settings=RunSettings(attempts=1, subtasks=2, video="off"),
         stop=StopSwitch(),
         emit=lambda event: None,
-        ending=lambda: ending,
+        person=_Leaving(ending),
     )
 
 

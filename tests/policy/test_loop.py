@@ -433,7 +433,9 @@ def test_the_tasks_own_time_limit_is_kept_on_the_clock_of_the_world(sandbox, boo
         "feedback": [NOTES] * 2,
     }
     verdicts = [NO, NO, YES, YES]
-    bench = Bench(sandbox, book, script, verdicts, method="droc-v", session={"time_limit_s": 50.0})
+    environment = FakeEnvironment()
+    environment.time_limit = 50.0
+    bench = Bench(sandbox, book, script, verdicts, method="droc-v", environment=environment)
     result = bench.run()
     assert "the task's time limit of 50 s" in result.reason and len(result.subtasks) == 2
     assert result.robot_s > 100, "attempts that were put back do not count for it"

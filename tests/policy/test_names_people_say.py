@@ -7,6 +7,7 @@ import pytest
 
 from memo_core.events import NameCorrected
 from memo_core.interfaces.teacher import Verdict
+from memo_core.testing.fake_environment import FakeEnvironment
 from tests.support.loop_setup import BESIDE, GRASP, NOTES, TEMPLATE, YES, Bench
 
 PICK = "PICK_UP(red cube)"
@@ -16,8 +17,9 @@ WORDS = "That is not a red cube, it is a sugar box."
 def taught(sandbox, book, words, notes=()):
     script = {"plan": [PICK, "DONE"], "code": [BESIDE, GRASP], "feedback": list(notes), "template": [TEMPLATE]}
     told = []
-    session = {"correct_names": told.append}
-    bench = Bench(sandbox, book, script, [Verdict("correct", words), YES], session=session)
+    environment = FakeEnvironment()
+    environment.correct_names = told.append
+    bench = Bench(sandbox, book, script, [Verdict("correct", words), YES], environment=environment)
     bench.run()
     return bench, told
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+
+import numpy as np
 import pytest
+from PIL import Image
 from test_loop_resumes_from_log import log_in
 
-from memo_core.interfaces.llm import Image
-from memo_core.policy.pictures import Picture
+from memo_core.testing.fake_environment import FakeEnvironment
 from memo_core.testing.fake_llm import ScriptedModel
 from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, TEMPLATE, YES, Bench
 
@@ -14,15 +17,21 @@ PICK = "PICK_UP(red cube)"
 SCRIPT = {"plan": [PICK, "DONE"], "code": [BESIDE, GRASP], "feedback": [NOTES], "template": [TEMPLATE]}
 
 
-class Camera:
-    """Every picture is another one."""
+class Filming(FakeEnvironment):
+    """Every picture is another one: its first pixel counts the looks; the second one tells the camera."""
 
-    def __init__(self) -> None:
-        self.taken = 0
+    looks = 0
 
-    def __call__(self, scene):
-        self.taken += 1
-        return (Picture("front", Image(b"front %d" % self.taken)), Picture("side", Image(b"side %d" % self.taken)))
+    def pictures(self, scene):
+        self.looks += 1
+        return {
+            name: np.full((1, 2, 3), [[[self.looks] * 3, [camera] * 3]], np.uint8)
+            for camera, name in enumerate(("front", "side"))
+        }
+
+
+def camera_of(data: bytes) -> int:
+    return int(np.asarray(Image.open(io.BytesIO(data)))[0, 1, 0])
 
 
 def shown(model: ScriptedModel) -> dict[str, list[list[bytes]]]:
@@ -35,10 +44,10 @@ def shown(model: ScriptedModel) -> dict[str, list[list[bytes]]]:
 
 @pytest.mark.process
 def test_plan_and_code_prompts_come_with_what_the_cameras_see_now_and_say_which_is_which(sandbox, book):
-    bench = Bench(sandbox, book, SCRIPT, [NO, YES], session={"pictures": Camera()})
+    bench = Bench(sandbox, book, SCRIPT, [NO, YES], environment=Filming(), session={"images": True})
     bench.run()
     pictures = shown(bench.llm)
-    assert all(len(one) == 2 and one[0].startswith(b"front") for one in (*pictures["plan"], *pictures["code"]))
+    assert all(len(one) == 2 and camera_of(one[0]) == 0 for one in (*pictures["plan"], *pictures["code"]))
     assert pictures["code"][0] != pictures["code"][1], "each of its own look"
     assert not any(one for phase in ("feedback", "template") for one in pictures[phase])
     assert all("in this order: front, side." in text for text in bench.llm.prompts("code"))
@@ -52,12 +61,16 @@ def test_without_the_setting_prompts_are_as_ever(sandbox, book):
 
 
 def test_a_resumed_run_asks_with_the_pictures_of_the_look_before_it_was_cut_off(sandbox, book, tmp_path):
-    whole = Bench(sandbox, book, SCRIPT, [NO, YES], session={"pictures": Camera(), "log": log_in(tmp_path)})
+    whole = Bench(
+        sandbox, book, SCRIPT, [NO, YES], environment=Filming(), session={"images": True, "log": log_in(tmp_path)}
+    )
     whole.run()
     lines = (tmp_path / "log.jsonl").read_text().splitlines(keepends=True)
     last = max(number for number, line in enumerate(lines) if '"pictures"' in line)
     (tmp_path / "log.jsonl").write_text("".join(lines[: last + 1]))  # the look is over, nobody has been asked
-    again = Bench(sandbox, book, SCRIPT, [YES], session={"pictures": Camera(), "log": log_in(tmp_path)})
+    again = Bench(
+        sandbox, book, SCRIPT, [YES], environment=Filming(), session={"images": True, "log": log_in(tmp_path)}
+    )
     again.run()
     first = again.llm.asked[0]
     same = [request for request in whole.llm.asked if request.messages == first.messages]

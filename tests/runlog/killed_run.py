@@ -23,6 +23,7 @@ from memo_core.llm.budget import Budget
 from memo_core.llm.kept_calls import spent_in
 from memo_core.policy.loop import Loop
 from memo_core.policy.methods import METHODS
+from memo_core.policy.person import Person
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings
 from memo_core.process.stop_switch import StopSwitch
@@ -72,12 +73,14 @@ class Model(LanguageModel):
 
 
 @attrs.define
-class Person:
+class Doubter(Person):
     """Finds fault with the first attempt; draws a number each time, which the words hold."""
 
+    who = "ana"
+    watches = puts_back = confirms = True
     drawn: int = 0
 
-    def __call__(self, episode: Episode, interrupted: bool) -> Verdict:
+    def judge(self, episode: Episode, interrupted: bool) -> Verdict:
         self.drawn = self.drawn * 31 % 101 + 7
         return Verdict("approve") if episode.attempt > 1 else Verdict("correct", f"not beside it ({self.drawn})")
 
@@ -87,6 +90,12 @@ class Person:
     def restore(self, state: str) -> None:
         self.drawn = int(state or 0)
 
+    def put_back(self, episode: Episode) -> bool:
+        return True
+
+    def confirm(self, episode: Episode) -> bool:
+        return True
+
 
 def run(folder: Path, resumed: bool, restorable: bool = True) -> None:
     """One part of the run, to its end."""
@@ -94,7 +103,7 @@ def run(folder: Path, resumed: bool, restorable: bool = True) -> None:
     events = RunFolder(folder / "run", again=resumed)
     log = RunLog(folder / "run", before.history, before.sent) if before else RunLog(folder / "run")
     log.begin({"run": "run-1"}, {})
-    person, stop, environment = Person(), StopSwitch(), FakeEnvironment()
+    person, stop, environment = Doubter(), StopSwitch(), FakeEnvironment()
     environment.link.can_restore = restorable
     budget = Budget(already=spent_in(before.history, folder / "run")) if before else Budget()
 
@@ -116,13 +125,8 @@ def run(folder: Path, resumed: bool, restorable: bool = True) -> None:
             emit=emit,
             log=log,
             book=book,
-            teacher=person,
-            teacher_state=person.state,
-            restore_teacher=person.restore,
-            who="ana",
+            person=person,
             budget=budget,
-            put_back=lambda episode: True,
-            confirm=lambda episode: True,
         )
         result = Loop(session, METHODS["memo"]).run()
         log.end(result.reason)

@@ -9,6 +9,7 @@ from memo_core.events import Event
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.policy.loop import Loop
 from memo_core.policy.methods import METHODS
+from memo_core.policy.person import Person
 from memo_core.policy.results import RunResult
 from memo_core.policy.run_context import Session
 from memo_core.policy.settings import RunSettings, TeachingSettings
@@ -28,6 +29,28 @@ def pick(name):
     close_gripper()
 ```"""
 SAID = "  no — über dem Würfel, not beside it\n"
+
+
+QUESTIONS = {
+    "judge_task": "watches",
+    "judge_plan": "judges_plans",
+    "read_back": "reads_back",
+    "permit": "permits",
+    "put_back": "puts_back",
+    "confirm": "confirms",
+    "time_is_up": "has_limited_time",
+}
+
+
+class ScriptedPerson(Person):
+    """Ana, who answers the questions for which a function is given."""
+
+    who = "ana"
+
+    def __init__(self, **answers: Callable) -> None:
+        for question, answer in answers.items():
+            setattr(self, question, answer)
+            setattr(self, QUESTIONS.get(question, "watches"), True)
 
 
 class Bench:
@@ -52,7 +75,10 @@ class Bench:
         self.episodes: list[Episode] = []
         self.stop = StopSwitch()
         self._verdicts = list(verdicts) if verdicts is not None else None
-        teacher: Callable | None = self._judge if verdicts is not None else None
+        extras = dict(session or {})
+        given = {name: extras.pop(name) for name in QUESTIONS if name in extras}
+        asked = {name: answer for name, answer in given.items() if answer is not None}
+        person = ScriptedPerson(**({"judge": self._judge} if verdicts is not None else {}), **asked)
         self.session = Session(
             run="run-1",
             environment=self.environment,
@@ -63,11 +89,10 @@ class Bench:
             stop=self.stop,
             emit=self.events.append,
             book=book,
-            teacher=teacher,
-            who="ana",
+            person=person,
             # One plan a subtask, as most scripts have it: planning anew has tests of its own.
             teaching=TeachingSettings(**({"replan": False} | (teaching or {}))),
-            **(session or {}),
+            **extras,
         )
         self.loop = Loop(self.session, METHODS[method])
 
