@@ -2,19 +2,8 @@
 
 import numpy as np
 
-from memo_core.plugin import (
-    Backend,
-    Body,
-    Camera,
-    Free,
-    Geom,
-    Outcome,
-    Pose,
-    SceneDescription,
-    Task,
-    hookimpl,
-    look_at,
-)
+from memo_core.plugin import Backend, Outcome, Task, hookimpl
+from memo_core.scene import Body, Camera, Free, Geom, Pose, SceneDescription, look_at
 
 SOLUTION = """
 block, mat = get_position("block"), get_bounds("mat")
