@@ -20,7 +20,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.policy.loop import TIME_IS_UP
 from memo_core.runs.consolidation import after_run
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
-from memo_core.runs.resumable_run import calls_that_count, do_one, wall_seconds
+from memo_core.runs.idempotent_run import calls_that_count, do_one, wall_seconds
 from memo_core.runs.run import components_of
 from memo_core.study.clock import active_seconds, time_is_up
 from memo_core.study.consent import Consent, Reception, demographics_of
