@@ -57,8 +57,8 @@ SKILLBOOK_LEVELS = (
     ("forgetting",),
     ("sharing",),
     ("consolidation",),
-    ("history", "stats"),
     ("book",),
+    ("consolidating", "exchange", "history", "raw_log", "stats", "track_record"),
 )
 PACKAGES = sorted(
     ".".join(path.parent.relative_to(ROOT).parts)

@@ -17,6 +17,7 @@ import numpy as np
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.embedder import Embedder
+from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.writing.bulk_adding import Lesson
@@ -172,7 +173,7 @@ def fill(book: Skillbook, size: BookSize, progress: Callable[[float], None] = la
     """Store a book of a size in transactions of a thousand lessons. Returns the number of entries."""
     stored = 0
     for batch in _batches(lessons_of(size), 1000):
-        stored += book.add_many(batch)
+        stored += exchange.add_many(book, batch)
         progress(stored / size.entries)
     return stored
 

@@ -25,6 +25,7 @@ import attrs
 from memo_benchmarks.disturbed_runs import Disturbed, server
 from memo_benchmarks.kept_rows import measured_rows
 from memo_core.errors import MemoError
+from memo_core.skillbook import consolidating, exchange, history, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.condensing import ClusterChanged
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
@@ -114,7 +115,7 @@ class _Book:
             with _open(path) as book:
                 yield from book.problems()
                 there = _kept(path)
-                revisions = {one.id for one in book.history()}
+                revisions = {one.id for one in history.revisions(book)}
         except MemoError as error:
             yield f"the book needs a hand: {error}"
             for kind in KINDS:
@@ -155,7 +156,7 @@ def _migrated(folder: Path) -> Iterator[str]:
             with _open(path) as book:
                 if problems := book.problems():
                     yield f"migrating: {problems}"
-                if (words := book.stats().feedback) != 3:
+                if (words := stats.stats_of(book).feedback) != 3:
                     yield f"migrating: {words} of 3 people's words are left"
         except MemoError as error:
             yield f"migrating: the book needs a hand: {error}"
@@ -195,7 +196,7 @@ def _condense(path: Path, acknowledged: Path, writer: int) -> None:
     say, rng = _acknowledge(acknowledged), random.Random(writer)
     with _open(path) as book:
         while True:
-            clusters = [one for one in book.clusters(unchanged=True) if len(one.members) > 1]
+            clusters = [one for one in consolidating.clusters(book, unchanged=True) if len(one.members) > 1]
             if not clusters:
                 feedback = book.record_feedback("says more", "clusterer", subtask=_KEYS[0])
                 book.add_lessons(
@@ -207,7 +208,9 @@ def _condense(path: Path, acknowledged: Path, writer: int) -> None:
             others = [Merged(text, (n + 1,)) for n, text in enumerate(texts) if n > 1]
             merged = Merged(min(texts[:2], key=len), (1, 2))
             with contextlib.suppress(ClusterChanged):
-                if (revision := book.condense(cluster, Condensed((merged, *others)), "bench").revision) is not None:
+                if (
+                    revision := consolidating.condense(book, cluster, Condensed((merged, *others)), "bench").revision
+                ) is not None:
                     say("revision", revision, "")
 
 
@@ -225,10 +228,10 @@ def _import(path: Path, acknowledged: Path, writer: int) -> None:
                         _KEYS[entry % 4],
                         [f"{name}: lesson {_letters(entry)}", f"{name}: other {_letters(entry)}"],
                     )
-                records = list(source.export())
+                records = list(exchange.export(source))
             for file in path.parent.glob(f"{other.name}*"):
                 file.unlink()
-            book.merge(records, name)
+            exchange.merge(book, records, name)
             say("import", number, name)
 
 

@@ -22,6 +22,7 @@ from memo_benchmarks.labelled_book import HALVES
 from memo_benchmarks.labelled_notes import LabelledNotes, people, templated
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings, as_text
 from memo_core.skillbook.writing.bulk_adding import Lesson
@@ -114,7 +115,9 @@ class NotesOnDisk:
         self.notes, self._path, self._embedder, self._make_store = notes, path, embedder, make_store
         with Skillbook(str(path), embedder) as book:
             if not book.entries():
-                book.add_many([Lesson("no, not like that", "labels", note.key, (note.text,)) for note in notes.notes])
+                exchange.add_many(
+                    book, [Lesson("no, not like that", "labels", note.key, (note.text,)) for note in notes.notes]
+                )
             self._place = {entry.id: place for place, entry in enumerate(book.entries("correction"))}
 
     def ours(self, settings: RetrievalSettings) -> list[One]:

@@ -154,12 +154,13 @@ def _try_sandbox() -> str:
 
 
 def _try_skillbook() -> str:
+    from memo_core.skillbook import stats
     from memo_core.skillbook.book import Skillbook
 
     with tempfile.TemporaryDirectory() as folder:
         started = time.monotonic()
         with Skillbook(f"sqlite:///{Path(folder) / 'book.db'}") as book:
-            book.stats()
+            stats.stats_of(book)
         return f"a new book opens in {_ms(started)}"
 
 

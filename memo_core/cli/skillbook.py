@@ -148,8 +148,10 @@ def search(
 @app.command()
 def stats(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Count what is in the book."""
+    from memo_core.skillbook import stats as book_stats
+
     with _reading(book, config, overrides) as opened:
-        url, counts = opened.url, attrs.asdict(opened.stats())
+        url, counts = opened.url, attrs.asdict(book_stats.stats_of(opened))
         if json:
             print_json({"url": url} | counts)
         else:
@@ -164,8 +166,10 @@ def export(
     overrides: Overrides = None,
 ) -> None:
     """Write everything in the book except its vectors: one JSON object per line, first the book, then its contents."""
+    from memo_core.skillbook import exchange
+
     with _reading(book, config, overrides) as opened:
-        lines = (json_text.dumps(record, ensure_ascii=False) + "\n" for record in opened.export())
+        lines = (json_text.dumps(record, ensure_ascii=False) + "\n" for record in exchange.export(opened))
         if out is None:
             for line in lines:
                 print(line, end="")

@@ -65,9 +65,9 @@ def remove(
     with opened_book(book, config, overrides) as opened:
         revision = opened.remove(entry, _name(who))
     if json:
-        print_json({"entry": entry, "revision": revision.id})
+        print_json({"entry": entry, "revision": revision})
     else:
-        print(f"entry {entry} is no longer retrieved; `memo skillbook rollback {revision.id}` undoes this")
+        print(f"entry {entry} is no longer retrieved; `memo skillbook rollback {revision}` undoes this")
 
 
 def _name(who: str | None) -> str:

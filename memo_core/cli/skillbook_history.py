@@ -40,11 +40,13 @@ def history(
     json: Json = False,
 ) -> None:
     """List the changes, revision by revision; for a key also its entries and the versions of its template."""
+    from memo_core.skillbook import history as book_history
+
     with _opened(book, config, overrides, read_only=True) as opened:
-        revisions = opened.history(key, last)
-        versions = opened.versions(key) if key is not None else []
+        revisions = book_history.revisions(opened, key, last)
+        versions = book_history.versions(opened, key) if key is not None else []
         if not revisions:
-            note_unknown("key", key, {_key(one) for one in opened.history()})
+            note_unknown("key", key, {_key(one) for one in book_history.revisions(opened)})
         if json:
             print_json(
                 {"revisions": [_revision(one) for one in revisions], "templates": [_version(v) for v in versions]}
@@ -83,8 +85,10 @@ def diff(
     json: Json = False,
 ) -> None:
     """Show which entries a revision removed and added, or the difference between two states of the book."""
+    from memo_core.skillbook import history as book_history
+
     with _opened(book, config, overrides, read_only=True) as opened:
-        found = opened.difference(revision, other)
+        found = book_history.difference(opened, revision, other)
         if json:
             print_json(
                 {"removed": [_entry(one) for one in found.removed], "added": [_entry(one) for one in found.added]}
@@ -107,10 +111,12 @@ def rollback(
     json: Json = False,
 ) -> None:
     """Undo one revision: the entries it added are removed, those it removed are restored. Can be rolled back itself."""
+    from memo_core.skillbook import history as book_history
+
     with _opened(book, config, overrides, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
     with _opened(book, config, overrides, read_only=False) as opened:
-        made = opened.rollback(revision)
+        made = book_history.roll_back(opened, revision)
     if json:
         print_json(_revision(made))
         return

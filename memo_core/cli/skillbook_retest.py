@@ -47,6 +47,7 @@ def retest(
     from memo_core.errors import BackendUnavailable
     from memo_core.maintenance.retesting import Planned, Retested, Retesting
     from memo_core.runs.run_errors import Halted, reason_to_stop
+    from memo_core.skillbook import track_record
 
     wanted = read_seeds(seeds)
     registry, experiment = load(config, overrides)
@@ -60,7 +61,7 @@ def retest(
         found = list(retesting.plan(_chosen(opened, entries), wanted))
         results: list[Retested] = [one for one in found if isinstance(one, Retested)]
         planned = [one for one in found if isinstance(one, Planned)]
-        known = {} if again else opened.trials([one.template.id for one in planned])
+        known = {} if again else track_record.trials_of(opened, [one.template.id for one in planned])
         there = {(entry, trial.start) for entry, trials in known.items() for trial in trials}
         waiting = [one for one in planned if (one.template.id, one.start) not in there]
         if len(waiting) < len(planned):
@@ -94,9 +95,10 @@ def _chosen(book: Skillbook, entries: list[int] | None) -> list[Entry]:
 
 
 def _tell(book: Skillbook, templates: list[Entry], results: list[Retested], json: bool) -> None:
+    from memo_core.skillbook import track_record
     from memo_core.skillbook.store.trials import fails
 
-    kept = book.trials([template.id for template in templates])
+    kept = track_record.trials_of(book, [template.id for template in templates])
     rows: list[dict[str, Any]] = [
         {
             "template": template.id,

@@ -52,6 +52,8 @@ def import_book(
     json: Json = False,
 ) -> None:
     """Merge another book into this one. Importing twice changes nothing; a book that is not there is made."""
+    from memo_core.skillbook import exchange
+
     if source is not None and source not in FORMATS:
         problem = f"{source!r} is no format{close_match(source, FORMATS)}"
         raise InvalidArgument("--from", problem, " or ".join(FORMATS))
@@ -76,7 +78,7 @@ def import_book(
         raise InvalidArgument("FILE", f"{file} {error}", "a lorebook") from None
     records = ImportRecords(lorebook.records if lorebook is not None else _lines(file))
     with _opened(book, config, overrides) as opened:
-        imported = opened.merge(records, name, dry_run)
+        imported = exchange.merge(opened, records, name, dry_run)
         url = opened.url
     if json:
         read = None if lorebook is None else attrs.asdict(lorebook, filter=lambda field, _: field.name != "records")
@@ -89,8 +91,10 @@ def import_book(
 
 def books(book: Book = None, config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
     """Say whose books were merged into this one, and when."""
+    from memo_core.skillbook import exchange
+
     with _opened(book, config, overrides, read_only=True) as opened:
-        merged = opened.imported_books()
+        merged = exchange.imported_books(opened)
         if json:
             print_json({"books": [attrs.asdict(one) for one in merged]})
             return

@@ -27,6 +27,7 @@ from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of
 from memo_core.runs.folder import json_text
+from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
@@ -171,7 +172,7 @@ def _told(book: Skillbook, key: BookKey, until: int, journal: Journal) -> dict[s
 
 def digest_of(book: Skillbook) -> str:
     """Of what a book can serve: two books with one digest answer alike."""
-    said = {one.id: (one.who, one.time) for one in book.log().feedback}
+    said = {one.id: (one.who, one.time) for one in raw_log.raw_log(book).feedback}
     rows = [
         (entry.kind, str(entry.key), entry.text, entry.scene, [said.get(one) for one in book.sources([entry.id])])
         for entry in book.entries()

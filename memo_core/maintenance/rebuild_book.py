@@ -19,6 +19,7 @@ from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runs.consolidation import calls_without_a_run
 from memo_core.runs.factories import book_of, prompts_of
+from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Feedback
 
@@ -48,7 +49,7 @@ def rebuild_book(
     ``condense_after``: feedback after which the book is clustered, too, where the method clusters; it always is at the
     end. Raises ``MemoError``, ``Stopped``."""
     memory = METHODS[method]
-    log = source.log(until)
+    log = raw_log.raw_log(source, until)
     if not read_backs:
         log = attrs.evolve(log, read_backs=())
     target = book_of(experiment, str(out), read_only=False)

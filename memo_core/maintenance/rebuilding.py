@@ -19,6 +19,7 @@ from memo_core.interfaces.llm import Answer, LanguageModel, Request, Usage
 from memo_core.policy.consolidation import Clustering
 from memo_core.policy.feedback_processing import FeedbackProcessor
 from memo_core.policy.methods import Memory
+from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, Note, ReadBack
 from memo_core.skillbook.model.keys import Key, NotAKey
@@ -57,7 +58,7 @@ class AnswersOfBook(LanguageModel):
         on_text: Callable[[str], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Answer:
-        known = self._book.kept_answer(self.name, request.digest)
+        known = raw_log.kept_answer(self._book, self.name, request.digest)
         if known is not None:
             self.kept += 1
             return Answer(known, usage=Usage(cost=0.0), model=self.name, note=KEPT)
@@ -65,7 +66,7 @@ class AnswersOfBook(LanguageModel):
         answer = self._inner.answer(request, on_text, cancelled)
         self.asked += 1
         if answer.finish == "stop":
-            self._book.keep_answer(self.name, request.digest, request.phase, answer.text, self.about)
+            raw_log.keep_answer(self._book, self.name, request.digest, request.phase, answer.text, self.about)
         return answer
 
     def _open_inner(self) -> None:
@@ -97,7 +98,7 @@ class Rebuilding:
         self.result = Rebuilt()
         last = log.feedback[-1] if log.feedback else None
         identity = f"{log.book} {method} {last.id if last else 0} {len(log.feedback)}"
-        target.rename(hashlib.sha256(identity.encode()).hexdigest()[:32], last.time if last else 0.0)
+        raw_log.rename(target, hashlib.sha256(identity.encode()).hexdigest()[:32], last.time if last else 0.0)
 
     def replay(
         self,
@@ -220,7 +221,7 @@ class Rebuilding:
 
     @contextmanager
     def _at(self, moment: float) -> Iterator[None]:
-        with self._target.clock(lambda: moment):
+        with raw_log.clock(self._target, lambda: moment):
             yield
 
 

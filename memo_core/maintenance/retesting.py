@@ -26,6 +26,7 @@ from memo_core.runs.factories import environment_of, sandbox_of, task_of
 from memo_core.runs.run_errors import RunError, run_error
 from memo_core.runs.sections import SECTIONS
 from memo_core.sandbox.sandbox import Sandbox
+from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry, Feedback
 
@@ -113,7 +114,7 @@ class Retesting:
             return Retested(template.id, key, planned.start, None, str(problem))
         except MemoError as problem:
             return Retested(template.id, key, planned.start, None, str(problem), run_error(problem))
-        self._book.note_trial(template.id, planned.start, success, reason)
+        track_record.note_trial(self._book, template.id, planned.start, success, reason)
         return Retested(template.id, key, planned.start, success, reason)
 
     def _tried(self, template: Entry, source: Source, seed: int | None) -> tuple[bool, str]:

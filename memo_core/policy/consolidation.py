@@ -17,6 +17,7 @@ from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
 from memo_core.policy.model_questions import put
+from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.condensing import ClusterChanged, ClusterLimits, Clusters
 from memo_core.skillbook.consolidation.rules import Cluster, Clustered, Condensed, Merged
@@ -116,16 +117,16 @@ class Clustering:
 
     def near_keys(self) -> list[NearKeys]:
         """Pairs of keys that would be merged; none if the settings turn this off."""
-        return self._book.near_keys() if self._settings.join_keys else []
+        return consolidating.near_keys(self._book) if self._settings.join_keys else []
 
     def join(self, near: NearKeys) -> None:
         """Move one key's entries under the other, and store future entries there too."""
-        self._book.add_alias(near.spelling, near.key)
+        consolidating.add_alias(self._book, near.spelling, near.key)
 
     def clusters(self, unchanged: bool = False) -> Clusters:
         """The clusters to condense; with ``unchanged`` also those that have not changed since they were last
         condensed."""
-        return self._book.each_cluster(unchanged, self._limits)
+        return consolidating.each_cluster(self._book, unchanged, self._limits)
 
     def condense_all(self, unchanged: bool = False) -> Iterator[Outcome]:
         """Merge near-identical keys, then condense every cluster that needs it. Raises as ``condense``."""
@@ -140,7 +141,7 @@ class Clustering:
         before = (len(cluster.members), cluster.characters)
         try:
             if commit:
-                cluster = self._book.join_duplicates(cluster)  # for that nobody need be asked
+                cluster = consolidating.join_duplicates(self._book, cluster)  # for that nobody need be asked
             proposal, calls = self._proposal(cluster)
         except Unreadable as error:
             return Outcome(cluster, "left", *before, problem=error.problem, calls=self._settings.reasks + 1)
@@ -150,7 +151,7 @@ class Clustering:
         if not commit:
             return Outcome(cluster, status, *before, proposal, calls=calls)
         try:
-            committed = self._book.condense(cluster, proposal, self._model)
+            committed = consolidating.condense(self._book, cluster, proposal, self._model)
         except ClusterChanged as error:
             return Outcome(cluster, "changed", *before, problem=str(error), calls=calls)
         self._emit(
@@ -179,7 +180,7 @@ class Clustering:
 def prompt_context(cluster: Cluster, book: Skillbook) -> dict[str, Any]:
     """The values for the placeholders of a cluster's prompt."""
     own = next((n for n, t in enumerate(cluster.templates, start=1) if t.entry.key == cluster.key), 0)
-    records = {version.entry.id: version for t in cluster.templates for version in book.versions(t.entry.key)}
+    records = {version.entry.id: version for t in cluster.templates for version in history.versions(book, t.entry.key)}
     return {
         "key": key_label(cluster.key),
         "entries": [

@@ -6,7 +6,7 @@ from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, Read
 
 
 class Person:
-    """Nobody: says nothing and is asked for nothing. Subclasses override what their person does.
+    """A person who says nothing and is asked for nothing; subclasses override what theirs does.
 
     Attributes:
         who: name under which words are kept.
@@ -65,7 +65,7 @@ class Person:
         return False
 
     def state(self) -> str:
-        """What a resumed run needs to go on with this person; see ``restore``."""
+        """State of the person for a resumed run; see ``restore``."""
         return ""
 
     def restore(self, state: str) -> None:

@@ -269,7 +269,7 @@ def perform(
 
 @attrs.define
 class _Ended:
-    """What is known when the worker has ended, however it did."""
+    """Results of the worker thread, however it ended."""
 
     result: RunResult | None = None
     outcome: Outcome | None = None

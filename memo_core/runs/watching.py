@@ -33,7 +33,7 @@ class WatchingTeacher(Person):
         self._time_is_up = time_is_up
         self.who = teacher.who if teacher is not None else "nobody"
         self.watches = self.confirms = teacher is not None
-        # Nobody is asked about each plan where the teacher has nothing to say to plans.
+        # A teacher who has nothing to say to plans is not shown each of them.
         self.judges_plans = teacher is not None and type(teacher).judge_plan is not Teacher.judge_plan
         self.reads_back = teacher is not None and teacher.reads_back
         self.permits = releases

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import attrs
 import numpy as np
@@ -17,27 +15,9 @@ from memo_core.errors import UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
-from memo_core.skillbook.consolidation.condensing import (
-    CLUSTERED,
-    ClusterLimits,
-    Clusters,
-    condense,
-    find_clusters,
-    without_duplicates,
-)
-from memo_core.skillbook.consolidation.rules import Cluster, Clustered, Condensed
 from memo_core.skillbook.consolidation.unclustered import copy_without_clustering, is_clustered
 from memo_core.skillbook.forgetting.in_database import forget_person, words_of
 from memo_core.skillbook.forgetting.in_files import BEYOND, BEYOND_SERVER, clean
-from memo_core.skillbook.history import (
-    Difference,
-    Revision,
-    Version,
-    difference,
-    revisions,
-    roll_back,
-    versions,
-)
 from memo_core.skillbook.model.entries import (
     GLOBAL_KEY,
     Entry,
@@ -47,30 +27,21 @@ from memo_core.skillbook.model.entries import (
     KeptReadBack,
     Note,
     ReadBack,
-    Stats,
     spoken,
 )
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
-from memo_core.skillbook.retrieval.negative_transfer import Evidence, evidence_of, is_evidence, withhold
+from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
 from memo_core.skillbook.retrieval.retriever import Retrieval, RetrievalSettings, Retriever
-from memo_core.skillbook.sharing.export import records
-from memo_core.skillbook.sharing.import_records import ImportRecords
-from memo_core.skillbook.sharing.importing import Imported, ImportedBook, imported_books, merge
-from memo_core.skillbook.sharing.rebuild_input import RawLog, keep_answer, kept_answer, read_log
-from memo_core.skillbook.stats import stats_of
-from memo_core.skillbook.store import queries, tables, trials
+from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database, SkillbookError
 from memo_core.skillbook.store.known_copies import Place, PlaceKind, drop_place, note_place, places_of
-from memo_core.skillbook.store.origins import origins_of
 from memo_core.skillbook.store.said_names import said_names
 from memo_core.skillbook.vectors.key_vectors import KeyVectors
 from memo_core.skillbook.vectors.text_vectors import TextVectors, batched
-from memo_core.skillbook.writing import bulk_adding, templates
+from memo_core.skillbook.writing import templates
 from memo_core.skillbook.writing.adding import add_notes, add_template
-from memo_core.skillbook.writing.bulk_adding import Lesson
 from memo_core.skillbook.writing.feedback import checked_name, feedback_by_id, insert_feedback, set_status
-from memo_core.skillbook.writing.key_aliases import NearKeys, join, near_keys
 from memo_core.skillbook.writing.revising import edit, kept_read_backs, read_back, remove
 
 _F, _E = tables.feedback.c, tables.entries.c
@@ -95,38 +66,38 @@ class Skillbook:
         read_only: bool = False,
     ) -> None:
         self.settings = settings or RetrievalSettings()
-        self._database = Database(url, read_only)
+        self.database = Database(url, read_only)
         self._store = store
-        self._vectors = TextVectors(self._database, embedder) if embedder is not None else None
+        self.vectors = TextVectors(self.database, embedder) if embedder is not None else None
         self._retriever: Retriever | None = None
         self._unclustered: tuple[int, Skillbook] | None = None  # of which generation
 
     @property
     def url(self) -> str:
         """The book's URL; it never holds a password."""
-        return self._database.name
+        return self.database.name
 
     @property
     def read_only(self) -> bool:
-        return self._database.read_only
+        return self.database.read_only
 
     @property
     def is_there(self) -> bool:
         """Whether its file exists; for a book on a server or in memory true."""
-        path = self._database.path
+        path = self.database.path
         return path is None or path.exists()
 
     def open(self) -> Skillbook:
         """Idempotent. Raises ``SkillbookError``: newer schema, no skillbook, network file system, other embedder."""
-        self._database.open()
+        self.database.open()
         try:
-            if self._vectors is not None:
-                self._vectors.check_embedder()
+            if self.vectors is not None:
+                self.vectors.check_embedder()
         except BaseException as error:
             try:
-                self._database.blame(error)
+                self.database.blame(error)
             finally:
-                self._database.close()
+                self.database.close()
             raise
         return self
 
@@ -138,7 +109,7 @@ class Skillbook:
             self._unclustered = None
         if self._store is not None:
             self._store.close()
-        self._database.close()
+        self.database.close()
 
     def __enter__(self) -> Skillbook:
         return self.open()
@@ -148,7 +119,7 @@ class Skillbook:
     ) -> None:
         """Raises ``DamagedBook`` in place of an unexpected error if the book is damaged."""
         try:
-            self._database.blame(error)
+            self.database.blame(error)
         finally:
             self.close()
 
@@ -156,13 +127,13 @@ class Skillbook:
     def effect_of(self, run: str, entry: int, note: str = "") -> AbstractContextManager[None]:
         """Mark writes within the block as the effect of this entry of a run's log; the mark is committed in the same
         transaction, with ``note`` (which must not contain people's words)."""
-        return self._database.marked(run, entry, note)
+        return self.database.marked(run, entry, note)
 
     def effect_note(self, run: str, entry: int) -> str | None:
         """The note of the last effect of a run, if it is this entry's; None: the entry wrote nothing."""
         _R = tables.run_effects.c
-        with self._database.read() as connection:
-            if not self._database.has(connection, tables.run_effects):
+        with self.database.read() as connection:
+            if not self.database.has(connection, tables.run_effects):
                 return None
             return connection.execute(sa.select(_R.note).where(_R.run == run, _R.entry == entry)).scalar()
 
@@ -189,34 +160,34 @@ class Skillbook:
         feedback's id. Raises ``InvalidArgument``, ``ReadOnlyBook``.
         """
         about = {"task": task, "subtask": subtask, "scene": scene, "scene_graph": scene_graph, "code": code, "run": run}
-        with self._database.write() as connection:
-            return insert_feedback(self._database, connection, words, who, kind, when, kept_only, **about)
+        with self.database.write() as connection:
+            return insert_feedback(self.database, connection, words, who, kind, when, kept_only, **about)
 
     def feedback(self, feedback_id: int) -> Feedback:
         """Raises ``UnknownName``."""
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return feedback_by_id(connection, feedback_id)
 
     def pending_feedback(self, parked: bool = False) -> list[Feedback]:
         """Feedback from which no entry was made yet, oldest first; with ``parked`` also feedback that was set aside."""
         statuses = ("pending", "parked") if parked else ("pending",)
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return queries.feedback_where(connection, _F.status.in_(statuses))
 
     def feedback_of_run(self, run: str) -> list[Feedback]:
         """Everything that was said in one run, oldest first."""
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return queries.feedback_where(connection, _F.run == run)
 
     def name_corrections(self) -> tuple[NameCorrection, ...]:
         """What people said of names ("that is not a cup"), oldest first, as it holds in other scenes. Read from their
         feedback, so that it goes when they are forgotten."""
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return said_names(connection)
 
     def park(self, feedback_id: int, reason: str) -> None:
         """Set aside feedback that could not be processed; it is stored and shown with the reason."""
-        with self._database.write() as connection:
+        with self.database.write() as connection:
             set_status(connection, feedback_id, "parked", reason)
 
     # -- what was learnt -----------------------------------------------------------------------------------------------
@@ -224,7 +195,7 @@ class Skillbook:
         self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
     ) -> tuple[Entry, ...]:
         """``add_notes`` with all corrections under ``key``. Raises ``NotAKey`` as well."""
-        wanted = _key(key)
+        wanted = as_key(key)
         notes = [Note(wanted, text) for text in corrections] + [Note(GLOBAL_KEY, text) for text in general]
         return self.add_notes(feedback_id, notes, scene)
 
@@ -234,21 +205,14 @@ class Skillbook:
         A second call for the same feedback changes nothing and returns what the first one stored; the same words under
         the same key are stored once. Raises ``UnknownName`` (feedback), ``ReadOnlyBook``.
         """
-        with self._database.write() as connection:
-            return add_notes(self._database, connection, feedback_id, notes, scene)
-
-    def add_many(self, lessons: Sequence[Lesson]) -> int:
-        """Store lessons that were taught elsewhere, all or none, in one durable transaction: a thousand at a time is
-        much faster than one by one. Calling it twice stores them twice. Returns the number of entries. Raises
-        ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            return bulk_adding.add_lessons(self._database, connection, lessons)
+        with self.database.write() as connection:
+            return add_notes(self.database, connection, feedback_id, notes, scene)
 
     def prepare(self, progress: Callable[[float], None] = lambda share: None) -> None:
         """Embed in advance what the first retrieval would: keys and texts. ``progress`` is called with the share that
         is done; results are kept if interrupted. Needs the embedder."""
-        key_vectors, vectors = self._key_vectors(), self._text_vectors()
-        with self._database.read() as connection:
+        key_vectors, vectors = self.key_vectors(), self.text_vectors()
+        with self.database.read() as connection:
             rows = queries.valid_entry_rows(connection)
         keys = list(dict.fromkeys(row.key for row in rows if row.key != GLOBAL_KEY))
         if keys:
@@ -267,9 +231,9 @@ class Skillbook:
 
         ``derived_from``: further feedback that the code is based on, so that it survives when only the approving person
         is forgotten. A second call for the same approval changes nothing and returns the first template."""
-        wanted = _key(key)
-        with self._database.write() as connection:
-            return add_template(self._database, connection, feedback_id, wanted, code, scene, derived_from)
+        wanted = as_key(key)
+        with self.database.write() as connection:
+            return add_template(self.database, connection, feedback_id, wanted, code, scene, derived_from)
 
     def read_back(self, feedback_id: int, said: Sequence[ReadBack], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes that were made of a feedback and read
@@ -279,16 +243,16 @@ class Skillbook:
         ``ReadOnlyBook``.
         """
         feedback = self.feedback(feedback_id)
-        with self._database.write() as connection:
-            read_back(self._database, connection, feedback, said, who.strip() or feedback.who, self._database.now())
-        with self._database.read() as connection:
+        with self.database.write() as connection:
+            read_back(self.database, connection, feedback, said, who.strip() or feedback.who, self.database.now())
+        with self.database.read() as connection:
             mine = sa.select(tables.sources.c.entry).where(tables.sources.c.feedback == feedback_id)
             return tuple(queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None)))
 
     def read_backs(self, feedback_id: int | None = None) -> list[KeptReadBack]:
         """The reactions to notes that were read back, edited or removed, oldest first, for one feedback or for all."""
-        with self._database.read() as connection:
-            return kept_read_backs(self._database, connection, None if feedback_id is None else [feedback_id])
+        with self.database.read() as connection:
+            return kept_read_backs(self.database, connection, None if feedback_id is None else [feedback_id])
 
     def edit(self, entry_id: int, text: str, who: str) -> Entry:
         """Replace an entry's text by a revision. Returns the entry that is active now. ``who`` can withdraw it.
@@ -296,27 +260,16 @@ class Skillbook:
         Raises ``UnknownName``, ``InvalidArgument`` (empty, superseded, a template that is no function),
         ``ReadOnlyBook``.
         """
-        with self._database.write() as connection:
-            added = edit(self._database, connection, _entry(connection, entry_id), text, checked_name(who))
+        with self.database.write() as connection:
+            added = edit(self.database, connection, entry_in(connection, entry_id), text, checked_name(who))
         return self.entry(added if added is not None else entry_id)
 
-    def remove(self, entry_id: int, who: str) -> Revision:
-        """Retire an entry by a revision, which can be rolled back. Raises ``UnknownName``, ``InvalidArgument`` (it is
-        superseded already), ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            remove(self._database, connection, _entry(connection, entry_id), checked_name(who))
-        retired = self.entry(entry_id)
-        with self._database.read() as connection:
-            return revisions(self._database, connection, only=retired.superseded_by)[0]
-
-    def add_alias(self, spelling: Key | str, key: Key | str) -> None:
-        """Store entries for one key under another of nearly the same spelling from now on, also in retrieval."""
-        alias, target = _key(spelling), _key(key)
-        if alias == target:
-            return
-        with self._database.write() as connection:
-            join(self._database, connection, alias, target)
-            self._database.next_generation(connection)
+    def remove(self, entry_id: int, who: str) -> int:
+        """Retire an entry by a revision, which can be rolled back. Returns its number. Raises ``UnknownName``,
+        ``InvalidArgument`` (it is superseded already), ``ReadOnlyBook``."""
+        with self.database.write() as connection:
+            remove(self.database, connection, entry_in(connection, entry_id), checked_name(who))
+        return int(self.entry(entry_id).superseded_by or 0)
 
     def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
         """Count that entries were served for code that ran and, with ``success``, that the code was approved. With
@@ -328,131 +281,19 @@ class Skillbook:
         if not ids:
             return
         values = {"uses": _E.uses + 1, "confirmed_uses": _E.confirmed_uses + int(success)}
-        with self._database.write() as connection:
+        with self.database.write() as connection:
             connection.execute(sa.update(tables.entries).where(_E.id.in_(ids)).values(**values))
             if subtask is None:
                 return
-            key = queries.key_id(connection, self._database.upsert(tables.keys), _key(subtask))
+            key = queries.key_id(connection, self.database.upsert(tables.keys), as_key(subtask))
             there = sorted(queries.ids_of(connection.execute(sa.select(_E.id).where(_E.id.in_(ids)))))
             templates.count_use(connection, there, key, success)
-            if not success and templates.elect(self._database, connection, key, "record") is not None:
-                self._database.next_generation(connection)
-
-    def note_trial(self, entry_id: int, start: str, success: bool, reason: str = "") -> None:
-        """Store the result of running a template again in a simulator from ``start``, replacing an earlier trial from
-        there. If the template then counts as failing, an older version that does not is served
-        (``memo_core.skillbook.store.trials``). Raises ``UnknownName``, ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            entry = _entry(connection, entry_id)
-            before = trials.failing(self._database, connection, [entry_id])
-            trials.keep_trial(connection, entry_id, trials.Trial(start, success, self._database.now(), reason))
-            if before == trials.failing(self._database, connection, [entry_id]):
-                return
-            key = queries.key_id(connection, self._database.upsert(tables.keys), entry.key)
-            templates.elect(self._database, connection, key, "retest")
-            self._database.next_generation(connection)
-
-    def trials(self, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.Trial]]:
-        """The trials of templates, by entry; templates without trials are left out."""
-        with self._database.read() as connection:
-            return trials.trials_of(self._database, connection, entry_ids)
-
-    # -- made anew from the raw log -----------------------------------------------------------------------------------
-    def log(self, until: int | float | None = None) -> RawLog:
-        """Feedback and the entries made of it (``memo_core.skillbook.sharing.rebuild_input``), up to and including
-        feedback number ``until`` (an int), or before a time (a float, s since the epoch)."""
-        with self._database.read() as connection:
-            return read_log(self._database, connection, until)
-
-    def kept_answer(self, model: str, question: str) -> str | None:
-        """The stored answer of a model to a question (its digest), from an earlier rebuild from this book."""
-        with self._database.read() as connection:
-            return kept_answer(self._database, connection, model, question)
-
-    def keep_answer(self, model: str, question: str, phase: str, answer: str, about: Iterable[int]) -> None:
-        """Store an answer, with the feedback that its question was ``about``. Raises ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            keep_answer(self._database, connection, model, question, phase, answer, about)
-
-    def rename(self, identity: str, created: float) -> None:
-        """Give an empty book another identity (of at most 100 characters) and time of creation."""
-        with self._database.write() as connection:
-            self._database.set_meta(connection, "book", identity)
-            self._database.set_meta(connection, "created", repr(created))
-
-    @contextmanager
-    def clock(self, now: Callable[[], float]) -> Iterator[None]:
-        """Within the block, use ``now`` (s since the epoch) as the time of writes."""
-        before, self._database.now = self._database.now, now
-        try:
-            yield
-        finally:
-            self._database.now = before
-
-    # -- clusters ------------------------------------------------------------------------------------------------------
-    def clusters(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> list[Cluster]:
-        """All of ``each_cluster`` at once."""
-        return list(self.each_cluster(unchanged, limits))
-
-    def each_cluster(self, unchanged: bool = False, limits: ClusterLimits | None = None) -> Clusters:
-        """The clusters (``memo_core.skillbook.consolidation.rules``): keys in order, general statements last, each read
-        from the book when it is iterated. Those that have not changed since they were last clustered are included only
-        with ``unchanged``. Needs the embedder."""
-        key_vectors = self._key_vectors()
-        return find_clusters(
-            self._database, key_vectors, self.settings, limits or ClusterLimits(), self._text_vectors().chain, unchanged
-        )
-
-    def condense(self, cluster: Cluster, proposal: Condensed, model: str = "") -> Clustered:
-        """Commit a proposal for a cluster in one transaction. Superseded entries stay in the book; a merged entry keeps
-        all its people as sources. Raises ``ClusterChanged`` if the cluster has changed since it was read,
-        ``ValueError`` for a proposal that ``problem_with`` refuses; nothing is written then."""
-        return condense(self._database, cluster, proposal, model, f"{CLUSTERED} by {model}" if model else CLUSTERED)
-
-    def join_duplicates(self, cluster: Cluster) -> Cluster:
-        """Merge members with the same text. Returns the cluster as it is afterwards. Raises ``ClusterChanged``."""
-        return without_duplicates(self._database, cluster)
-
-    def near_keys(self) -> list[NearKeys]:
-        """Keys that have the same meaning as another key with more entries
-        (``memo_core.skillbook.writing.key_aliases``); ``add_alias`` merges them. Needs the embedder."""
-        with self._database.read() as connection:
-            known, sizes = queries.keys_by_id(connection), queries.group_sizes(connection)
-        counted: Counter[Key] = Counter()
-        for number, _, size in sorted(sizes):
-            counted[known[number]] += size
-        del counted[GLOBAL_KEY]
-        keys = sorted(counted, key=lambda key: -counted[key])
-        return near_keys(keys, self._key_vectors(), self.settings.actions)
-
-    # -- history -------------------------------------------------------------------------------------------------------
-    def history(self, key: Key | str | None = None, last: int | None = None) -> list[Revision]:
-        """Every change to the set of valid entries, oldest first, or those that touched a key's entries (``"*"``: the
-        general statements); only the ``last`` ones if given, since a large book has many."""
-        with self._database.read() as connection:
-            return revisions(self._database, connection, None if key is None else _meant(connection, key), last)
-
-    def versions(self, key: Key | str) -> list[Version]:
-        """The templates of a key with their records, oldest first."""
-        with self._database.read() as connection:
-            return versions(self._database, connection, _meant(connection, key))
-
-    def difference(self, one: int, other: int | None = None) -> Difference:
-        """What revision ``one`` changed; with ``other``, between the book after the one and after the other. Raises
-        ``UnknownName``."""
-        with self._database.read() as connection:
-            return difference(self._database, connection, one, other)
-
-    def rollback(self, revision: int) -> Revision:
-        """Undo a revision by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            new = roll_back(self._database, connection, revision)
-        with self._database.read() as connection:
-            return revisions(self._database, connection, only=new)[0]
+            if not success and templates.elect(self.database, connection, key, "record") is not None:
+                self.database.next_generation(connection)
 
     def sources(self, entry_ids: Iterable[int]) -> list[int]:
         """The feedback that entries derive from, by id."""
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             of = tables.sources.c.entry.in_(sorted(set(entry_ids)))
             return sorted(set(queries.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
 
@@ -466,19 +307,19 @@ class Skillbook:
             return unclustered.retrieve(subtask, context)
         if self._retriever is None:
             self._retriever = Retriever(
-                self._database, self._text_vectors(), self._key_vectors(), self.settings, self._store
+                self.database, self.text_vectors(), self.key_vectors(), self.settings, self._store
             )
-        found = self._retriever.retrieve(_key(subtask), context)
+        found = self._retriever.retrieve(as_key(subtask), context)
         return self._without_harm(found) if self.settings.notice_harm else found
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Valid entries whose text is most similar to ``text``, with the cosine, best first."""
-        if self._vectors is None:
+        if self.vectors is None:
             raise SkillbookError(self.url, "was opened without an embedder", "configure one to search")
         entries = self.entries()
         if not entries or count < 1:
             return []
-        similar = self._vectors.get([entry.text for entry in entries]) @ self._vectors.get([text])[0]
+        similar = self.vectors.get([entry.text for entry in entries]) @ self.vectors.get([text])[0]
         best = np.argsort(-similar, kind="stable")[:count]
         return [(entries[i], float(similar[i])) for i in best]
 
@@ -491,7 +332,7 @@ class Skillbook:
         if kind is not None:
             conditions.append(_E.kind == kind)
         if key is not None:
-            wanted = _key(key)
+            wanted = as_key(key)
             conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == queries.objects_text(wanted)]
         if who is not None:
             of_person = (
@@ -500,68 +341,38 @@ class Skillbook:
                 .where(_F.who == who)
             )
             conditions.append(_E.id.in_(of_person))
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return queries.entries_where(connection, *conditions)
 
     def entry(self, entry_id: int) -> Entry:
         """Raises ``UnknownName``."""
-        with self._database.read() as connection:
-            return _entry(connection, entry_id)
+        with self.database.read() as connection:
+            return entry_in(connection, entry_id)
 
     def people(self) -> list[str]:
-        with self._database.read() as connection:
+        with self.database.read() as connection:
             return [who for (who,) in connection.execute(sa.select(_F.who).distinct().order_by(_F.who))]
-
-    def export(self) -> Iterator[dict[str, Any]]:
-        """Everything in the book except vectors, as JSON-compatible records (``memo_core.skillbook.sharing.export``) of
-        the state at the first iteration. Records are read during iteration, so a large book needs little memory."""
-        with self._database.read() as connection:
-            yield from records(self._database, connection)
-
-    def merge(self, records: ImportRecords | Iterable[dict[str, Any]], name: str, dry_run: bool = False) -> Imported:
-        """Merge the records of another book (``export``), all or none: new rows are added with their origin. A second
-        call changes nothing. ``name`` says whose book it is. Raises ``BadImport``, ``ReadOnlyBook``."""
-        imported, gone = merge(self._database, records, name, dry_run)
-        if self._vectors is not None:
-            self._vectors.forget(gone)
-        if imported.withdrawn and not dry_run:
-            self._database.erase_traces()
-        return imported
 
     def problems(self) -> list[str]:
         """Damage found in the book's file; empty if it is intact."""
-        return self._database.problems()
-
-    def imported_books(self) -> list[ImportedBook]:
-        """Whose books were merged into this one, and when."""
-        with self._database.read() as connection:
-            return imported_books(self._database, connection)
-
-    def origin(self, entry_id: int) -> tuple[str, str]:
-        """The book an entry was made in, and its number there."""
-        with self._database.read() as connection:
-            book = self._database.meta(connection)["book"]
-            return origins_of(self._database, connection, "entry", book).origin(entry_id)
+        return self.database.problems()
 
     def generation(self) -> int:
         """Grows with every change to what can be retrieved."""
-        with self._database.read() as connection:
-            return int(self._database.meta(connection)["generation"])
-
-    def stats(self) -> Stats:
-        return stats_of(self._database)
+        with self.database.read() as connection:
+            return int(self.database.meta(connection)["generation"])
 
     # -- the right to withdraw: where else words may lie ---------------------------------------------------------------
     def note_place(self, kind: PlaceKind, path: Path) -> None:
         """Register a file or folder that contains words of this book, so that ``forget`` covers it. Raises
         ``ReadOnlyBook``."""
-        with self._database.write() as connection:
-            note_place(self._database, connection, kind, path)
+        with self.database.write() as connection:
+            note_place(self.database, connection, kind, path)
 
     def places(self) -> list[Place]:
         """The files and folders registered with ``note_place``."""
-        with self._database.read() as connection:
-            return places_of(self._database, connection)
+        with self.database.read() as connection:
+            return places_of(self.database, connection)
 
     # -- the right to withdraw -----------------------------------------------------------------------------------------
     def forget(self, who: str, also: Iterable[Path] = ()) -> Forgotten:
@@ -573,21 +384,21 @@ class Skillbook:
         known = self.people()
         if who not in known:
             raise UnknownName("person", who, tuple(map(str, known)))
-        with self._database.write() as connection:
+        with self.database.write() as connection:
             words = words_of(connection, who)
             forgotten, texts = forget_person(connection, who)
-            self._database.next_generation(connection)
-            places = places_of(self._database, connection)
-        if self._vectors is not None:
-            self._vectors.forget(texts)
-        self._database.erase_traces()
+            self.database.next_generation(connection)
+            places = places_of(self.database, connection)
+        if self.vectors is not None:
+            self.vectors.forget(texts)
+        self.database.erase_traces()
         more = [Place(path, "run", 0.0) for path in also]
         cleaned = clean([*places, *more], who, [*words, *texts], lambda path: _forget_in(path, who))
-        with self._database.write() as connection:
+        with self.database.write() as connection:
             for place in places:
                 if str(place.path) in cleaned.deleted:
                     drop_place(connection, place)
-        beyond = BEYOND if self._database.is_sqlite else (*BEYOND, BEYOND_SERVER)
+        beyond = BEYOND if self.database.is_sqlite else (*BEYOND, BEYOND_SERVER)
         same = [
             f"the words of {one!r}; if it is the same person, forget {one!r} too" for one in spelt_alike(who, known)
         ]
@@ -603,42 +414,37 @@ class Skillbook:
     def _without_harm(self, found: Retrieval) -> Retrieval:
         """Drop entries that were corrected when they were retrieved for such a subtask."""
         served = [one.entry.id for one in found.served]
-        if not is_evidence(self._database, served):
+        if not is_evidence(self.database, served):
             return found
-        with self._database.read() as connection:
-            evidence = evidence_of(self._database, connection, served)
+        with self.database.read() as connection:
+            evidence = evidence_of(self.database, connection, served)
             if not evidence:
                 return found
             meant = queries.alias_rows(connection).get(str(found.query), found.query)
-        return withhold(found, meant, evidence, self._key_vectors(), self.settings.weights)
-
-    def evidence(self, entry_id: int) -> list[Evidence]:
-        """How often an entry was served to code for each key, and how often that was approved."""
-        with self._database.read() as connection:
-            return evidence_of(self._database, connection, [entry_id])
+        return withhold(found, meant, evidence, self.key_vectors(), self.settings.weights)
 
     def _without_clustering(self) -> Skillbook | None:
         """An in-memory copy of the book without the changes of clustering; None if there are none."""
-        with self._database.read() as connection:
-            generation = int(self._database.meta(connection)["generation"])
-            clustered = is_clustered(self._database, connection)
+        with self.database.read() as connection:
+            generation = int(self.database.meta(connection)["generation"])
+            clustered = is_clustered(self.database, connection)
         if self._unclustered is not None and (not clustered or self._unclustered[0] != generation):
             self._unclustered[1].close()
             self._unclustered = None
         if clustered and self._unclustered is None:
             copy = Skillbook("sqlite://", settings=self.settings).open()
-            copy._vectors = self._text_vectors()  # what is embedded is kept in the book itself
-            copy_without_clustering(self._database, copy._database)
+            copy.vectors = self.text_vectors()  # what is embedded is kept in the book itself
+            copy_without_clustering(self.database, copy.database)
             self._unclustered = (generation, copy)
         return None if self._unclustered is None else self._unclustered[1]
 
-    def _key_vectors(self) -> KeyVectors:
-        return KeyVectors(self._text_vectors(), self.settings.wording, self.settings.actions)
+    def key_vectors(self) -> KeyVectors:
+        return KeyVectors(self.text_vectors(), self.settings.wording, self.settings.actions)
 
-    def _text_vectors(self) -> TextVectors:
-        if self._vectors is None:
+    def text_vectors(self) -> TextVectors:
+        if self.vectors is None:
             raise SkillbookError(self.url, "was opened without an embedder", "configure one")
-        return self._vectors
+        return self.vectors
 
 
 def _forget_in(path: Path, who: str) -> None:
@@ -646,11 +452,11 @@ def _forget_in(path: Path, who: str) -> None:
         other.forget(who)
 
 
-def _key(key: Key | str) -> Key:
+def as_key(key: Key | str) -> Key:
     return key if isinstance(key, Key) else Key.parse(key)
 
 
-def _entry(connection: sa.Connection, entry_id: int) -> Entry:
+def entry_in(connection: sa.Connection, entry_id: int) -> Entry:
     found = queries.entries_by_id(connection, [entry_id])
     if not found:
         known = queries.ids_of(connection.execute(sa.select(_E.id).order_by(_E.id.desc()).limit(20)))
@@ -658,8 +464,8 @@ def _entry(connection: sa.Connection, entry_id: int) -> Entry:
     return found[entry_id]
 
 
-def _meant(connection: sa.Connection, key: Key | str) -> Key:
+def meant(connection: sa.Connection, key: Key | str) -> Key:
     """The key that a spelling is kept under."""
     if key == "*":
         return GLOBAL_KEY
-    return queries.alias_rows(connection).get(str(_key(key)), _key(key))
+    return queries.alias_rows(connection).get(str(as_key(key)), as_key(key))

@@ -12,6 +12,7 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.errors import MemoError, UnknownName
+from memo_core.skillbook.book import Skillbook, meant
 from memo_core.skillbook.consolidation.rules import state_digest
 from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.keys import Key
@@ -84,7 +85,41 @@ class CannotRollBack(MemoError):
         return f"revision {self.revision} cannot be rolled back: {self.problem}{first}"
 
 
-def revisions(
+def revisions(book: Skillbook, key: Key | str | None = None, last: int | None = None) -> list[Revision]:
+    """Every change to the set of valid entries, oldest first, or those that touched a key's entries (``"*"``: the
+    general statements); only the ``last`` ones if given, since a large book has many."""
+    with book.database.read() as connection:
+        return _revisions(book.database, connection, None if key is None else meant(connection, key), last)
+
+
+def versions(book: Skillbook, key: Key | str) -> list[Version]:
+    """The templates of a key with their records, oldest first."""
+    with book.database.read() as connection:
+        return _versions(book.database, connection, meant(connection, key))
+
+
+def difference(book: Skillbook, one: int, other: int | None = None) -> Difference:
+    """What revision ``one`` changed; with ``other``, between the book after the one and after the other. Raises
+    ``UnknownName``."""
+    with book.database.read() as connection:
+        return _difference(book.database, connection, one, other)
+
+
+def roll_back(book: Skillbook, revision: int) -> Revision:
+    """Undo a revision by a new one. Raises ``UnknownName``, ``CannotRollBack``, ``ReadOnlyBook``."""
+    with book.database.write() as connection:
+        new = _roll_back(book.database, connection, revision)
+    with book.database.read() as connection:
+        return _revisions(book.database, connection, only=new)[0]
+
+
+def revision(book: Skillbook, number: int) -> Revision:
+    """One change to the set of valid entries, by its number."""
+    with book.database.read() as connection:
+        return _revisions(book.database, connection, only=number)[0]
+
+
+def _revisions(
     database: Database,
     connection: sa.Connection,
     key: Key | None = None,
@@ -137,7 +172,7 @@ def _read(database: Database, connection: sa.Connection, ids: list[int]) -> list
     ]
 
 
-def versions(database: Database, connection: sa.Connection, key: Key) -> list[Version]:
+def _versions(database: Database, connection: sa.Connection, key: Key) -> list[Version]:
     """The templates of a key with their records, oldest first."""
     mine = [
         entry
@@ -155,7 +190,7 @@ def versions(database: Database, connection: sa.Connection, key: Key) -> list[Ve
     return found
 
 
-def difference(database: Database, connection: sa.Connection, one: int, other: int | None = None) -> Difference:
+def _difference(database: Database, connection: sa.Connection, one: int, other: int | None = None) -> Difference:
     """What ``one`` changed; with ``other``, from the book as it was after ``one`` to the book as it was after
     ``other``. Raises ``UnknownName``."""
     for revision in (one, other):
@@ -182,7 +217,7 @@ def difference(database: Database, connection: sa.Connection, one: int, other: i
     return Difference(*(tuple(sorted(some, key=lambda entry: entry.id)) for some in (removed, added)))
 
 
-def roll_back(database: Database, connection: sa.Connection, revision: int) -> int:
+def _roll_back(database: Database, connection: sa.Connection, revision: int) -> int:
     """Undo a revision inside a write transaction. Returns the new revision's id. Raises ``UnknownName``,
     ``CannotRollBack`` if later revisions depend on it or it was rolled back already.
     """

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
+from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Stats
 from memo_core.skillbook.store import queries, tables
-from memo_core.skillbook.store.database import Database
 
 _F, _E = tables.feedback.c, tables.entries.c
 
 
-def stats_of(database: Database) -> Stats:
+def stats_of(book: Skillbook) -> Stats:
     """The counts of one state of the book."""
     valid = _E.superseded_by.is_(None)
+    database = book.database
     with database.read() as connection:
         meta = database.meta(connection)
         of_kind = {

@@ -15,6 +15,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.interfaces.task import Task
 from memo_core.runlog.json_lines import append_line, make_writable
 from memo_core.runs.factories import book_of, tasks_of
+from memo_core.skillbook import raw_log
 from memo_core.study.history import BOOK
 from memo_core.study.people import People
 from memo_core.study.study import histories_of, journals_of
@@ -78,7 +79,7 @@ def export_study(experiment: Experiment, study: Path, out: Path, demographics: b
         if not (history.folder / BOOK).exists():
             continue
         with book_of(experiment, str(history.folder / BOOK), read_only=True) as book:
-            said = book.log().feedback
+            said = raw_log.raw_log(book).feedback
         for one in said:
             where = {"history": history.number, "run": runs.get(one.run), "remark": one.id}
             who = {"participant": one.who} if demographics else {}

@@ -22,6 +22,7 @@ from memo_core.runs.consolidation import after_run
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.idempotent_run import calls_that_count, do_one, wall_seconds
 from memo_core.runs.run import components_of
+from memo_core.skillbook import raw_log
 from memo_core.study.clock import active_seconds, time_is_up
 from memo_core.study.consent import Consent, Reception, demographics_of
 from memo_core.study.journal import Journal, TaughtRun, read_journal
@@ -162,7 +163,7 @@ def _run(history: History, teaching: Teaching, settings: StudySettings, journal:
     components = attrs.evolve(components, time_is_up=over, attended=True)
     summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
     with book_of(experiment, book_url, read_only=True) as read:
-        newest = max((one.id for one in read.log().feedback), default=0)
+        newest = max((one.id for one in raw_log.raw_log(read).feedback), default=0)
     active = active_seconds(settings, summary, calls_that_count(folder))
     journal.note(_ended(run, summary, active, newest))
     verdict = "done" if summary["success"] else "not done"

@@ -40,7 +40,7 @@ def check_method(make: Make) -> None:
 
 
 class _Leaving(Person):
-    """Nobody, or a person who has ended the run."""
+    """A person who may have ended the run, and says nothing."""
 
     def __init__(self, ended: bool) -> None:
         self._ended = ended

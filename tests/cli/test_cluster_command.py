@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.cli.main import main
+from memo_core.skillbook import history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from tests.support.cluster_books import ARC, approve, teach, teach_general, texts
@@ -197,4 +198,4 @@ def test_killed_at_any_moment_the_book_is_valid_and_the_next_call_goes_on(tmp_pa
         assert len(left) < begun and "Swing it open around its hinge." in left
         assert (len(left) - 10) % 2 == 0, "a cluster is condensed whole or not at all"
     with Skillbook(str(path), read_only=True).open() as book:
-        assert len(book.history()) > 40 and ARC in {entry.text for entry in book.entries()}
+        assert len(history.revisions(book)) > 40 and ARC in {entry.text for entry in book.entries()}

@@ -10,6 +10,7 @@ from memo_core.evaluation.lesson_book import make_lesson_book, needs_lesson
 from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of, task_of, tasks_of
 from memo_core.runs.sections import SECTIONS
+from memo_core.skillbook import raw_log
 from memo_core.skillbook.model.keys import Key
 
 
@@ -23,7 +24,7 @@ def test_each_training_lesson_is_one_correction_under_the_subtask_that_needs_it(
     make_lesson_book(quirks, tmp_path / "lessons.db")
     with book_of(quirks, str(tmp_path / "lessons.db"), read_only=True) as book:
         kept = {(str(entry.key), entry.text) for entry in book.entries()}
-        scenes = [said.scene_graph for said in book.log().feedback]
+        scenes = [said.scene_graph for said in raw_log.raw_log(book).feedback]
     training = [task for task in tasks_of(quirks) if task.split == "training"]
     assert kept == {(str(Key.parse(task.needed_at[0])), task.lesson) for task in training} and len(kept) == 8
     assert all("## Scene" in scene for scene in scenes)

@@ -6,6 +6,7 @@ import pytest
 
 from memo_core.evaluation.retrieval_equivalence import ObservedBook, read_questions, same_answers
 from memo_core.policy.methods import METHODS
+from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
@@ -16,7 +17,7 @@ SAID = [("A", 100.0, "Pull the handle in an arc."), ("B", 200.0, "Grasp the bar 
 
 def filled(book, said=SAID, template=""):
     for who, when, words in said:
-        with book.clock(lambda when=when: when):
+        with raw_log.clock(book, lambda when=when: when):
             feedback = book.record_feedback(words, who, subtask="OPEN(microwave)")
             book.add_lessons(feedback, Key.parse("OPEN(microwave)"), [words], [])
     if template:

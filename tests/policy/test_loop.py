@@ -15,6 +15,7 @@ from memo_core.llm.readers import Unreadable
 from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, retry
 from memo_core.policy.model_questions import Questions
 from memo_core.sandbox import Limits, Sandbox
+from memo_core.skillbook import stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
@@ -122,7 +123,7 @@ def test_corrected_to_the_last_try_is_corrected_and_ends_the_run(sandbox, book):
     result = bench.run()
     assert not result.finished and "corrected 3 times" in result.reason
     assert result.subtasks[0].status == "corrected"
-    assert book.stats().feedback == 3 and not bench.of(Problem)
+    assert stats.stats_of(book).feedback == 3 and not bench.of(Problem)
 
 
 def test_an_error_in_the_code_is_context_for_the_next_try_before_anybody_is_asked(sandbox, book):
@@ -159,12 +160,12 @@ def test_errors_to_the_end_are_said_aloud_to_whoever_watches(sandbox, book):
 def test_a_read_only_book_is_read_and_never_written(sandbox, book):
     feedback = book.record_feedback("over it", "ana", subtask="PICK_UP(red cube)")
     book.add_lessons(feedback, "PICK_UP(red cube)", ["Go over it first."])
-    before = book.stats()
+    before = stats.stats_of(book)
     with Skillbook(book.url, FakeEmbedder(), FakeStore(), read_only=True) as read_only:
         bench = Bench(sandbox, read_only, {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP]}, [YES])
         assert bench.run().subtasks[0].status == "approved"
         assert "Go over it first." in bench.llm.prompts("code")[0]
-    assert book.stats() == before
+    assert stats.stats_of(book) == before
 
 
 @pytest.mark.parametrize(
@@ -192,7 +193,7 @@ def test_without_memory_the_words_still_help_the_next_try(sandbox, book):
     )
     assert bench.run().subtasks[0].attempts == 2
     assert SAID.strip() in bench.llm.prompts("code")[1]
-    assert book.stats().feedback >= 1 and not book.entries()
+    assert stats.stats_of(book).feedback >= 1 and not book.entries()
 
 
 def test_feedback_of_a_run_that_was_killed_is_processed_by_the_next(sandbox, book):
@@ -219,7 +220,7 @@ def test_an_approval_whose_template_is_never_made_does_not_stay_pending(sandbox,
     gone = LanguageModelError("scripted", "no network")
     script = {"plan": ["PICK_UP(red cube)", "DONE"], "code": [GRASP], "template": [gone]}
     Bench(sandbox, book, script, [YES]).run()
-    assert book.stats().pending == 0
+    assert stats.stats_of(book).pending == 0
     [approval] = book.pending_feedback(parked=True)
     assert approval.kind == "approval" and "no network" in approval.reason
 

@@ -8,6 +8,7 @@ import pytest
 
 from memo_core.events import Retrieved
 from memo_core.interfaces.teacher import Verdict
+from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged
 from tests.support.loop_setup import BESIDE, GRASP, NO, NOTES, SAID, YES, Bench
@@ -25,8 +26,10 @@ def clustered(book: Skillbook) -> list[int]:
         notes.append(book.add_lessons(feedback, "PICK_UP(red cube)", [text])[0].id)
     approval = book.record_feedback("", "ana", subtask="PICK_UP(red cube)", kind="approval")
     book.add_template(approval, "PICK_UP(red cube)", "def pick(name): ...")
-    [cluster] = book.clusters()
-    book.condense(cluster, Condensed((Merged("Go over it slowly.", (1, 2)),), (Dropped(3, 1, "it is picked up"),)))
+    [cluster] = consolidating.clusters(book)
+    consolidating.condense(
+        book, cluster, Condensed((Merged("Go over it slowly.", (1, 2)),), (Dropped(3, 1, "it is picked up"),))
+    )
     return notes
 
 
@@ -56,7 +59,7 @@ def test_what_is_taught_edited_or_removed_after_clustering_shows_without_cluster
     [merged] = [entry for entry in book.entries("correction") if entry.text == "Go over it slowly."]
     removed = book.remove(merged.id, "ana")
     assert without() == {"Push it aside.", "New."}, "a person struck what the two had become"
-    book.rollback(removed.id)
+    history.roll_back(book, removed)
     book.edit(merged.id, "Go over it, then down.", "ana")
     assert without() == {"Push it aside.", "New.", "Go over it, then down."}
     assert book.entry(first).superseded_by and book.entry(second).superseded_by, "the book itself is as it was"
@@ -64,8 +67,8 @@ def test_what_is_taught_edited_or_removed_after_clustering_shows_without_cluster
 
 def test_a_book_that_was_rolled_back_needs_no_second_reading(book):
     notes = clustered(book)
-    [clustering] = [one for one in book.history() if one.reason.startswith("cluster")]
-    book.rollback(clustering.id)
+    [clustering] = [one for one in history.revisions(book) if one.reason.startswith("cluster")]
+    history.roll_back(book, clustering.id)
     assert {one.entry.id for one in book.retrieve("PICK_UP(red cube)", clustered=False).corrections} == set(notes)
     assert book._unclustered is None
 

@@ -18,6 +18,7 @@ from memo_core.policy.feedback_processing import FeedbackProcessor, asking_witho
 from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
+from memo_core.skillbook import consolidating, exchange, raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
 from memo_core.skillbook.model.keys import Key
@@ -45,13 +46,13 @@ def taught(book: Skillbook) -> None:
     first = book.record_feedback("an arc!", "ana", subtask="OPEN(door)", when=10.0, code="pull()", scene="kitchen")
     notes = [Note(DOOR, "Lead it along an arc."), Note(CUP, "Grip low."), Note(GLOBAL_KEY, "Doors turn.")]
     _, low, turn = book.add_notes(first, notes, "kitchen")
-    with book.clock(lambda: 11.0):
+    with raw_log.clock(book, lambda: 11.0):
         book.read_back(first, [ReadBack(low.id, "struck"), ReadBack(turn.id, "reworded", "Doors turn about a hinge.")])
     second = book.record_feedback("along an arc", "ben", subtask="OPEN(door)", when=20.0)
     book.add_lessons(second, DOOR, ["Lead it along an arc, slowly."])
     approval = book.record_feedback("", "ana", subtask="OPEN(door)", kind="approval", when=30.0)
     book.add_template(approval, DOOR, "def arc(): ...", derived_from=[first])
-    book.add_alias("OPEN(door)", "OPEN(oven door)")
+    consolidating.add_alias(book, "OPEN(door)", "OPEN(oven door)")
     book.record_feedback("not that hard", "cleo", subtask="PICK_UP(cup)", when=40.0, kept_only="memo-s")
 
 
@@ -63,13 +64,13 @@ def rebuilt(
     source: Skillbook, method: str, llm: ScriptedModel, until: int | float | None = None, log: RawLog | None = None
 ) -> tuple[list, Rebuilt]:
     with new_book() as target:
-        rebuilding = Rebuilding(log or source.log(until), target, METHODS[method], method)
+        rebuilding = Rebuilding(log or raw_log.raw_log(source, until), target, METHODS[method], method)
         model = AnswersOfBook(llm, source)
         ask = asking_without_a_run(calls_of(model), Prompts(), FakeEnvironment().robot, 0)
         rebuilding.replay(model, FeedbackProcessor(ask, target, lambda event: None), lambda said: None)
         if METHODS[method].clusters:
             rebuilding.condense(Clustering(target, calls_of(model), model.name), model)
-        return list(target.export()), rebuilding.result
+        return list(exchange.export(target)), rebuilding.result
 
 
 def model() -> ScriptedModel:
@@ -96,7 +97,7 @@ def test_each_method_gets_its_own_book_with_what_people_said_of_the_notes(tmp_pa
     with new_book(str(tmp_path / "book.db")) as source:
         taught(source)
         books = {method: rebuilt(source, method, model())[0] for method in METHODS}
-        live = texts(source.export())
+        live = texts(exchange.export(source))
     assert texts(books["memo-s"]) == []
     assert "Grip low." not in texts(books["memo-c"]) and "Doors turn about a hinge." in texts(books["memo-c"])
     assert texts(books["memo-c"]) == sorted([*live, "Move over the middle of the object before closing."])
@@ -113,7 +114,7 @@ def test_a_rebuild_goes_as_far_as_it_is_told(tmp_path: Path) -> None:
         taught(source)
         one, _ = rebuilt(source, "memo-c", model(), until=1)
         before_the_read_back, _ = rebuilt(source, "memo-c", model(), until=10.5)
-        assert source.log(1).feedback == source.log(10.5).feedback
+        assert raw_log.raw_log(source, 1).feedback == raw_log.raw_log(source, 10.5).feedback
     assert texts(one) == ["Doors turn about a hinge.", "Lead it along an arc."]
     assert texts(before_the_read_back) == ["Doors turn.", "Grip low.", "Lead it along an arc."]
 
@@ -124,7 +125,7 @@ def test_what_was_struck_is_struck_from_notes_that_another_model_words_otherwise
         said = source.record_feedback("hold it low and tight", "ana", subtask="PICK_UP(cup)", kept_only="x", when=1.0)
         low = source.add_notes(said, [Note(CUP, "Hold the cup low and tight.")])[0]
         source.read_back(said, [ReadBack(low.id, "struck")])
-        nothing_made = attrs.evolve(source.log(), entries={})
+        nothing_made = attrs.evolve(raw_log.raw_log(source), entries={})
         records, result = rebuilt(source, "memo-c", ScriptedModel({"feedback": [other]}), log=nothing_made)
     assert texts(records) == ["Be careful."] and (result.read_backs, result.unmatched) == (1, 0)
 

@@ -7,10 +7,10 @@ import json
 import numpy as np
 
 from memo_core.demo.page import _Pictures
+from memo_core.policy.pictures import png
 from memo_core.report.run_reader import read_story
 from memo_core.report.writing import write_run_page
 from memo_core.runs.folder import RunFolder
-from memo_core.runs.video import png
 
 
 def run_with_looks(folder, looks):

@@ -23,6 +23,7 @@ from memo_core.runs.factories import environment_of, library_of, sandbox_of, tas
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.run import RunComponents, perform
 from memo_core.runs.sections import SECTIONS
+from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.keys import Key
@@ -91,7 +92,7 @@ def test_a_template_is_run_from_its_stored_start_and_in_a_fresh_scene(book, regi
     assert isinstance(first, Planned) and first.seed is None and first.start.startswith("run put-the-cube-away")
     assert isinstance(second, Planned) and second.start == "put-the-cube-away seed 3"
     assert [retesting.run(one).success for one in (first, second)] == [True, True]
-    kept = book.trials()[template.id]
+    kept = track_record.trials_of(book)[template.id]
     assert [(one.start, one.success) for one in kept] == [(first.start, True), (second.start, True)]
 
 
@@ -103,14 +104,14 @@ def test_one_that_fails_is_measured_so_and_an_edited_one_has_the_start_of_the_ve
     [planned] = retesting.plan([edited], [])
     found = retesting.run(planned)
     assert found.success is False and found.reason
-    [trial] = book.trials([edited.id])[edited.id]
+    [trial] = track_record.trials_of(book, [edited.id])[edited.id]
     assert not trial.success and trial.reason == found.reason
 
 
 @pytest.mark.sim
 def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registry):
     [template] = book.entries("template")
-    book.note_trial(template.id, "elsewhere", True)
+    track_record.note_trial(book, template.id, "elsewhere", True)
 
     @contextmanager
     def stopping(link):
@@ -121,7 +122,7 @@ def test_a_stop_keeps_nothing_of_the_trial_and_all_of_those_before(book, registr
     [planned] = retesting.plan([template], [])
     with pytest.raises(KeyboardInterrupt):
         retesting.run(planned)
-    assert [one.start for one in book.trials()[template.id]] == ["elsewhere"]
+    assert [one.start for one in track_record.trials_of(book)[template.id]] == ["elsewhere"]
     assert not book.problems()
 
 
@@ -135,7 +136,7 @@ def test_what_the_simulator_could_not_carry_out_is_no_trial(book, registry, monk
     monkeypatch.setattr(MujocoSimulator, "command_joints", broken)
     found = retesting.run(planned)
     assert found.success is None and "diverged" in found.reason and found.error is not None
-    assert not book.trials()
+    assert not track_record.trials_of(book)
 
 
 def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(book, registry, monkeypatch):
@@ -145,7 +146,7 @@ def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(
     told = list(Retesting(book, registry).plan(book.entries("template"), [1]))
     assert [one.success for one in told] == [None, None]
     assert "folder of the run put-the-cube-away" in told[0].reason and "not approved in a run" in told[1].reason
-    assert told[1].template == alone.id and not book.trials()
+    assert told[1].template == alone.id and not track_record.trials_of(book)
 
 
 @pytest.mark.sim

@@ -11,6 +11,7 @@ import sqlalchemy as sa
 from memo_benchmarks.generated_book import WordVectors
 
 from memo_core.errors import InvalidArgument
+from memo_core.skillbook import exchange, stats as book_stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.store.database import ReadOnlyBook
@@ -22,25 +23,25 @@ def test_many_lessons_are_stored_all_or_none(tmp_path: Path) -> None:
     key = Key.parse("OPEN(microwave)")
     good = Lesson("no", "ana", key, ("Slowly.", "Gently."), ("Mind hot things.",), "def f(): pass", scene="kitchen")
     with Skillbook(str(tmp_path / "b.db")) as book:
-        assert book.add_many([good, good]) == 8
-        stats = book.stats()
+        assert exchange.add_many(book, [good, good]) == 8
+        stats = book_stats.stats_of(book)
         counts = (stats.corrections, stats.general, stats.templates, stats.superseded)
         assert counts == (4, 2, 1, 1), "one version is valid"
         assert book.pending_feedback() == [] and {e.scene for e in book.entries()} == {"kitchen"}
         assert book.sources([book.entries()[0].id]) == [1]
         with pytest.raises(sa.exc.SQLAlchemyError):
-            book.add_many([good, attrs.evolve(good, scene=object())])  # a value no database takes
-        assert book.stats() == stats
+            exchange.add_many(book, [good, attrs.evolve(good, scene=object())])  # a value no database takes
+        assert book_stats.stats_of(book) == stats
         assert book.generation() == 1
     with Skillbook(str(tmp_path / "b.db"), read_only=True) as book, pytest.raises(ReadOnlyBook):
-        book.add_many([good])
+        exchange.add_many(book, [good])
     with pytest.raises(InvalidArgument, match="corrections"):
         Lesson("no", "ana", key, ("  ",))
 
 
 def test_a_book_of_an_older_version_gets_the_indexes_and_loses_the_former_caches(tmp_path: Path) -> None:
     with Skillbook(str(tmp_path / "b.db"), WordVectors(), FakeStore()) as book:
-        book.add_many([Lesson("no", "ana", Key.parse("OPEN(box)"), tuple(f"part {n}" for n in range(60)))])
+        exchange.add_many(book, [Lesson("no", "ana", Key.parse("OPEN(box)"), tuple(f"part {n}" for n in range(60)))])
     raw = sqlite3.connect(tmp_path / "b.db")
     raw.executescript(
         "CREATE TABLE sheets (key, kind, entries, sketches); CREATE TABLE sketches (key, entry, sketch);"

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
+from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged, problem_with
 from tests.support.cluster_books import approve, clustering, new_book, only_cluster, teach, texts
 
@@ -78,7 +79,7 @@ def test_no_answer_grows_a_cluster_loses_an_entry_or_breaks_a_book(data: st.Data
         for number in range(templates):
             approve(book, ("OPEN(oven)", "OPEN(oven door)")[number], who="cleo")
         before, original = book.entries(), state(book)
-        shown = only_cluster(book).members if book.clusters() else ()
+        shown = only_cluster(book).members if consolidating.clusters(book) else ()
         answer = st.one_of(WILD, plausible([m.text for m in shown] or ["x"], templates))
         answers = data.draw(st.lists(answer, min_size=3, max_size=3))
 
@@ -93,8 +94,10 @@ def test_no_answer_grows_a_cluster_loses_an_entry_or_breaks_a_book(data: st.Data
         assert book.retrieve("OPEN(oven)").generation == book.generation()
         _check_whole(book)
 
-        for revision in reversed([one.id for one in book.history() if one.id > max(e.revision for e in before)]):
-            book.rollback(revision)
+        for revision in reversed(
+            [one.id for one in history.revisions(book) if one.id > max(e.revision for e in before)]
+        ):
+            history.roll_back(book, revision)
         assert state(book) == original, "what was superseded can be restored"
 
         book.forget("ana")
@@ -111,7 +114,7 @@ def _accounted_for(book, before: list) -> bool:
     valid = {entry.id: set(book.sources([entry.id])) for entry in book.entries()}
     gave_way = {
         change.entry.id: change
-        for revision in book.history()
+        for revision in history.revisions(book)
         for change in revision.changes
         if change.change == "superseded"
     }
@@ -130,7 +133,7 @@ def _accounted_for(book, before: list) -> bool:
 
 
 def _check_whole(book) -> None:
-    with book._database.read() as connection:
+    with book.database.read() as connection:
         assert connection.execute(sa.text("PRAGMA integrity_check")).scalar() == "ok"
         assert connection.execute(sa.text("PRAGMA foreign_key_check")).all() == []
 
@@ -223,4 +226,4 @@ def test_texts_are_what_the_book_holds(cluster) -> None:
 def test_notes_without_a_word_are_joined_too() -> None:
     with new_book() as book:
         teach(book, "OPEN(oven)", "3", "3")
-        assert [one.text for one in book.join_duplicates(only_cluster(book)).members] == ["3"]
+        assert [one.text for one in consolidating.join_duplicates(book, only_cluster(book)).members] == ["3"]

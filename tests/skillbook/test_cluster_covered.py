@@ -10,6 +10,7 @@ from memo_offline.model import OfflineModel
 
 from memo_core.config.layers import preset_sections
 from memo_core.policy.consolidation import ClusteringSettings
+from memo_core.skillbook import history
 from memo_core.skillbook.consolidation.rules import Condensed, Dropped, Merged, problem_with
 from tests.support.cluster_books import ARC, approve, clustering, new_book, teach, texts
 
@@ -64,7 +65,7 @@ def test_the_offline_model_drops_it_a_rollback_restores_it_and_its_source_is_kep
         [outcome] = clustering(book, model, ON).condense_all()
         assert texts(book) == [FURTHER] and outcome.committed is not None
         assert book.sources([covered]) and book.entry(covered).superseded_by == outcome.committed.revision
-        book.rollback(outcome.committed.revision)
+        history.roll_back(book, outcome.committed.revision)
         assert sorted(texts(book)) == sorted([COVERED, FURTHER])
 
 

@@ -12,6 +12,7 @@ from memo_core.events import ClusterDone
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.policy.consolidation import ClusteringSettings
 from memo_core.process.stop_switch import StopSwitch
+from memo_core.skillbook import consolidating
 from memo_core.skillbook.consolidation.condensing import ClusterChanged
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.testing.fake_llm import ScriptedModel
@@ -143,7 +144,7 @@ def test_nothing_is_written_when_the_template_changed_meanwhile(book) -> None:
     cluster = only_cluster(book)
     approve(book, "OPEN(oven)", ARC.replace("80", "60"))
     with pytest.raises(ClusterChanged):
-        book.condense(cluster, Condensed((Merged("Swing it.", (1,)), Merged("Pull it.", (2,)))))
+        consolidating.condense(book, cluster, Condensed((Merged("Swing it.", (1,)), Merged("Pull it.", (2,)))))
 
 
 def test_after_an_error_or_a_stop_the_next_call_goes_on_with_the_rest(book) -> None:

@@ -80,7 +80,7 @@ DIFFERENT_HELD_OUT = [
 def key_vectors() -> Iterator[KeyVectors]:
     embedder = SentenceTransformersEmbedder(SentenceTransformersSettings())
     with Skillbook("sqlite://", embedder, FakeStore()) as book:
-        yield KeyVectors(TextVectors(book._database, embedder), Wording(), default_actions())
+        yield KeyVectors(TextVectors(book.database, embedder), Wording(), default_actions())
     embedder.close()
 
 

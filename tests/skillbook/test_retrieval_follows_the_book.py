@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from memo_core.skillbook import consolidating, exchange, history, track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.skillbook.history import CannotRollBack
@@ -50,25 +51,25 @@ def change(book: Skillbook, step: str, number: int) -> None:
         book.add_lessons(feedback, key, [f"lesson {chr(65 + number)}"] * (number % 3), ["mind it"] * (number % 2))
     elif step == "many":
         lessons = [Lesson("words", who, Key.parse(key), (f"{'abc'[n]} {chr(65 + number)}",)) for n in range(3)]
-        book.add_many([*lessons, Lesson("words", who, Key("wipe", (f"thing {number}",)), ("slowly",))])
+        exchange.add_many(book, [*lessons, Lesson("words", who, Key("wipe", (f"thing {number}",)), ("slowly",))])
     elif step == "template":
         approval = book.record_feedback("", who, kind="approval", subtask=key)
         book.add_template(approval, key, f"def f(x={number}):\n    pass")
     elif step == "trial" and (templates := book.entries("template")):
-        book.note_trial(templates[number % len(templates)].id, f"seed {number % 2}", number % 3 == 0)
+        track_record.note_trial(book, templates[number % len(templates)].id, f"seed {number % 2}", number % 3 == 0)
     elif step == "use" and (there := book.entries(key=key)):
         book.note_use([one.id for one in there], number % 2 == 0, key)
     elif step == "cluster":
-        for cluster in book.clusters(unchanged=True)[: number % 3]:
+        for cluster in consolidating.clusters(book, unchanged=True)[: number % 3]:
             together = Merged(cluster.members[0].text, tuple(range(1, len(cluster.members) + 1)))
-            book.condense(cluster, Condensed((together,)), "somebody")
-    elif step == "rollback" and (known := book.history()):
+            consolidating.condense(book, cluster, Condensed((together,)), "somebody")
+    elif step == "rollback" and (known := history.revisions(book)):
         with contextlib.suppress(CannotRollBack):
-            book.rollback(known[number % len(known)].id)
+            history.roll_back(book, known[number % len(known)].id)
     elif step == "forget" and who in book.people():
         book.forget(who)
     elif step == "alias":
-        book.add_alias(key, KEYS[(number + 1) % len(KEYS)])
+        consolidating.add_alias(book, key, KEYS[(number + 1) % len(KEYS)])
     elif step == "edit" and (there := book.entries()):
         entry = there[number % len(there)]
         book.edit(
@@ -81,7 +82,7 @@ def change(book: Skillbook, step: str, number: int) -> None:
     elif step == "merge":
         with Skillbook("sqlite://") as other:
             change(other, "many", number)
-            book.merge(other.export(), "another laboratory")
+            exchange.merge(book, exchange.export(other), "another laboratory")
     elif step == "pending":
         book.record_feedback("words", who)
 
@@ -108,7 +109,7 @@ def test_who_said_what_is_served_is_told_from_memory_as_it_is_in_the_book(tmp_pa
             change(other, step, number)
             for key in (*KEYS, "WIPE(thing 1)"):
                 served = book.retrieve(key).served
-                known = provenance_of(other._database, [one.entry.id for one in served])
+                known = provenance_of(other.database, [one.entry.id for one in served])
                 assert [one.provenance for one in served] == [known.get(one.entry.id, Provenance()) for one in served]
                 several += sum(len(one.provenance.who) > 1 for one in served)
     assert several
@@ -139,11 +140,11 @@ _KEY = st.builds(
 @given(st.lists(_KEY, min_size=1, max_size=40, unique=True), _KEY, st.floats(0.01, 10))
 def test_every_key_is_scored_by_the_papers_formula(keys: list[Key], query: Key, weight: float) -> None:
     with Skillbook("sqlite://", FakeEmbedder()) as book:
-        book.add_many([Lesson("no", "ana", key, ("gently",)) for key in keys])
-        texts = TextVectors(book._database, FakeEmbedder())
+        exchange.add_many(book, [Lesson("no", "ana", key, ("gently",)) for key in keys])
+        texts = TextVectors(book.database, FakeEmbedder())
         vectors = KeyVectors(texts, Wording(), default_actions())
         [action], [thing] = vectors.get([query])
-        known = read_keys(book._database, texts, vectors)
+        known = read_keys(book.database, texts, vectors)
         assert set(known.keys) == set(keys) and known.total == len(keys)
         actions, objects = vectors.get(known.keys)
         scores = known.score(action, thing, (weight, 1.0))
@@ -171,7 +172,7 @@ def test_clusters_are_read_one_after_the_other_and_what_is_clustered_is_not_read
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with Skillbook("sqlite://", FakeEmbedder()) as book:
-        book.add_many([Lesson("no", "ana", Key.parse(key), ("gently", "slowly")) for key in KEYS])
+        exchange.add_many(book, [Lesson("no", "ana", Key.parse(key), ("gently", "slowly")) for key in KEYS])
         read: list[str] = []
         original = queries.entries_where
 
@@ -181,16 +182,18 @@ def test_clusters_are_read_one_after_the_other_and_what_is_clustered_is_not_read
             return found  # type: ignore[return-value]
 
         monkeypatch.setattr(queries, "entries_where", spying)
-        clusters = book.each_cluster()
+        clusters = consolidating.each_cluster(book)
         assert len(clusters) == len(KEYS) and read == []
         first = next(iter(clusters))
         assert set(read) == {str(first.key)}
         for cluster in clusters:
-            book.condense(
-                cluster, Condensed(tuple(Merged(m.text, (n,)) for n, m in enumerate(cluster.members, 1))), "x"
+            consolidating.condense(
+                book, cluster, Condensed(tuple(Merged(m.text, (n,)) for n, m in enumerate(cluster.members, 1))), "x"
             )
         read.clear()
-        assert len(book.each_cluster()) == 0 and list(book.each_cluster()) == [] and read == []
+        assert (
+            len(consolidating.each_cluster(book)) == 0 and list(consolidating.each_cluster(book)) == [] and read == []
+        )
         change(book, "teach", 1)
-        [again] = book.each_cluster()
+        [again] = consolidating.each_cluster(book)
         assert set(read) == {str(again.key)} and len(again.members) == 3

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from memo_benchmarks.generated_book import BookSize, WordVectors, fill, keys_of
 
+from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
@@ -57,9 +58,9 @@ def test_a_new_entry_of_a_large_key_is_retrieved_and_a_withdrawn_one_is_gone(tmp
     key = Key.parse("OPEN(microwave)")
     with Skillbook(str(tmp_path / "b.db"), WordVectors(), FakeStore()) as book:
         parts = tuple(f"hold part {n} firmly" for n in range(500))
-        book.add_many([Lesson("no", "ana", key, parts, ("mind hot things",))])
+        exchange.add_many(book, [Lesson("no", "ana", key, parts, ("mind hot things",))])
         book.retrieve(key)
-        book.add_many([Lesson("no", "bob", key, ("open microwave",), ("open microwave",))])
+        exchange.add_many(book, [Lesson("no", "bob", key, ("open microwave",), ("open microwave",))])
         found = book.retrieve(key)
         assert found.corrections[0].text == found.general[0].text == "open microwave"
         assert book.forget("bob").entries == 2
@@ -71,7 +72,7 @@ def test_an_old_entry_of_a_large_key_is_found_by_its_text(tmp_path: Path) -> Non
     key = Key.parse("OPEN(microwave)")
     texts = ("open microwave", *(f"hold part {n} firmly" for n in range(500)))
     with Skillbook(str(tmp_path / "b.db"), WordVectors()) as book:
-        book.add_many([Lesson("no", "ana", key, texts)])
+        exchange.add_many(book, [Lesson("no", "ana", key, texts)])
     with Skillbook(str(tmp_path / "b.db"), WordVectors(), FakeStore(), BY_SCORE, read_only=True) as book:
         assert book.retrieve(key).corrections[0].text == "open microwave"
 
@@ -79,7 +80,7 @@ def test_an_old_entry_of_a_large_key_is_found_by_its_text(tmp_path: Path) -> Non
 def test_what_was_forgotten_leaves_the_store(tmp_path: Path) -> None:
     store, key = FakeStore(), Key.parse("OPEN(microwave)")
     with Skillbook(str(tmp_path / "b.db"), WordVectors(), store, RetrievalSettings(corrections=1)) as book:
-        book.add_many([Lesson("no", who, key, (f"{who} pulls it",)) for who in ("ana", "bob", "cid")])
+        exchange.add_many(book, [Lesson("no", who, key, (f"{who} pulls it",)) for who in ("ana", "bob", "cid")])
         assert len(book.retrieve(key).corrections) == len(store) == 3
         book.forget("ana")
         assert len(book.retrieve(key).corrections) == len(store) == 2

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from memo_core.skillbook import consolidating, exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
@@ -18,7 +19,7 @@ def book() -> Iterator[Skillbook]:
     """Its clock goes back by an hour each time it is read."""
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as opened:
         times = iter(range(1_000_000, 0, -3600))
-        opened._database.now = lambda: float(next(times))
+        opened.database.now = lambda: float(next(times))
         yield opened
 
 
@@ -39,7 +40,7 @@ def test_a_note_that_was_made_after_a_template_is_known_to_correct_it(book: Skil
     own = template(book, 0)
     late = book.add_lessons(book.record_feedback("lift it", "ann"), KEY, ["Lift it."])[0]
     book.note_use([own], success=False, subtask=KEY)
-    [cluster] = book.clusters()
+    [cluster] = consolidating.clusters(book)
     assert cluster.said_after == {late.id} and early.id in cluster.whole
 
 
@@ -53,7 +54,7 @@ def test_a_reworded_note_is_newer_than_what_was_there(book: Skillbook) -> None:
 
 def test_another_laboratorys_clock_does_not_date_the_books_own_entries(book: Skillbook) -> None:
     with Skillbook("sqlite://", FakeEmbedder()) as other:
-        other._database.now = lambda: 9_000_000.0
+        other.database.now = lambda: 9_000_000.0
         other.add_lessons(other.record_feedback("push it", "bob"), KEY, ["Push it."])
-        book.merge(other.export(), "another laboratory")
+        exchange.merge(book, exchange.export(other), "another laboratory")
     assert book.add_lessons(book.record_feedback("pull it", "ann"), KEY, ["Pull it."])[0].created < 9_000_000

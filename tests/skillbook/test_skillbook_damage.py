@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, MemoError
+from memo_core.skillbook import exchange, history, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.store import tables
 from memo_core.skillbook.store.recovery import rescue
@@ -49,11 +50,11 @@ def test_what_a_damaged_book_cannot_do_is_said_in_one_line(tmp_path: Path) -> No
             try:
                 with Skillbook(str(path), FakeEmbedder(), read_only=read_only) as book:
                     (
-                        book.stats(),
-                        book.history(),
+                        stats.stats_of(book),
+                        history.revisions(book),
                         book.entries(superseded=True),
                         book.retrieve("OPEN(jar)"),
-                        list(book.export()),
+                        list(exchange.export(book)),
                     )
                     if not read_only:
                         book.record_feedback("words", "ana")
@@ -87,7 +88,7 @@ def test_of_a_whole_book_everything_is_got_out(tmp_path: Path) -> None:
     path = filled(tmp_path / "book.db", 20)
     assert rescue(path, tmp_path / "new.db").dangling == 0
     with Skillbook(str(path)) as one, Skillbook(str(tmp_path / "new.db")) as other:
-        assert list(one.export()) == list(other.export())
+        assert list(exchange.export(one)) == list(exchange.export(other))
 
 
 def as_version_4(path: Path) -> bytes:

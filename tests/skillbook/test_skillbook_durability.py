@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.skillbook import consolidating, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.store import connecting
 from memo_core.skillbook.store.connecting import filesystem_of
@@ -56,27 +57,30 @@ def test_adding_twice_changes_nothing(tmp_path: Path) -> None:
     with Skillbook(str(tmp_path / "book.db")) as book:
         feedback = book.record_feedback("words", "ana", subtask="OPEN(jar)")
         first = book.add_lessons(feedback, "OPEN(jar)", ["Turn it.", "Hold the glass."], ["Be gentle."], "kitchen")
-        before = (book.stats(), book.generation())
+        before = (stats.stats_of(book), book.generation())
         assert book.add_lessons(feedback, "OPEN(jar)", ["Said in other words."], [], "kitchen") == first
         approval = book.record_feedback("", "ana", kind="approval")
         template = book.add_template(approval, "OPEN(jar)", "def turn(): ...")
         assert book.add_template(approval, "OPEN(jar)", "def other(): ...") == template
         assert [e.text for e in first] == ["Turn it.", "Hold the glass.", "Be gentle."]
-        assert (book.stats().corrections, book.stats().general) == (before[0].corrections, before[0].general)
+        assert (stats.stats_of(book).corrections, stats.stats_of(book).general) == (
+            before[0].corrections,
+            before[0].general,
+        )
         assert book.generation() == before[1] + 1
 
 
 def test_an_addition_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:
     with Skillbook(str(tmp_path / "book.db")) as book:
         feedback = book.record_feedback("words", "ana", subtask="OPEN(jar)")
-        before = book.stats()
+        before = stats.stats_of(book)
         with pytest.raises(InvalidArgument):
             book.add_lessons(feedback, "OPEN(jar)", ["fine", "  "])
         with pytest.raises(UnknownName):
             book.add_template(feedback, "OPEN(jar)", "def f(): ...", derived_from=[999])
         with pytest.raises(UnknownName):
             book.add_lessons(999, "OPEN(jar)", ["fine"])
-        assert book.stats() == before and book.pending_feedback()[0].id == feedback
+        assert stats.stats_of(book) == before and book.pending_feedback()[0].id == feedback
 
 
 def test_feedback_that_cannot_be_processed_is_parked_with_the_reason(tmp_path: Path) -> None:
@@ -88,7 +92,7 @@ def test_feedback_that_cannot_be_processed_is_parked_with_the_reason(tmp_path: P
         assert book.pending_feedback() == []
         (parked,) = book.pending_feedback(parked=True)
         assert parked.words == "mumble" and parked.reason == "the answer was no JSON, three times"
-        assert book.stats().parked == 1
+        assert stats.stats_of(book).parked == 1
 
 
 @pytest.mark.parametrize(("words", "who"), [("", "ana"), ("  \n", "ana"), ("words", " ")])
@@ -106,7 +110,7 @@ def test_a_book_opened_read_only_is_not_changed_by_a_single_byte(tmp_path: Path)
     before = path.read_bytes()
     with Skillbook(str(path), FakeEmbedder(), FakeStore(), read_only=True) as book:
         assert [s.text for s in book.retrieve("OPEN(jar)").corrections] == ["Turn it."]
-        book.search("turn"), book.stats(), book.entries()
+        book.search("turn"), stats.stats_of(book), book.entries()
         for write in (
             lambda: book.record_feedback("words", "ana"),
             lambda: book.add_lessons(feedback, "OPEN(lid)", ["x"]),
@@ -114,7 +118,7 @@ def test_a_book_opened_read_only_is_not_changed_by_a_single_byte(tmp_path: Path)
             lambda: book.note_use([1], True),
             lambda: book.park(feedback, "x"),
             lambda: book.forget("ana"),
-            lambda: book.add_alias("OPEN(a)", "OPEN(jar)"),
+            lambda: consolidating.add_alias(book, "OPEN(a)", "OPEN(jar)"),
         ):
             with pytest.raises(ReadOnlyBook, match="read-only"):
                 write()
@@ -199,7 +203,7 @@ def test_a_network_file_system_is_refused_with_a_pointer_to_postgres(
 
 def test_sqlite_is_set_to_survive_power_loss_too(tmp_path: Path) -> None:
     book = Skillbook(str(tmp_path / "book.db")).open()
-    with book._database.write() as connection:
+    with book.database.write() as connection:
         journal = connection.exec_driver_sql("PRAGMA journal_mode").scalar()
         synchronous = connection.exec_driver_sql("PRAGMA synchronous").scalar()
     book.close()

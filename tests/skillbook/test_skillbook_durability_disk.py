@@ -18,6 +18,7 @@ from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
 
 from memo_core.errors import InvalidArgument
+from memo_core.skillbook import stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.skillbook.store import connecting
@@ -97,7 +98,7 @@ def test_a_full_disk_is_said_and_loses_nothing(folder: Path, allowed: int, size:
         lessons = [entry.text for entry in book.entries()]
         acknowledged = [rest[0] for _, _, *rest in said if rest]
         assert lessons[: len(acknowledged)] == acknowledged and len(lessons) - len(acknowledged) <= 1
-        assert book.stats().feedback - len(said) <= 1
+        assert stats.stats_of(book).feedback - len(said) <= 1
         feedback = book.record_feedback("there is room again", "ana")
         book.add_lessons(feedback, "OPEN(box 1)", ["Slowly."])
         assert "Slowly." in [served.text for served in book.retrieve("OPEN(box 1)").corrections]
@@ -170,7 +171,7 @@ def test_a_read_only_folder_with_a_log_is_read_or_says_to_copy_it(folder: Path, 
 
     def look() -> int:
         with open_book(path, read_only=True) as book:
-            return book.stats().feedback
+            return stats.stats_of(book).feedback
 
     said = in_a_child(look, unprivileged=True)
     if unmerged:
@@ -185,7 +186,7 @@ def test_a_locked_book_is_named_in_one_line(folder: Path, monkeypatch: pytest.Mo
         book.record_feedback("turn it", "ana")
         holder = sqlite3.connect(path)
         holder.execute("BEGIN IMMEDIATE")
-        book._database.engine.dispose()
+        book.database.engine.dispose()
         monkeypatch.setattr(connecting, "BUSY_TIMEOUT_MS", 10)
         with pytest.raises(SkillbookError, match=r"could not be written.*locked.*end the program that holds"):
             book.record_feedback("words", "ana")

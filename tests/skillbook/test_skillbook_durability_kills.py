@@ -23,6 +23,7 @@ import pytest
 from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.settings import FaissSettings
 
+from memo_core.skillbook import consolidating, history, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.condensing import ClusterChanged
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
@@ -49,7 +50,7 @@ def letters(number: int) -> str:
 
 def condense_something(book: Skillbook, rng: random.Random) -> int | None:
     """Make one entry of two of some key's; the revision."""
-    clusters = [one for one in book.clusters(unchanged=True) if len(one.members) > 1]
+    clusters = [one for one in consolidating.clusters(book, unchanged=True) if len(one.members) > 1]
     if not clusters:
         return None
     cluster = rng.choice(clusters)
@@ -59,7 +60,7 @@ def condense_something(book: Skillbook, rng: random.Random) -> int | None:
     shorter = min(cluster.members[first].text, cluster.members[second].text, key=len)
     proposal = Condensed((Merged(shorter, (first + 1, second + 1)), *kept))
     with contextlib.suppress(ClusterChanged):
-        return book.condense(cluster, proposal, "test").revision
+        return consolidating.condense(book, cluster, proposal, "test").revision
     return None
 
 
@@ -128,7 +129,7 @@ def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:
             "feedback": {f.id: f.words for n in range(KILLS) for f in _said_by(book, n)},
             "entry": {entry.id: entry.text for entry in book.entries(superseded=True) if entry.feedback is not None},
             "use": {entry.id: "" for entry in book.entries(superseded=True) if entry.uses and entry.feedback},
-            "revision": {one.id: "" for one in book.history() if one.reason == "cluster by test"},
+            "revision": {one.id: "" for one in history.revisions(book) if one.reason == "cluster by test"},
         }
         print({what: (len(said[what]), len(there[what])) for what in said})
         for what, acknowledged in said.items():
@@ -199,7 +200,7 @@ def test_processes_write_one_book_at_the_same_time(tmp_path: Path, writers: int,
         every = book.entries(superseded=True)
         said = sorted(entry.text for entry in every if entry.feedback is not None)
         assert said == sorted(f"lesson {letters(w)} {letters(n)}" for w in range(writers) for n in range(count))
-        assert book.stats().feedback == writers * count and book.stats().keys == 3
+        assert stats.stats_of(book).feedback == writers * count and stats.stats_of(book).keys == 3
         assert book.generation() == writers * count + done.value, "an update of the generation was lost"
         valid = [entry.id for entry in book.entries()]
         assert len(valid) == writers * count - done.value, "each clustering makes one of two"

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import UnknownName
+from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.store import database as database_module
 from memo_core.skillbook.store.database import SkillbookError
@@ -77,7 +78,7 @@ def test_listing_by_person_kind_and_key(tmp_path: Path) -> None:
         assert [e.text for e in book.entries(kind="correction")] == ["one", "three"]
         assert [e.text for e in book.entries(key="close(the jar)")] == ["three"]
         assert book.search("three", 1)[0][0].text == "three"
-        records = list(book.export())
+        records = list(exchange.export(book))
     kinds = [record["record"] for record in records]
     assert kinds[0] == "book" and kinds.count("feedback") == 2 and kinds.count("entry") == 3
     by_text = {record["text"]: record for record in records if record["record"] == "entry"}

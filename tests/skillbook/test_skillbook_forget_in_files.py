@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from memo_core.skillbook import consolidating, exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.skillbook.forgetting.scrubbing import WITHDRAWN, Scrubber
@@ -59,7 +60,7 @@ def test_no_file_that_the_book_knows_of_holds_the_words_afterwards(book: Skillbo
     recording = tmp_path / "recording.jsonl"
     recording.write_text(json.dumps({"request": {"text": f"words: {WORDS.upper()}"}, "answer": NOTE}) + "\n")
     export = tmp_path / "export.jsonl"
-    export.write_text("".join(json.dumps(record) + "\n" for record in book.export()))
+    export.write_text("".join(json.dumps(record) + "\n" for record in exchange.export(book)))
     backup = tmp_path / "book.db.before-5.backup"
     backup.write_bytes((tmp_path / "book.db").read_bytes() + WORDS.encode())
     with Skillbook(str(tmp_path / "rebuilt.db")) as rebuilt:
@@ -89,16 +90,16 @@ def test_an_export_stays_one_that_can_be_imported_and_withdraws_the_words_elsewh
         for who in ("ana", "ben"):
             said = book.record_feedback(f"arc, says {who}", who, subtask="OPEN(door)")
             notes.append(book.add_lessons(said, "OPEN(door)", [f"Arc, says {who}."])[0])
-        [cluster] = book.clusters()
-        book.condense(cluster, Condensed((Merged("Arc, says ana and ben.", (1, 2)),)))
-        file.write_text("".join(json.dumps(record) + "\n" for record in book.export()))
-        other.merge(book.export(), "book")
+        [cluster] = consolidating.clusters(book)
+        consolidating.condense(book, cluster, Condensed((Merged("Arc, says ana and ben.", (1, 2)),)))
+        file.write_text("".join(json.dumps(record) + "\n" for record in exchange.export(book)))
+        exchange.merge(other, exchange.export(book), "book")
         book.note_place("export", file)
         book.forget("ana")
         records = [json.loads(line) for line in file.read_text().splitlines()]
-        new.merge(records, "book")
+        exchange.merge(new, records, "book")
         assert [entry.text for entry in new.entries()] == ["Arc, says ben."] == [e.text for e in book.entries()]
-        other.merge(records, "book")
+        exchange.merge(other, records, "book")
         assert other.people() == ["ben"] and [entry.text for entry in other.entries()] == ["Arc, says ben."]
 
 

@@ -8,6 +8,7 @@ import sqlite3
 import pytest
 
 from memo_core.errors import UnknownName
+from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.history import CannotRollBack
 from memo_core.skillbook.store.database import ReadOnlyBook
 from tests.support.cluster_books import ARC, approve, clustering, new_book, teach, texts
@@ -33,42 +34,42 @@ def book():
 def test_every_revision_says_what_it_did_and_why(book) -> None:
     first, second = teach(book, "OPEN(oven)", "Swing it.", "Do swing it.")
     revision = merge(book)
-    taught, _, merged = book.history("open(the oven)")
+    taught, _, merged = history.revisions(book, "open(the oven)")
     assert (taught.reason, [change.change for change in taught.changes]) == ("feedback 1", ["added"])
     assert merged.id == revision and merged.reason == "cluster by scripted"
     [new] = [change.entry for change in merged.changes if change.change == "added"]
     gone = {change.entry.id: (change.why, change.because) for change in merged.changes if change.change == "superseded"}
     assert gone == {first: (f"merged into {new.id}", new.id), second: (f"merged into {new.id}", new.id)}
-    assert book.history("WIPE(table)") == []
+    assert history.revisions(book, "WIPE(table)") == []
 
 
 def test_a_difference_is_between_any_two_states(book) -> None:
     first, second = teach(book, "OPEN(oven)", "Swing it.", "Do swing it.")
     revision = merge(book)
     [merged] = book.entries()
-    shown = book.difference(revision)
+    shown = history.difference(book, revision)
     assert ([e.id for e in shown.removed], [e.id for e in shown.added]) == ([first, second], [merged.id])
-    assert [e.id for e in book.difference(1, 2).added] == [second]
-    assert [e.id for e in book.difference(revision, 1).added] == [first]
-    same = book.difference(2, 2)
+    assert [e.id for e in history.difference(book, 1, 2).added] == [second]
+    assert [e.id for e in history.difference(book, revision, 1).added] == [first]
+    same = history.difference(book, 2, 2)
     assert same.added == same.removed == ()
     with pytest.raises(UnknownName, match="revision"):
-        book.difference(99)
+        history.difference(book, 99)
 
 
 def test_a_rollback_restores_what_was_there_and_can_be_rolled_back(book) -> None:
     teach(book, "OPEN(oven)", "Swing it.", "Do swing it.")
     before = [entry.text for entry in book.entries()]
     revision, generation = merge(book), book.generation()
-    undone = book.rollback(revision)
+    undone = history.roll_back(book, revision)
     assert [entry.text for entry in book.entries()] == before and book.generation() > generation
     assert undone.reason == f"rollback of {revision}"
     with pytest.raises(CannotRollBack, match=f"already, by revision {undone.id}"):
-        book.rollback(revision)
+        history.roll_back(book, revision)
     assert list(clustering(book, []).condense_all()) == [], "what somebody took back is not done again"
-    book.rollback(undone.id)
+    history.roll_back(book, undone.id)
     assert texts(book) == ["Swing it."]
-    book.rollback(revision + 2)
+    history.roll_back(book, revision + 2)
     assert [entry.text for entry in book.entries()] == before
 
 
@@ -76,10 +77,10 @@ def test_what_later_revisions_rest_on_is_rolled_back_after_them(book) -> None:
     teach(book, "OPEN(oven)", "Swing it.", "Do swing it.")
     revision = merge(book)
     with pytest.raises(CannotRollBack) as refused:
-        book.rollback(1)
+        history.roll_back(book, 1)
     assert refused.value.later == (revision,)
-    book.rollback(revision)
-    book.rollback(1)
+    history.roll_back(book, revision)
+    history.roll_back(book, 1)
     assert texts(book) == ["Do swing it."]
 
 
@@ -88,7 +89,7 @@ def test_a_rollback_needs_a_book_that_can_be_written(tmp_path) -> None:
     with new_book(path) as book:
         teach(book, "OPEN(oven)", "Swing it.")
     with new_book(path, read_only=True) as book, pytest.raises(ReadOnlyBook):
-        book.rollback(1)
+        history.roll_back(book, 1)
 
 
 # -- versions of templates ---------------------------------------------------------------------------------------------
@@ -102,13 +103,16 @@ def test_newly_approved_code_is_the_new_version_and_the_old_one_stays(book) -> N
     first = approve(book, "OPEN(oven)")
     second = approve(book, "OPEN(oven)", other("60"))
     assert served(book) == [second]
-    assert [(v.entry.id, v.state) for v in book.versions("OPEN(oven)")] == [(first, "superseded"), (second, "served")]
+    assert [(v.entry.id, v.state) for v in history.versions(book, "OPEN(oven)")] == [
+        (first, "superseded"),
+        (second, "served"),
+    ]
 
 
 def test_the_same_code_approved_again_is_no_new_version_but_this_persons_too(book) -> None:
     first = approve(book, "OPEN(oven)", who="ana")
     assert approve(book, "OPEN(oven)", ARC.replace("...", "...  # as before"), who="ben") == first
-    assert [one.reason for one in book.history("OPEN(oven)")] == ["template 1"]
+    assert [one.reason for one in history.revisions(book, "OPEN(oven)")] == ["template 1"]
     assert book.pending_feedback() == []
     book.forget("ana")
     assert served(book) == [first]
@@ -132,7 +136,7 @@ def test_a_version_that_fails_gives_way_to_one_with_a_better_record(book) -> Non
     assert served(book) == [second], "what does not fit something else is not wrong here"
     book.note_use([second], success=False, subtask="open(the oven)")
     assert served(book) == [first]
-    assert [(v.uses, v.confirmed_uses) for v in book.versions("OPEN(oven)")] == [(1, 1), (1, 0)]
+    assert [(v.uses, v.confirmed_uses) for v in history.versions(book, "OPEN(oven)")] == [(1, 1), (1, 0)]
     book.note_use([first], success=False, subtask="OPEN(oven)")
     assert served(book) == [first], "two of three is better than one of two"
 
@@ -140,13 +144,15 @@ def test_a_version_that_fails_gives_way_to_one_with_a_better_record(book) -> Non
 def test_a_version_that_was_rolled_back_does_not_come_back_by_itself(book) -> None:
     first = approve(book, "OPEN(oven)")
     second = approve(book, "OPEN(oven)", other("60"))
-    [revision] = [one.id for one in book.history() if one.reason.startswith("template") and one.count("superseded")]
-    book.rollback(revision)
+    [revision] = [
+        one.id for one in history.revisions(book) if one.reason.startswith("template") and one.count("superseded")
+    ]
+    history.roll_back(book, revision)
     assert served(book) == [first]
     for _ in range(3):
         book.note_use([first], success=False, subtask="OPEN(oven)")
     assert served(book) == [first]
-    assert [v.state for v in book.versions("OPEN(oven)") if v.entry.id == second] == ["rolled back"]
+    assert [v.state for v in history.versions(book, "OPEN(oven)") if v.entry.id == second] == ["rolled back"]
 
 
 def test_who_withdraws_the_newest_version_gives_back_the_one_before(book) -> None:
@@ -166,11 +172,11 @@ def test_a_join_moves_entries_and_can_be_rolled_back(book) -> None:
     teach(book, "PLACE(cup, shelf)", "Gently.")
     teach(book, "PUT(cups, shelf)", "Slowly.")
     old = approve(book, "PUT(cups, shelf)")
-    book.add_alias("PUT(cups, shelf)", "PLACE(cup, shelf)")
+    consolidating.add_alias(book, "PUT(cups, shelf)", "PLACE(cup, shelf)")
     assert texts(book, "PLACE(cup, shelf)") == ["Gently.", "Slowly."]
-    [joined] = [one for one in book.history() if one.reason.startswith("joined")]
-    assert joined.count("joined") == 2 and [v.entry.id for v in book.versions("PUT(cups, shelf)")] == [old]
-    book.rollback(joined.id)
+    [joined] = [one for one in history.revisions(book) if one.reason.startswith("joined")]
+    assert joined.count("joined") == 2 and [v.entry.id for v in history.versions(book, "PUT(cups, shelf)")] == [old]
+    history.roll_back(book, joined.id)
     assert texts(book, "PUT(cups, shelf)") == ["Slowly."]
     teach(book, "PUT(cups, shelf)", "Higher.")
     assert texts(book, "PLACE(cup, shelf)") == ["Gently."]
@@ -179,7 +185,7 @@ def test_a_join_moves_entries_and_can_be_rolled_back(book) -> None:
 def test_of_two_templates_that_a_join_brings_together_one_is_served(book) -> None:
     approve(book, "PLACE(cup, shelf)")
     newer = approve(book, "PUT(cups, shelf)", other("60"))
-    book.add_alias("PUT(cups, shelf)", "PLACE(cup, shelf)")
+    consolidating.add_alias(book, "PUT(cups, shelf)", "PLACE(cup, shelf)")
     assert served(book, "PLACE(cup, shelf)") == [newer]
 
 
@@ -199,8 +205,8 @@ def test_a_book_of_the_first_version_is_read_as_it_is_and_gets_its_tables_when_i
     raw.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     raw.close()
     with new_book(f"sqlite:///{path}", read_only=True) as book:
-        assert len(book.history()) == 3 and [v.uses for v in book.versions("OPEN(oven)")] == [0]
-        assert len(book.clusters()) == 1 and book.difference(1).added
+        assert len(history.revisions(book)) == 3 and [v.uses for v in history.versions(book, "OPEN(oven)")] == [0]
+        assert len(consolidating.clusters(book)) == 1 and history.difference(book, 1).added
     with new_book(f"sqlite:///{path}") as book:
         merge(book)
         assert texts(book) == ["Swing it."]

@@ -7,6 +7,7 @@ import pytest
 from memo_core.config import load_experiment
 from memo_core.plugins.registry import Registry
 from memo_core.runs.sections import SECTIONS
+from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
@@ -49,9 +50,9 @@ def test_one_remark_on_a_drawer_ends_the_arc_on_drawers_and_not_on_doors(embedde
         assert served(book, key) >= set(lesson), key
     rules = [cut.rule for cut in book.retrieve("OPEN(drawer)").cut]
     assert any("corrected 1 times more than approved" in rule for rule in rules)
-    assert [(str(one.key), one.served, one.approved, one.corrected) for one in book.evidence(lesson[0])] == [
-        ("OPEN(drawer)", 1, 0, 1)
-    ]
+    assert [
+        (str(one.key), one.served, one.approved, one.corrected) for one in track_record.evidence_of(book, lesson[0])
+    ] == [("OPEN(drawer)", 1, 0, 1)]
 
 
 def test_a_lesson_on_a_like_thing_survives_a_remark_and_not_several(embedder) -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from memo_core.scene.graph import Node, Observation, SceneGraph
 from memo_core.scene.pose import Pose
+from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import SubtaskContext
@@ -130,5 +131,5 @@ def test_between_books_time_decides_what_was_said_later() -> None:
     with Skillbook("sqlite://", FakeEmbedder()) as other, Skillbook("sqlite://", FakeEmbedder()) as book:
         say(other, "ann", 100.0, "Pull the drawer open from the side.")
         say(book, "ann", 5000.0, LATEST)
-        book.merge(other.export(), "another laboratory")
+        exchange.merge(book, exchange.export(other), "another laboratory")
         assert book.retrieve(KEY).corrections[0].text == LATEST

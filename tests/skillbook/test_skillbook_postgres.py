@@ -19,6 +19,7 @@ from test_skillbook_durability_kills import KEYS, condense_something, letters
 from test_skillbook_import import content, exported
 
 from memo_core.errors import InvalidArgument
+from memo_core.skillbook import consolidating, exchange, history, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
 from memo_core.skillbook.store.database import ReadOnlyBook, SkillbookError
@@ -57,14 +58,18 @@ def test_everything_that_a_book_does(url: str) -> None:
         approve(book, "OPEN(jar)", "def two(): ...", who="ana")
         book.note_use([first[0]], True, "OPEN(jar)")
         book.note_use([e.id for e in book.entries("template")], False, "OPEN(jar)")
-        [cluster] = [one for one in book.clusters() if len(one.members) == 3]
-        clustered = book.condense(
-            cluster, Condensed((Merged("turn it", (1, 2)), Merged("hold the glass", (3,)))), "test"
+        [cluster] = [one for one in consolidating.clusters(book) if len(one.members) == 3]
+        clustered = consolidating.condense(
+            book, cluster, Condensed((Merged("turn it", (1, 2)), Merged("hold the glass", (3,)))), "test"
         )
         assert clustered.revision is not None
-        book.rollback(clustered.revision)
-        book.add_alias("PLACE(cup, shelf)", "PUT(cup, shelf)")
-        book.near_keys(), book.versions("OPEN(jar)"), book.difference(1, clustered.revision)
+        history.roll_back(book, clustered.revision)
+        consolidating.add_alias(book, "PLACE(cup, shelf)", "PUT(cup, shelf)")
+        (
+            consolidating.near_keys(book),
+            history.versions(book, "OPEN(jar)"),
+            history.difference(book, 1, clustered.revision),
+        )
         book.park(book.record_feedback("mumble", "ana"), "no JSON")
         assert book.pending_feedback(parked=True) and book.search("turn", 2)
     one, other = books
@@ -72,10 +77,10 @@ def test_everything_that_a_book_does(url: str) -> None:
         served = [[(s.text, round(s.score, 6)) for s in book.retrieve(query).served] for book in books]
         assert served[0] == served[1]
     assert content(one) == content(other)
-    assert [(r.reason, r.count("superseded")) for r in one.history()] == [
-        (r.reason, r.count("superseded")) for r in other.history()
+    assert [(r.reason, r.count("superseded")) for r in history.revisions(one)] == [
+        (r.reason, r.count("superseded")) for r in history.revisions(other)
     ]
-    counts = [book.stats() for book in books]
+    counts = [stats.stats_of(book) for book in books]
     assert (counts[0].characters, counts[0].generation) == (counts[1].characters, counts[1].generation)
     for book in books:
         forgotten = book.forget("ana")
@@ -88,10 +93,10 @@ def test_books_merge_across_databases(url: str) -> None:
     with new_book(url) as one, new_book() as other:
         teach(one, "OPEN(jar)", "of one", who="ana")
         teach(other, "OPEN(jar)", "of other", who="bob")
-        one.merge(exported(other), "other"), other.merge(exported(one), "one")
-        assert content(one) == content(other) and not one.merge(exported(other), "other").changed
+        exchange.merge(one, exported(other), "other"), exchange.merge(other, exported(one), "one")
+        assert content(one) == content(other) and not exchange.merge(one, exported(other), "other").changed
         other.forget("bob")
-        assert one.merge(exported(other), "other").withdrawn == 1 and one.people() == ["ana"]
+        assert exchange.merge(one, exported(other), "other").withdrawn == 1 and one.people() == ["ana"]
 
 
 def test_read_only_and_another_embedder(url: str) -> None:
@@ -143,7 +148,7 @@ def test_eight_processes_write_while_one_clusters(url: str) -> None:
     with new_book(url) as book:
         said = sorted(entry.text for entry in book.entries(superseded=True) if entry.feedback is not None)
         assert said == sorted(f"lesson {letters(w)} {letters(n)}" for w in range(8) for n in range(count))
-        assert book.stats().feedback == 8 * count and book.stats().keys == 3
+        assert stats.stats_of(book).feedback == 8 * count and stats.stats_of(book).keys == 3
         assert done.value > 0 and book.generation() == 8 * count + done.value
         assert len(book.sources(entry.id for entry in book.entries())) == 8 * count
 
@@ -180,7 +185,7 @@ def test_kill_9_loses_nothing_that_was_acknowledged(url: str) -> None:
 
 def test_a_commit_is_on_disk_and_a_reader_sees_one_state(url: str) -> None:
     with new_book(url) as book, new_book(url) as other:
-        database = book._database
+        database = book.database
         with database.write() as connection:
             assert connection.exec_driver_sql("SHOW synchronous_commit").scalar() == "on"
             assert connection.exec_driver_sql("SHOW transaction_isolation").scalar() == "read committed"

@@ -15,6 +15,7 @@ from memo_vectorstore.settings import FaissSettings
 
 from memo_core.errors import InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
+from memo_core.skillbook import consolidating, history, stats
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.action_relations import default_actions
 from memo_core.skillbook.model.keys import Key
@@ -229,7 +230,7 @@ def test_the_event_says_what_was_served_and_why(book: Skillbook) -> None:
 
 def test_near_spellings_lead_to_one_key(book: Skillbook) -> None:
     ids = teach(book, "OPEN(micro wave oven)", "Mind the cable.")
-    book.add_alias("OPEN(micro wave oven)", "OPEN(microwave)")
+    consolidating.add_alias(book, "OPEN(micro wave oven)", "OPEN(microwave)")
     assert str(book.entry(ids[0]).key) == "OPEN(microwave)"
     later = teach(book, "OPEN(micro wave oven)", "Mind the plug.")
     assert str(book.entry(later[0]).key) == "OPEN(microwave)"
@@ -257,11 +258,11 @@ def test_an_index_is_rebuilt_only_when_it_has_to_be(book: Skillbook) -> None:
     with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
         assert "new" in texts(again.retrieve("OPEN(oven)"))
     assert store.rebuilt == 1 and ids[0] in store.ids(), "one entry came, and all was made anew"
-    book.rollback(book.history(last=1)[0].id)
+    history.roll_back(book, history.revisions(book, last=1)[0].id)
     with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
         assert "new" not in texts(again.retrieve("OPEN(oven)"))
     assert store.rebuilt == 1 and ids[0] not in store.ids(), "what was retired stayed"
-    book.add_alias("OPEN(fridge)", "OPEN(microwave)")  # not told by revisions
+    consolidating.add_alias(book, "OPEN(fridge)", "OPEN(microwave)")  # not told by revisions
     with Skillbook(book.url, FakeEmbedder(), store, ASKING) as again:
         again.retrieve("OPEN(oven)")
     assert store.rebuilt == 1, "the same entries under another key"
@@ -350,7 +351,7 @@ def test_the_same_model_under_another_path_goes_on_with_the_book(tmp_path: Path)
     with Skillbook(path, moved) as book:
         assert [served.text for served in book.retrieve("OPEN(jar)").served] == found and not moved.embedded
         book.add_lessons(book.record_feedback("pull it", "ana"), "OPEN(box)", ["Pull it."])
-        assert book.retrieve("OPEN(box)").served and book.stats().embedder == here.name
+        assert book.retrieve("OPEN(box)").served and stats.stats_of(book).embedder == here.name
     with pytest.raises(SkillbookError, match="reembed"):
         Skillbook(path, other).open()
 
@@ -365,7 +366,7 @@ def test_another_embedder_is_refused_with_the_command_and_can_take_over(book: Sk
     assert reembed(book.url, other) > 0
     with Skillbook(book.url, other, FakeStore(), EVERYTHING) as again:
         assert sorted(texts(again.retrieve("OPEN(fridge)"))) == sorted(wanted)
-        assert again.stats().embedder == other.name
+        assert stats.stats_of(again).embedder == other.name
     with pytest.raises(SkillbookError):
         Skillbook(book.url, FakeEmbedder(), FakeStore()).open()
 

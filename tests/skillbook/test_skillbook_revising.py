@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from memo_core.errors import InvalidArgument, UnknownName
+from memo_core.skillbook import exchange, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
 from memo_core.skillbook.model.keys import Key
@@ -56,19 +57,19 @@ def test_a_read_back_may_be_repeated_after_a_crash(book: Skillbook) -> None:
     feedback, (_, tight, general) = taught(book)
     said = [ReadBack(tight, "struck"), ReadBack(general, "reworded", "Doors turn about a hinge.")]
     first = book.read_back(feedback, said)
-    before = (list(book.export()), book.generation())
+    before = (list(exchange.export(book)), book.generation())
     assert book.read_back(feedback, said) == first
-    assert (list(book.export()), book.generation()) == before
+    assert (list(exchange.export(book)), book.generation()) == before
 
 
 def test_a_read_back_is_one_revision_that_can_be_rolled_back_and_that_again(book: Skillbook) -> None:
     feedback, (arc, tight, general) = taught(book)
     before = valid(book)
     book.read_back(feedback, [ReadBack(tight, "struck"), ReadBack(general, "reworded", "Some doors turn.")])
-    after, revision = valid(book), book.history()[-1]
-    back = book.rollback(revision.id)
+    after, revision = valid(book), history.revisions(book)[-1]
+    back = history.roll_back(book, revision.id)
     assert valid(book) == before
-    book.rollback(back.id)
+    history.roll_back(book, back.id)
     assert valid(book) == after
     assert arc in [entry.id for entry in book.entries()]
 
@@ -112,8 +113,8 @@ def test_an_entry_is_edited_and_removed_by_revisions(book: Skillbook) -> None:
     assert "Lead it along an arc." not in valid(book) and new.text in valid(book)
     assert set(book.sources([new.id])) > {feedback}
     removed = book.remove(tight, "ben")
-    assert removed.reason == f"removal of {tight}" and "Hold it tighter." not in valid(book)
-    book.rollback(removed.id)
+    assert history.revision(book, removed).reason == f"removal of {tight}" and "Hold it tighter." not in valid(book)
+    history.roll_back(book, removed)
     assert "Hold it tighter." in valid(book)
     assert [(one.outcome, one.who) for one in book.read_backs(feedback)] == [("reworded", "ben"), ("struck", "ben")]
     with pytest.raises(InvalidArgument, match="superseded by revision"):

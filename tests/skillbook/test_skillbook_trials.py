@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from memo_core.skillbook import history, track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
@@ -25,22 +26,22 @@ def served(book: Skillbook) -> list[int]:
 def test_a_template_that_fails_is_served_after_one_that_does_not(book):
     own, near = approve(book, "OPEN(oven)"), approve(book, "OPEN(old oven)", OTHER)
     assert served(book) == [own, near]
-    book.note_trial(own, "seed 1", False, "the door is shut")
+    track_record.note_trial(book, own, "seed 1", False, "the door is shut")
     assert served(book) == [near, own]
-    book.note_trial(own, "seed 2", True)
+    track_record.note_trial(book, own, "seed 2", True)
     assert served(book) == [own, near], "half of its trials succeeded"
-    book.note_trial(own, "seed 2", False)
-    book.note_trial(near, "seed 1", False)
+    track_record.note_trial(book, own, "seed 2", False)
+    track_record.note_trial(book, near, "seed 1", False)
     assert served(book) == [own, near], "both fail"
 
 
 def test_a_trial_from_the_same_start_replaces_the_one_before_and_survives_a_restart(book):
     own = approve(book, "OPEN(oven)")
-    book.note_trial(own, "seed 1", False, "shut")
-    book.note_trial(own, "seed 1", True)
+    track_record.note_trial(book, own, "seed 1", False, "shut")
+    track_record.note_trial(book, own, "seed 1", True)
     book.close()
     with Skillbook(book.url, read_only=True) as again:
-        [trial] = again.trials()[own]
+        [trial] = track_record.trials_of(again)[own]
     assert trial.success and trial.start == "seed 1" and not trial.reason
 
 
@@ -48,9 +49,9 @@ def test_an_older_version_that_does_not_fail_is_served_again(book):
     old = approve(book, "OPEN(oven)")
     new = approve(book, "OPEN(oven)", OTHER)
     assert served(book) == [new]
-    book.note_trial(new, "seed 1", False, "shut")
+    track_record.note_trial(book, new, "seed 1", False, "shut")
     assert served(book) == [old]
-    [_, current] = book.versions("OPEN(oven)")
+    [_, current] = history.versions(book, "OPEN(oven)")
     assert current.entry.id == new and current.state == "superseded"
-    book.note_trial(old, "seed 1", False, "shut")
+    track_record.note_trial(book, old, "seed 1", False, "shut")
     assert served(book) == [new], "neither works: the newer one"

@@ -289,16 +289,19 @@ from pathlib import Path
 from memo_vectorstore.chroma_store import ChromaStore
 from memo_vectorstore.settings import ChromaSettings
 from memo_core.errors import BackendUnavailable
-from memo_core.skillbook.book import Lesson, Skillbook
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.exchange import add_many
+from memo_core.skillbook.stats import stats_of
+from memo_core.skillbook.writing.bulk_adding import Lesson
 from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 
 folder = Path(sys.argv[1])
 store = ChromaStore(ChromaSettings(folder=str(folder / "keys")))
 with Skillbook(str(folder / "book.db"), FakeEmbedder(), store) as book:
-    if not book.stats().feedback:
+    if not stats_of(book).feedback:
         key = Key.parse("OPEN(box)")
-        book.add_many([Lesson("words", "ana", key, (f"lesson {number}",)) for number in range(1200)])
+        add_many(book, [Lesson("words", "ana", key, (f"lesson {number}",)) for number in range(1200)])
     try:
         print(book.retrieve("OPEN(box)").served[0].text, len(store))
     except BackendUnavailable as error:

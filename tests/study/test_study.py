@@ -17,6 +17,7 @@ from memo_core.evaluation.evaluating import unread
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.plugins.registry import Registry
 from memo_core.runs.factories import book_of
+from memo_core.skillbook import raw_log
 from memo_core.study.export import export_study
 from memo_core.study.running import run_study, study_sections
 from memo_core.study.settings import StudySettings
@@ -86,7 +87,7 @@ def test_a_killed_study_goes_on_and_ends_like_one_that_was_not_and_is_exported_w
     said = []
     for folder in (whole, cut):
         with book_of(load(), str(folder / "history-0" / "skillbook.db"), read_only=True) as book:
-            said.append([(one.kind, one.words, one.who, one.subtask) for one in book.log().feedback])
+            said.append([(one.kind, one.words, one.who, one.subtask) for one in raw_log.raw_log(book).feedback])
     assert said[0] == said[1] and any(words for _, words, _, _ in said[0])
     assert status(load(), whole)["histories"][0]["over"] == "2 rounds of 1 tasks are done"
 

@@ -11,6 +11,7 @@ from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.policy.consolidation import Clustering, ClusteringSettings
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
+from memo_core.skillbook import consolidating
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Cluster
 from memo_core.testing.fake_embedder import FakeEmbedder
@@ -70,7 +71,7 @@ def clustering(
 
 
 def only_cluster(book: Skillbook, unchanged: bool = False) -> Cluster:
-    [cluster] = book.clusters(unchanged)
+    [cluster] = consolidating.clusters(book, unchanged)
     return cluster
 
 
