@@ -71,8 +71,8 @@ if TYPE_CHECKING:
     from memo_core.interfaces.teacher import Episode as Episode, Teacher as Teacher, Verdict as Verdict
     from memo_core.interfaces.vectorstore import VectorStore as VectorStore
     from memo_core.llm.prompt_sections import (
-        Entry as Entry,
         Prompt as Prompt,
+        PromptEntry as PromptEntry,
         UnreadablePrompt as UnreadablePrompt,
         read_subtask as read_subtask,
     )

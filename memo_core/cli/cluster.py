@@ -20,7 +20,7 @@ from memo_core.text.terminal import console
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
-    from memo_core.policy.consolidation import Clustering, Outcome
+    from memo_core.policy.consolidation import Clustering, ClusterOutcome
     from memo_core.process.stop_switch import StopSwitch
     from memo_core.runs.consolidation import Spending
     from memo_core.skillbook.book import Skillbook
@@ -83,7 +83,7 @@ class _Once:
     json: bool
     dry_run: bool
     joined: list[NearKeys] = attrs.field(factory=list)
-    outcomes: list[Outcome] = attrs.field(factory=list)
+    outcomes: list[ClusterOutcome] = attrs.field(factory=list)
     waiting: int = 0
 
     def run(self, unchanged: bool) -> None:
@@ -159,7 +159,7 @@ class _Once:
         print(_said_of(self.spending))
 
 
-def print_outcome(outcome: Outcome) -> None:
+def print_outcome(outcome: ClusterOutcome) -> None:
     """A cluster's changes as a diff: removed entries, why, and their replacements. Unchanged entries are counted."""
     from rich.text import Text
 
@@ -209,12 +209,12 @@ def _watch(
     spending: Spending,
     json: bool,
 ) -> None:
-    from memo_core.policy.consolidation import Outcome
+    from memo_core.policy.consolidation import ClusterOutcome
     from memo_core.runs.consolidation import outcome_record, watch
     from memo_core.skillbook.writing.key_aliases import NearKeys
 
     def report(news: Any) -> None:
-        if isinstance(news, Outcome):
+        if isinstance(news, ClusterOutcome):
             print(dumps(outcome_record(news), ensure_ascii=False), flush=True) if json else print_outcome(news)
         elif isinstance(news, NearKeys):
             line = {"joined": str(news.spelling), "into": str(news.key), "cosine": news.cosine}

@@ -113,7 +113,9 @@ def verify(
     registry, experiment = load(config, overrides)
     tasks = [_task(registry, experiment, name) for name in names] if names else tasks_of(experiment)
     chosen = list(dict.fromkeys(task.name for task in tasks))
-    trials = [verification.Trial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted]
+    trials = [
+        verification.VerifiedTrial(config, tuple(overrides), name, seed, plain) for name in chosen for seed in wanted
+    ]
     log = verification.TrialLog(out, verification.digest_of(experiment))
     results = verification.run_trials(trials, jobs, log)
     unseen = {task.name: unseen_goal(task.goal, scene_of(task, generator(wanted[0], "scene"))) for task in tasks}

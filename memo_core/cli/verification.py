@@ -21,7 +21,7 @@ SHARE_REQUIRED = 0.95  # of the seeds, for reference solutions
 
 
 @attrs.frozen
-class Trial:
+class VerifiedTrial:
     """One task on one seed; travels to another process."""
 
     config: Path | None
@@ -31,7 +31,7 @@ class Trial:
     plain: bool = False  # whether the plain attempt is tried too
 
 
-def run_trial(trial: Trial) -> dict[str, Any]:
+def run_trial(trial: VerifiedTrial) -> dict[str, Any]:
     """Verify one task on one seed (also the entry of a worker process). The result of a trial that robot, simulator or
     the task's own code could not carry out is an ``error`` (``RunError``) without outcomes."""
     from memo_core.config import load_experiment
@@ -99,13 +99,13 @@ class TrialLog:
                 raise InvalidArgument("--out", f"line {number} of {file} is no result", expected) from None
             self._done[key] = result
 
-    def known(self, trial: Trial) -> dict[str, Any] | None:
+    def known(self, trial: VerifiedTrial) -> dict[str, Any] | None:
         if not self._done:
             return None
         found = self._done.get((trial.task, trial.seed, self._digest(trial.task, trial.seed)))
         return None if found is None or (trial.plain and "plain" not in found) else found
 
-    def outdated(self, trials: Iterable[Trial]) -> int:
+    def outdated(self, trials: Iterable[VerifiedTrial]) -> int:
         """How many of the trials the file has, but not as scene, settings and code are now."""
         tried = {(task, seed) for task, seed, _ in self._done}
         old = [(one.task, one.seed) for one in trials if (one.task, one.seed) in tried]
@@ -144,7 +144,7 @@ def digest_of(experiment: Any) -> Callable[[str, int], str]:
     return digest
 
 
-def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
+def run_trials(trials: Sequence[VerifiedTrial], jobs: int, log: TrialLog) -> list[dict[str, Any]]:
     """All results, with progress on stderr; those in the log are not run again. Raises ``Halted`` after errors by
     which the trials that are left could not be carried out either (``reason_to_stop``)."""
     from memo_core.runs.run_errors import Halted, RunError, reason_to_stop
@@ -177,7 +177,7 @@ def run_trials(trials: Sequence[Trial], jobs: int, log: TrialLog) -> list[dict[s
     return results
 
 
-def _run(trials: list[Trial], jobs: int, began: Callable[[Trial], None]) -> Iterable[dict[str, Any]]:
+def _run(trials: list[VerifiedTrial], jobs: int, began: Callable[[VerifiedTrial], None]) -> Iterable[dict[str, Any]]:
     if jobs == 1:
         for trial in trials:
             began(trial)

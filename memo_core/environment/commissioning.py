@@ -35,7 +35,7 @@ _LIFT = 0.05  # m
 _GRIP = 20.0  # N
 
 
-class Person(Protocol):
+class Operator(Protocol):
     """Who commissions the robot."""
 
     def tell(self, text: str) -> None: ...
@@ -136,7 +136,7 @@ def corners_of(limits: SafetyLimits) -> list[tuple[float, float, float]]:
     return [(x, y, z) for z, x, y in itertools.product(spans[2], spans[0], spans[1])]
 
 
-def visit_corners(link: Link, limits: SafetyLimits, person: Person) -> list[list[float]]:
+def visit_corners(link: Link, limits: SafetyLimits, person: Operator) -> list[list[float]]:
     """Take the tool towards each corner that the person agrees to, as far as the arm reaches; where it was."""
     middle = np.mean(corners_of(limits), axis=0)
     visited = []
@@ -167,7 +167,7 @@ def _moved(link: Link, place: Array) -> bool:
     return True
 
 
-def lift_cube(link: Link, person: Person) -> bool:
+def lift_cube(link: Link, person: Operator) -> bool:
     """Whether the gripper held a cube that the person put between its fingers, and lifted it."""
     from memo_core.arm.inverse_kinematics import Kinematics
     from memo_core.arm.slow_motion import move_joints, move_tool

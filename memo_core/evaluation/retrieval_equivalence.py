@@ -18,7 +18,7 @@ from memo_core.llm.kept_calls import ASK
 from memo_core.policy.methods import Memory
 from memo_core.runlog.json_lines import append_line, make_writable, read_lines as read_json_lines
 from memo_core.runlog.log_file import read_lines
-from memo_core.runlog.log_history import Entry, read_history
+from memo_core.runlog.log_history import LogEntry, read_history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import SubtaskContext
@@ -94,24 +94,24 @@ def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question])
 _NOTHING = Retrieval(Key("", ()))
 
 
-def effects_of(run: Path) -> tuple[Entry, ...]:
+def effects_of(run: Path) -> tuple[LogEntry, ...]:
     """What the log of a run in this folder holds."""
     return read_history(run, read_lines(run).records).replayed
 
 
-def served_in(effects: Sequence[Entry]) -> dict[str, int]:
+def served_in(effects: Sequence[LogEntry]) -> dict[str, int]:
     """How many entries a run was served, and how many of these were made at something else: another action on other
     things, which is called irrelevant here (general statements are about everything and count as neither)."""
     rows = [row for one in effects if one.name == "retrieve" and one.value for row in one.value["served"]]
     return {"served": len(rows), "irrelevant": sum(row["alike"] == ALIKE[3] for row in rows)}
 
 
-def executed_in(effects: Sequence[Entry]) -> int:
+def executed_in(effects: Sequence[LogEntry]) -> int:
     """How many programs were executed in a run."""
     return sum(one.name == "execute" for one in effects)
 
 
-def programs_in(effects: Sequence[Entry]) -> int:
+def programs_in(effects: Sequence[LogEntry]) -> int:
     """How many programs were written in a run: one for each subtask that went well at once."""
     return sum(one.name == ASK and one.about.startswith("code ") for one in effects)
 

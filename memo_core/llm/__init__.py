@@ -6,8 +6,8 @@ from memo_core.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from memo_core.llm.prompt_sections import (
-        Entry as Entry,
         Prompt as Prompt,
+        PromptEntry as PromptEntry,
         UnreadablePrompt as UnreadablePrompt,
         read_subtask as read_subtask,
     )

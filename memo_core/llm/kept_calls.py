@@ -13,7 +13,7 @@ from memo_core.errors import InvalidArgument
 from memo_core.interfaces.llm import Answer, LanguageModelError, Request, Usage
 from memo_core.llm.spending import Spent
 from memo_core.runlog.log_file import FILE
-from memo_core.runlog.log_history import Entry, History
+from memo_core.runlog.log_history import History, LogEntry
 from memo_core.text.parsing import parse_json, read_as
 
 ASK = "ask a model"
@@ -130,7 +130,7 @@ def _calls_in(history: History, folder: Path) -> dict[int, tuple[bool, Usage | N
     return found
 
 
-def _usage_in(entry: Entry, folder: Path) -> tuple[bool, Usage | None]:
+def _usage_in(entry: LogEntry, folder: Path) -> tuple[bool, Usage | None]:
     """Whether the call is known to be over, and what it cost."""
     for found in (entry.late, entry.value, entry.raised):
         if isinstance(found, dict) and "usage" in found:

@@ -38,7 +38,7 @@ class UnreadablePrompt(MemoError):
 
 
 @attrs.frozen
-class Entry:
+class PromptEntry:
     """One line of a person's guidance, or one template, with the key it was stored under ("" for general). ``hint``:
     the prompt says that it is only one, it may be about something else."""
 
@@ -53,7 +53,7 @@ class Corrected:
     prompt shows none)."""
 
     words: str
-    notes: list[Entry]
+    notes: list[PromptEntry]
     code: str = ""
 
 
@@ -123,9 +123,9 @@ class Prompt:
         """A section's text, without the marks of a quotation."""
         return "\n".join(re.sub(r"^> ?", "", line) for line in self.section(*words).splitlines()).strip()
 
-    def entries(self, *words: str) -> list[Entry]:
+    def entries(self, *words: str) -> list[PromptEntry]:
         """Bulleted entries with their keys, best first; what is said of one stands in brackets in the line below it."""
-        found: list[Entry] = []
+        found: list[PromptEntry] = []
         for line in self.section(*words).splitlines():
             if line.startswith("- ") and line[2:].strip().lower() not in ("none", "nothing"):
                 found.append(_entry(line[2:].strip()))
@@ -133,11 +133,11 @@ class Prompt:
                 found[-1] = attrs.evolve(found[-1], hint=True)
         return found
 
-    def templates(self) -> list[Entry]:
+    def templates(self) -> list[PromptEntry]:
         """Code blocks with the key written above each."""
         text = self.section("templates")
         blocks = re.finditer(r"(?:^\[([^\]\n]*)\][ \t]*\n)?^```(?:python)?[ \t]*\n(.*?)^```", text, re.S | re.M)
-        return [Entry(block.group(2).strip("\n"), block.group(1) or "") for block in blocks]
+        return [PromptEntry(block.group(2).strip("\n"), block.group(1) or "") for block in blocks]
 
     def code(self, *words: str) -> str:
         """The first code block of a section. Raises ``UnreadablePrompt``."""
@@ -197,9 +197,9 @@ def read_subtask(text: str) -> tuple[str, tuple[str, ...]]:
     return action, tuple(name.strip() for name in match.group(2).split(",") if name.strip())
 
 
-def _entry(line: str) -> Entry:
+def _entry(line: str) -> PromptEntry:
     match = re.match(r"\[([^\]]*)\]\s*(.*)", line, re.S)
-    return Entry(match.group(2), match.group(1)) if match else Entry(line)
+    return PromptEntry(match.group(2), match.group(1)) if match else PromptEntry(line)
 
 
 def _outside_fences(text: str) -> str:

@@ -21,7 +21,7 @@ from memo_core.policy.feedback_processing import FeedbackProcessor
 from memo_core.policy.methods import Memory
 from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, Note, ReadBack
+from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, Note, Reaction
 from memo_core.skillbook.model.keys import Key, NotAKey
 from memo_core.skillbook.sharing.rebuild_input import RawLog
 
@@ -216,7 +216,7 @@ class Rebuilding:
         if note is None:
             self.result.unmatched += 1
             return
-        self._target.read_back(here, [ReadBack(note.id, one.outcome, one.text)], one.who)
+        self._target.read_back(here, [Reaction(note.id, one.outcome, one.text)], one.who)
         self.result.read_backs += 1
 
     @contextmanager

@@ -36,7 +36,7 @@ class CannotRetest(Exception):
 
 
 @attrs.frozen(eq=False)
-class Source:
+class TemplateSource:
     """The run in which a template was approved. ``start``: checkpoint of the start of its subtask. ``earlier``: the
     subtasks that were approved before it, with their code."""
 
@@ -85,7 +85,7 @@ class Retesting:
         self._registry = registry
         self._stopping = stopping
         self._runs: dict[str, Path] | None = None
-        self._sources: dict[int, Source] = {}
+        self._sources: dict[int, TemplateSource] = {}
 
     def plan(self, templates: Sequence[Entry], seeds: Sequence[int]) -> Iterator[Planned | Retested]:
         """The trials of each template: from its stored start and on these seeds; templates without a start are reported
@@ -117,7 +117,7 @@ class Retesting:
         track_record.note_trial(self._book, template.id, planned.start, success, reason)
         return Retested(template.id, key, planned.start, success, reason)
 
-    def _tried(self, template: Entry, source: Source, seed: int | None) -> tuple[bool, str]:
+    def _tried(self, template: Entry, source: TemplateSource, seed: int | None) -> tuple[bool, str]:
         """Whether the template completed its subtask, and if not, why. Raises ``CannotRetest``, ``MemoError``."""
         world = environment_of(source.experiment, source.task, source.seed if seed is None else seed)
         with world, sandbox_of(source.experiment) as sandbox, self._stopping(world.link):
@@ -127,7 +127,7 @@ class Retesting:
                 self._lead(world, sandbox, source)
             return self._judged(world, sandbox, source.subtask, program(template))
 
-    def _lead(self, world: SimulatedEnvironment, sandbox: Sandbox, source: Source) -> None:
+    def _lead(self, world: SimulatedEnvironment, sandbox: Sandbox, source: TemplateSource) -> None:
         """Bring a new scene to the start of the subtask."""
         for subtask, code in source.earlier:
             done, why = self._judged(world, sandbox, subtask, code)
@@ -147,12 +147,12 @@ class Retesting:
         return outcome.success, "" if outcome.success else outcome.reason
 
     # -- where a template comes from -----------------------------------------------------------------------------------
-    def _source(self, template: Entry) -> Source:
+    def _source(self, template: Entry) -> TemplateSource:
         if template.id not in self._sources:
             self._sources[template.id] = self._found(template)
         return self._sources[template.id]
 
-    def _found(self, template: Entry) -> Source:
+    def _found(self, template: Entry) -> TemplateSource:
         approval = self._approval(template)
         folder = self._folders().get(approval.run)
         if folder is None:
@@ -178,7 +178,7 @@ class Retesting:
             earlier.append((one.subtask, one.code))
         if earlier and earlier[-1][0] == approval.subtask:
             earlier.pop()
-        return Source(
+        return TemplateSource(
             experiment, task, int(history.head["seed"]), start, tuple(earlier), approval.subtask, approval.run
         )
 

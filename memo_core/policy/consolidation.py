@@ -61,7 +61,7 @@ class ClusteringSettings:
 
 
 @attrs.frozen
-class Outcome:
+class ClusterOutcome:
     """The result for one cluster. ``left``: there was no usable answer and it stayed as it was; ``changed``: it had
     changed since it was read. ``proposal`` is what was committed, or in a dry run would be. It refers to ``cluster``,
     which is what the model was shown: each distinct text once."""
@@ -128,14 +128,14 @@ class Clustering:
         condensed."""
         return consolidating.each_cluster(self._book, unchanged, self._limits)
 
-    def condense_all(self, unchanged: bool = False) -> Iterator[Outcome]:
+    def condense_all(self, unchanged: bool = False) -> Iterator[ClusterOutcome]:
         """Merge near-identical keys, then condense every cluster that needs it. Raises as ``condense``."""
         for near in self.near_keys():
             self.join(near)
         for cluster in self.clusters(unchanged):
             yield self.condense(cluster)
 
-    def condense(self, cluster: Cluster, commit: bool = True) -> Outcome:
+    def condense(self, cluster: Cluster, commit: bool = True) -> ClusterOutcome:
         """Ask, check, and (with ``commit``) store. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``;
         then this cluster is as it was."""
         before = (len(cluster.members), cluster.characters)
@@ -144,22 +144,22 @@ class Clustering:
                 cluster = consolidating.join_duplicates(self._book, cluster)  # for that nobody need be asked
             proposal, calls = self._proposal(cluster)
         except Unreadable as error:
-            return Outcome(cluster, "left", *before, problem=error.problem, calls=self._settings.reasks + 1)
+            return ClusterOutcome(cluster, "left", *before, problem=error.problem, calls=self._settings.reasks + 1)
         except ClusterChanged as error:
-            return Outcome(cluster, "changed", *before, problem=str(error))
+            return ClusterOutcome(cluster, "changed", *before, problem=str(error))
         status: Status = "condensed" if proposal.changes(cluster) or before[0] > len(cluster.members) else "unchanged"
         if not commit:
-            return Outcome(cluster, status, *before, proposal, calls=calls)
+            return ClusterOutcome(cluster, status, *before, proposal, calls=calls)
         try:
             committed = consolidating.condense(self._book, cluster, proposal, self._model)
         except ClusterChanged as error:
-            return Outcome(cluster, "changed", *before, problem=str(error), calls=calls)
+            return ClusterOutcome(cluster, "changed", *before, problem=str(error), calls=calls)
         self._emit(
             ClusterDone(
                 key_label(cluster.key), before[0], committed.entries_after, before[1], committed.characters_after
             )
         )
-        return Outcome(cluster, status, *before, proposal, committed, calls=calls)
+        return ClusterOutcome(cluster, status, *before, proposal, committed, calls=calls)
 
     @property
     def _limits(self) -> ClusterLimits:

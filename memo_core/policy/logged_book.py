@@ -15,7 +15,7 @@ from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.policy.run_context import Session
 from memo_core.runlog.run_log import Effect
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import Entry, Feedback, Note, ReadBack
+from memo_core.skillbook.model.entries import Entry, Feedback, Note, Reaction
 from memo_core.skillbook.model.keys import Key
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class LoggedBook:
             lambda entry: self._write(entry, lambda book: book.add_notes(feedback_id, notes, scene)),
         )
 
-    def read_back(self, feedback_id: int, said: Sequence[ReadBack]) -> tuple[Entry, ...]:
+    def read_back(self, feedback_id: int, said: Sequence[Reaction]) -> tuple[Entry, ...]:
         """As ``Skillbook.read_back``, which is idempotent."""
         kind: Effect[tuple[Entry, ...]] = Effect("apply a read-back", _ids, self._entries, outside=True)
         return self._log.effect(

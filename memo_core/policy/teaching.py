@@ -23,7 +23,7 @@ from memo_core.runlog.words_file import WordsFile
 from memo_core.scene.graph import SceneGraph
 from memo_core.scene.name_corrections import UNKNOWN, read_name_corrections, says_only_names
 from memo_core.scene.scene_table import scene_table
-from memo_core.skillbook.model.entries import Entry, Feedback, FeedbackKind, ReadBack, key_label
+from memo_core.skillbook.model.entries import Entry, Feedback, FeedbackKind, Reaction, key_label
 from memo_core.skillbook.model.keys import Key
 from memo_core.skills.contract import documentation
 from memo_core.text.reading_limits import excerpt, too_long
@@ -200,7 +200,7 @@ class Teaching:
             gone = set(range(len(notes))) if answer.kind == "reworded" or not answer.struck else set(answer.struck)
             gone = set() if answer.kind == "accepted" else gone
             said = [
-                ReadBack(entry.id, "struck" if place in gone else "accepted")
+                Reaction(entry.id, "struck" if place in gone else "accepted")
                 for place, entry in enumerate(noted.entries)
             ]
             remark.entries = self._book.read_back(remark.feedback, said)

@@ -12,7 +12,7 @@ from memo_core.runlog.log_file import FILE, damaged
 
 
 @attrs.define(eq=False)
-class Entry:
+class LogEntry:
     """One effect. ``value`` or ``raised`` is set once it has ended; ``begun`` counts how often it was begun."""
 
     number: int
@@ -33,7 +33,7 @@ class History:
     """A run log as read. ``effects``: all of them, in the order in which they began."""
 
     head: dict[str, Any]
-    effects: tuple[Entry, ...] = ()
+    effects: tuple[LogEntry, ...] = ()
     parts: tuple[dict[str, Any], ...] = ()
     ended: str = ""  # why there is nothing to resume
     wall_s: float = 0.0  # of all parts together
@@ -41,14 +41,14 @@ class History:
     cut: int | None = None  # from this effect on nothing counts, which the log does not say yet: the run was killed
 
     @property
-    def replayed(self) -> tuple[Entry, ...]:
+    def replayed(self) -> tuple[LogEntry, ...]:
         """The effects that are replayed in a resumed run; the last one may have no end."""
         return tuple(entry for entry in self.effects if not entry.cut)
 
 
 def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
     """The history in the lines of a log. Raises ``InvalidArgument``, which names an inconsistent line."""
-    head, effects, parts = records[0], dict[int, Entry](), list[dict[str, Any]]()
+    head, effects, parts = records[0], dict[int, LogEntry](), list[dict[str, Any]]()
     ended, wall, first, last = "", 0.0, 0.0, 0.0
     book: tuple[int | None, float] = (None, 0.0)
     for line, record in enumerate(records[1:], start=2):
@@ -78,15 +78,15 @@ def read_history(folder: Path, records: Sequence[dict[str, Any]]) -> History:
     return History(head, tuple(effects.values()), tuple(parts), ended, wall + last - first, book, cut)
 
 
-def _begin(effects: dict[int, Entry], record: dict[str, Any]) -> None:
+def _begin(effects: dict[int, LogEntry], record: dict[str, Any]) -> None:
     number = int(record["n"])
     if number in effects:
         effects[number].begun += 1
     else:
-        effects[number] = Entry(number, str(record["begin"]), str(record["about"]))
+        effects[number] = LogEntry(number, str(record["begin"]), str(record["about"]))
 
 
-def _end(entry: Entry, record: dict[str, Any]) -> None:
+def _end(entry: LogEntry, record: dict[str, Any]) -> None:
     if entry.name != record["end"]:
         raise ValueError(f"entry {entry.number} began as {entry.name!r}")
     entry.ended, entry.value, entry.raised = True, record.get("value"), record.get("raised")
@@ -94,12 +94,12 @@ def _end(entry: Entry, record: dict[str, Any]) -> None:
     entry.answered = bool(record.get("answered"))
 
 
-def _cut(effects: Iterable[Entry], number: int) -> None:
+def _cut(effects: Iterable[LogEntry], number: int) -> None:
     for entry in effects:
         entry.cut = entry.cut or entry.number >= number
 
 
-def _first_not_replayed(effects: list[Entry]) -> int | None:
+def _first_not_replayed(effects: list[LogEntry]) -> int | None:
     """For a killed run, these are repeated: effects after one that never ended, a stop that no person had answered, and
     an error that was the last entry."""
     for index, entry in enumerate(effects):
@@ -113,7 +113,7 @@ def _first_not_replayed(effects: list[Entry]) -> int | None:
     return number
 
 
-def unanswered_stop(effects: Sequence[Entry]) -> int | None:
+def unanswered_stop(effects: Sequence[LogEntry]) -> int | None:
     """The first effect that was stopped after the last answered stop; None if every stop was answered."""
     found = None
     for entry in effects:

@@ -19,7 +19,7 @@ import cattrs
 
 from memo_core.errors import InvalidArgument, MemoError, Stopped
 from memo_core.runlog.log_file import VERSION, LogFile
-from memo_core.runlog.log_history import Entry, History, unanswered_stop
+from memo_core.runlog.log_history import History, LogEntry, unanswered_stop
 from memo_core.runlog.whole_files import write_whole
 from memo_core.text.redaction import Redactor
 
@@ -93,7 +93,7 @@ class RunLog:
         self.live = history is None  # whether anything happened that was not answered from the log
         self._replay = deque(history.replayed if history is not None else ())
         self._kept = _kept_answers(history)
-        self._done: list[Entry] = []
+        self._done: list[LogEntry] = []
         self._next = max((entry.number for entry in history.effects), default=0) + 1 if history is not None else 1
         self._before_live: Callable[[], None] | None = None
         self._inside = False
@@ -185,7 +185,7 @@ class RunLog:
             return self._again(kind, entry)
         return self._live(kind, about, do, recover, entry)
 
-    def _again(self, kind: Effect[T], entry: Entry) -> T:
+    def _again(self, kind: Effect[T], entry: LogEntry) -> T:
         try:
             if entry.raised is not None:
                 raise _error_of(kind, entry)
@@ -200,13 +200,13 @@ class RunLog:
         about: str,
         do: Callable[[int], T],
         recover: Callable[[int], T | None] | None,
-        begun: Entry | None,
+        begun: LogEntry | None,
     ) -> T:
         self.go_live()
         self.live = True
         entry = begun
         if entry is None:
-            entry, self._next = Entry(self._next, kind.name, about), self._next + 1
+            entry, self._next = LogEntry(self._next, kind.name, about), self._next + 1
         self._advance(entry)
         self._inside = True
         try:
@@ -228,17 +228,17 @@ class RunLog:
         finally:
             self._inside = False
 
-    def _advance(self, entry: Entry) -> None:
+    def _advance(self, entry: LogEntry) -> None:
         self._done.append(entry)
         self._last, self._since = entry.number, 0
 
-    def _end(self, kind: Effect[T], entry: Entry, value: T) -> None:
+    def _end(self, kind: Effect[T], entry: LogEntry, value: T) -> None:
         entry.ended, entry.value, entry.answered = True, kind.keep(value), kind.answers_stop
         entry.stopped = bool(getattr(value, "stopped", False))
         marks = {name: True for name in ("stopped", "answered") if getattr(entry, name)}
         self._append({"n": entry.number, "end": kind.name, "value": entry.value, **marks}, sync=kind.outside)
 
-    def _raised(self, kind: Effect[T], entry: Entry, error: MemoError) -> None:
+    def _raised(self, kind: Effect[T], entry: LogEntry, error: MemoError) -> None:
         entry.ended, entry.stopped = True, isinstance(error, Stopped)
         entry.raised = {"type": type(error).__name__, **cattrs.unstructure(error)}
         self._append({"n": entry.number, "end": kind.name, "raised": entry.raised}, sync=kind.outside)
@@ -289,7 +289,7 @@ class RunLog:
             self._file.append(record, sync)
 
 
-def _error_of(kind: Effect[Any], entry: Entry) -> MemoError:
+def _error_of(kind: Effect[Any], entry: LogEntry) -> MemoError:
     record = dict(entry.raised or {})
     name = record.pop("type")
     known: Sequence[type[MemoError]] = (*kind.errors, Stopped, InDoubt)
@@ -305,7 +305,7 @@ def _kept_answers(history: History | None) -> dict[str, deque[Any]]:
     return kept
 
 
-def _keep_answer(kept: dict[str, deque[Any]], entry: Entry) -> None:
+def _keep_answer(kept: dict[str, deque[Any]], entry: LogEntry) -> None:
     value = entry.late if entry.late is not None else entry.value
     if value is not None and (entry.raised is None or entry.late is not None):
         kept.setdefault(entry.about, deque()).append(value)

@@ -16,7 +16,7 @@ from memo_core.interfaces.llm import LanguageModel, LanguageModelError, Usage
 from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.spending import Spent
-from memo_core.policy.consolidation import Clustering, ClusteringSettings, Outcome
+from memo_core.policy.consolidation import Clustering, ClusteringSettings, ClusterOutcome
 from memo_core.process.freed_memory import give_back_freed_memory
 from memo_core.process.signal_safe import Wake
 from memo_core.process.stop_switch import StopSwitch
@@ -154,9 +154,9 @@ def watch(
     book: Skillbook, clustering: Clustering, stop: StopSwitch, interval_s: float, report: Callable[[Any], None]
 ) -> None:
     """Condense clusters as they change, until ``stop`` is pressed. ``report`` receives each ``NearKeys`` that is
-    merged, each ``Outcome``, and each error after which it continues. A cluster for which the model gave no usable
-    answer is not asked about again until it changes. Raises ``Stopped``, and errors that make continuing pointless:
-    ``BudgetExceeded``, a deleted book."""
+    merged, each ``ClusterOutcome``, and each error after which it continues. A cluster for which the model gave no
+    usable answer is not asked about again until it changes. Raises ``Stopped``, and errors that make continuing
+    pointless: ``BudgetExceeded``, a deleted book."""
     tried: set[tuple[str, str]] = set()
     seen = -1
     while True:
@@ -196,7 +196,7 @@ def _pause(stop: StopSwitch, seconds: float) -> None:
     stop.check("waiting for changes")
 
 
-def outcome_record(outcome: Outcome) -> dict[str, Any]:
+def outcome_record(outcome: ClusterOutcome) -> dict[str, Any]:
     """An outcome as JSON values, with entries by their ids in the book."""
     cluster, proposal = outcome.cluster, outcome.proposal
     ids = {number: member.id for number, member in enumerate(cluster.members, start=1)}

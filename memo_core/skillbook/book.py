@@ -26,7 +26,7 @@ from memo_core.skillbook.model.entries import (
     Forgotten,
     KeptReadBack,
     Note,
-    ReadBack,
+    Reaction,
     spoken,
 )
 from memo_core.skillbook.model.keys import Key, as_text
@@ -235,7 +235,7 @@ class Skillbook:
         with self.database.write() as connection:
             return add_template(self.database, connection, feedback_id, wanted, code, scene, derived_from)
 
-    def read_back(self, feedback_id: int, said: Sequence[ReadBack], who: str = "") -> tuple[Entry, ...]:
+    def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes that were made of a feedback and read
         back to them. Returns the active entries of the feedback afterwards. ``who`` is by default the person who gave
         the feedback. An earlier reaction to a note is not changed, so the call may be repeated after a crash. Raises

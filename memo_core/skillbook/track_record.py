@@ -11,7 +11,7 @@ from memo_core.skillbook.store import queries, tables, trials
 from memo_core.skillbook.writing import templates
 
 
-def trials_of(book: Skillbook, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.Trial]]:
+def trials_of(book: Skillbook, entry_ids: Iterable[int] | None = None) -> dict[int, list[trials.TemplateTrial]]:
     """The trials of templates, by entry; templates without trials are left out."""
     with book.database.read() as connection:
         return trials.trials_of(book.database, connection, entry_ids)
@@ -24,7 +24,7 @@ def note_trial(book: Skillbook, entry_id: int, start: str, success: bool, reason
     with book.database.write() as connection:
         entry = entry_in(connection, entry_id)
         before = trials.failing(book.database, connection, [entry_id])
-        trials.keep_trial(connection, entry_id, trials.Trial(start, success, book.database.now(), reason))
+        trials.keep_trial(connection, entry_id, trials.TemplateTrial(start, success, book.database.now(), reason))
         if before == trials.failing(book.database, connection, [entry_id]):
             return
         key = queries.key_id(connection, book.database.upsert(tables.keys), entry.key)

@@ -35,7 +35,7 @@ SEEDS_A_HISTORY = 10_000  # scenes of one history are no other's
 
 
 @attrs.frozen(eq=False)
-class History:
+class TeachingHistory:
     """One history of a study: ``order`` is who comes when."""
 
     number: int
@@ -68,7 +68,7 @@ def training_tasks(experiment: Experiment, settings: StudySettings) -> tuple[str
     return names
 
 
-def teach(history: History, teaching: Teaching) -> Journal:
+def teach(history: TeachingHistory, teaching: Teaching) -> Journal:
     """Go on with a history until its protocol is done, or until as many sessions as may begin now have ended. Raises
     ``Stopped`` when a person ends it, and ``MemoError``."""
     experiment = teaching.load()
@@ -110,7 +110,7 @@ def _over(settings: StudySettings, journal: Journal, tasks: int) -> str:
     return ""
 
 
-def _begin_session(history: History, teaching: Teaching, settings: StudySettings, journal: Journal) -> None:
+def _begin_session(history: TeachingHistory, teaching: Teaching, settings: StudySettings, journal: Journal) -> None:
     number = len(journal.sessions) + 1
     who = history.order[(number - 1) % len(history.order)]
     consent = "simulated"
@@ -131,7 +131,7 @@ def _begin_session(history: History, teaching: Teaching, settings: StudySettings
     teaching.report(f"history {history.number}, session {number}: {who.id}")
 
 
-def _end_session(teaching: Teaching, history: History, journal: Journal) -> None:
+def _end_session(teaching: Teaching, history: TeachingHistory, journal: Journal) -> None:
     session = journal.open_session
     assert session is not None
     with book_of(teaching.load(), str(history.folder / BOOK), read_only=True) as book:
@@ -143,7 +143,9 @@ def _teacher(teaching: Teaching, who: Participant, task: Task | None, seed: int,
     return teacher_of(teaching.load, who, task, seed, settings.lessons)
 
 
-def _run(history: History, teaching: Teaching, settings: StudySettings, journal: Journal, run: TaughtRun) -> None:
+def _run(
+    history: TeachingHistory, teaching: Teaching, settings: StudySettings, journal: Journal, run: TaughtRun
+) -> None:
     """Do a run, or go on with it. Raises ``Stopped`` where a person ended it."""
     book_url = str(history.folder / BOOK)
     experiment = teaching.load(f"skillbook.url={book_url}", task=run.task, seed=run.seed)

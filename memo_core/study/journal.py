@@ -24,7 +24,7 @@ FILE = "journal.jsonl"
 
 
 @attrs.define
-class Session:
+class StudySession:
     """One sitting of one participant."""
 
     number: int
@@ -57,7 +57,7 @@ class Journal:
     """What a history's journal says, and writing to it."""
 
     folder: Path
-    sessions: list[Session] = attrs.field(factory=list)
+    sessions: list[StudySession] = attrs.field(factory=list)
     runs: list[TaughtRun] = attrs.field(factory=list)
     over: str = ""
     book: str = ""  # file in the folder
@@ -82,7 +82,7 @@ class Journal:
         return self.runs[-1] if self.runs and self.runs[-1].end is None else None
 
     @property
-    def open_session(self) -> Session | None:
+    def open_session(self) -> StudySession | None:
         return self.sessions[-1] if self.sessions and not self.sessions[-1].ended else None
 
     def feedback_until(self, hours: float) -> int:
@@ -107,7 +107,7 @@ class Journal:
         if "book" in line:
             self.book = line["book"]
         elif "participant" in line and "begin" not in line:
-            self.sessions.append(Session(line["session"], line["participant"], line["consent"]))
+            self.sessions.append(StudySession(line["session"], line["participant"], line["consent"]))
         elif "begin" in line:
             wanted = (line["begin"], line["session"], line["participant"], line["task"], line["seed"])
             self.runs.append(TaughtRun(*wanted))

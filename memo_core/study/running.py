@@ -17,7 +17,7 @@ from memo_core.process.worker_processes import in_processes
 from memo_core.runs.run_errors import Halted, NotCarriedOut
 from memo_core.runs.sections import SECTIONS
 from memo_core.study.consent import Reception
-from memo_core.study.history import History, Teaching, teach
+from memo_core.study.history import Teaching, TeachingHistory, teach
 from memo_core.study.participants import Load
 from memo_core.study.people import People
 from memo_core.study.settings import StudySettings
@@ -60,7 +60,7 @@ def run_study(
         _teach(history, teaching)
 
 
-def _teach(history: History, teaching: Teaching) -> None:
+def _teach(history: TeachingHistory, teaching: Teaching) -> None:
     """Teach as ``teach`` does. Raises ``Halted`` when a run could not be carried out: the study is paused, the run
     counts for nothing and is gone on with."""
     try:

@@ -24,7 +24,7 @@ from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
 from memo_core.study.consent import Consent, check_for_people, read_consent
-from memo_core.study.history import History, training_tasks
+from memo_core.study.history import TeachingHistory, training_tasks
 from memo_core.study.journal import Journal, read_journal
 from memo_core.study.participants import Load, order_of, participants_of, teacher_of
 from memo_core.study.settings import StudySettings
@@ -95,14 +95,15 @@ def check(load: Load, experiment: Experiment) -> Consent:
     return consent
 
 
-def histories_of(experiment: Experiment, folder: Path) -> tuple[History, ...]:
+def histories_of(experiment: Experiment, folder: Path) -> tuple[TeachingHistory, ...]:
     """The histories of a study: repetitions with one shared book, or one for each participant."""
     settings: StudySettings = experiment.section("study")
     people = participants_of(settings)
     if settings.book == "participant":
-        return tuple(History(n, folder / f"history-{n}", (who,)) for n, who in enumerate(people))
+        return tuple(TeachingHistory(n, folder / f"history-{n}", (who,)) for n, who in enumerate(people))
     return tuple(
-        History(n, folder / f"history-{n}", order_of(people, n, experiment.seed)) for n in range(settings.histories)
+        TeachingHistory(n, folder / f"history-{n}", order_of(people, n, experiment.seed))
+        for n in range(settings.histories)
     )
 
 

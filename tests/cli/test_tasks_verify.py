@@ -11,7 +11,7 @@ import pytest
 from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.cli.options import load
-from memo_core.cli.verification import Trial, TrialLog, digest_of, holds, report_of, run_trial, run_trials
+from memo_core.cli.verification import TrialLog, VerifiedTrial, digest_of, holds, report_of, run_trial, run_trials
 from memo_core.errors import BackendUnavailable, InvalidArgument, RobotFault, TaskCodeError
 from memo_core.runs.run_errors import Halted
 
@@ -47,7 +47,7 @@ class Lift(Task):
 def memo_task_suites():
     return [Backend("suite", "own", "own tasks", lambda settings: (Lift(),))]
 """
-TRIAL = Trial(None, (), "lift", 3)
+TRIAL = VerifiedTrial(None, (), "lift", 3)
 
 
 def same(name: str, seed: int) -> str:
@@ -82,9 +82,9 @@ def test_a_line_that_a_kill_cut_off_is_run_again_and_the_file_stays_readable(tmp
     log.add(RESULT | {"seed": 4})
     file.write_bytes(file.read_bytes()[:-30])
     again = TrialLog(file, same)
-    assert again.known(TRIAL) is not None and again.known(Trial(None, (), "lift", 4)) is None
+    assert again.known(TRIAL) is not None and again.known(VerifiedTrial(None, (), "lift", 4)) is None
     again.add(RESULT | {"seed": 4})
-    assert TrialLog(file, same).known(Trial(None, (), "lift", 4)) is not None
+    assert TrialLog(file, same).known(VerifiedTrial(None, (), "lift", 4)) is not None
 
 
 def test_a_result_of_another_scene_or_setting_does_not_count(tmp_path):
@@ -175,7 +175,7 @@ def test_what_robot_simulator_or_task_could_not_carry_out_has_no_outcome(fault, 
         raise fault
 
     monkeypatch.setattr(MujocoSimulator, "command_joints", broken)
-    found = run_trial(Trial(None, (), "put-the-cube-away", 0))
+    found = run_trial(VerifiedTrial(None, (), "put-the-cube-away", 0))
     assert found["error"]["problem"] == str(fault) and "reference" not in found
 
 
@@ -183,7 +183,7 @@ def test_what_could_not_be_carried_out_is_in_no_count_is_not_kept_and_does_not_h
     failed = {"task": "lift", "seed": 4, "error": {"cause": "error", "problem": "it diverged", "persistent": False}}
     monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: RESULT if trial.seed == 3 else failed)
     log = TrialLog(tmp_path / "out.jsonl", same)
-    report = report_of("lift", run_trials([TRIAL, Trial(None, (), "lift", 4)], 1, log))
+    report = report_of("lift", run_trials([TRIAL, VerifiedTrial(None, (), "lift", 4)], 1, log))
     assert (report["reference"], report["seeds"], report["not_carried_out"]) == (1, 1, 1) and not holds(report)
     assert report["failures"] == [{"seed": 4, "what": "could not be carried out", "why": "it diverged"}]
     assert len((tmp_path / "out.jsonl").read_text().splitlines()) == 1
@@ -193,13 +193,13 @@ def test_an_error_that_persists_ends_the_command(monkeypatch):
     failed = {"task": "lift", "seed": 3, "error": {"cause": "simulator", "problem": "it died", "persistent": True}}
     monkeypatch.setattr("memo_core.cli.verification.run_trial", lambda trial: failed)
     with pytest.raises(Halted, match="it died; no more trials were begun"):
-        run_trials([TRIAL, Trial(None, (), "lift", 4)], 1, TrialLog(None, same))
+        run_trials([TRIAL, VerifiedTrial(None, (), "lift", 4)], 1, TrialLog(None, same))
 
 
 def test_a_result_without_the_plain_attempt_does_not_answer_for_it(tmp_path):
     file = tmp_path / "out.jsonl"
     TrialLog(file, same).add(RESULT)
-    asked = Trial(None, (), "lift", 3, plain=True)
+    asked = VerifiedTrial(None, (), "lift", 3, plain=True)
     assert TrialLog(file, same).known(asked) is None
     TrialLog(file, same).add(RESULT | {"plain": False, "plain_why": "it slipped"})
     assert TrialLog(file, same).known(asked) is not None and TrialLog(file, same).known(TRIAL) is not None

@@ -20,7 +20,7 @@ from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
 from memo_core.skillbook import consolidating, exchange, raw_log
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, Reaction
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.sharing.rebuild_input import RawLog
 from memo_core.testing.fake_environment import FakeEnvironment
@@ -47,7 +47,7 @@ def taught(book: Skillbook) -> None:
     notes = [Note(DOOR, "Lead it along an arc."), Note(CUP, "Grip low."), Note(GLOBAL_KEY, "Doors turn.")]
     _, low, turn = book.add_notes(first, notes, "kitchen")
     with raw_log.clock(book, lambda: 11.0):
-        book.read_back(first, [ReadBack(low.id, "struck"), ReadBack(turn.id, "reworded", "Doors turn about a hinge.")])
+        book.read_back(first, [Reaction(low.id, "struck"), Reaction(turn.id, "reworded", "Doors turn about a hinge.")])
     second = book.record_feedback("along an arc", "ben", subtask="OPEN(door)", when=20.0)
     book.add_lessons(second, DOOR, ["Lead it along an arc, slowly."])
     approval = book.record_feedback("", "ana", subtask="OPEN(door)", kind="approval", when=30.0)
@@ -124,7 +124,7 @@ def test_what_was_struck_is_struck_from_notes_that_another_model_words_otherwise
     with new_book() as source:
         said = source.record_feedback("hold it low and tight", "ana", subtask="PICK_UP(cup)", kept_only="x", when=1.0)
         low = source.add_notes(said, [Note(CUP, "Hold the cup low and tight.")])[0]
-        source.read_back(said, [ReadBack(low.id, "struck")])
+        source.read_back(said, [Reaction(low.id, "struck")])
         nothing_made = attrs.evolve(raw_log.raw_log(source), entries={})
         records, result = rebuilt(source, "memo-c", ScriptedModel({"feedback": [other]}), log=nothing_made)
     assert texts(records) == ["Be careful."] and (result.read_backs, result.unmatched) == (1, 0)

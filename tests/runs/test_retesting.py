@@ -18,7 +18,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.policy.method_interface import LanguageMethod
 from memo_core.policy.methods import METHODS
 from memo_core.policy.settings import RunSettings, TeachingSettings
-from memo_core.runlog.log_history import Entry as Effect, History
+from memo_core.runlog.log_history import History, LogEntry as Effect
 from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
 from memo_core.runs.folder import RunFolder, new_run_folder
 from memo_core.runs.run import RunComponents, perform

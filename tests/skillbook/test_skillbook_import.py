@@ -22,7 +22,7 @@ from memo_core.errors import UnknownName
 from memo_core.skillbook import consolidating, exchange, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.rules import Condensed, Merged
-from memo_core.skillbook.model.entries import GLOBAL_KEY, ReadBack
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Reaction
 from memo_core.skillbook.sharing.authors_books import NotALorebook, read_lorebook
 from memo_core.skillbook.sharing.import_records import BadImport, ImportRecords
 from memo_core.skillbook.sharing.safe_pickle import UnsafePickle
@@ -297,7 +297,7 @@ def test_a_file_with_anything_in_it_is_refused_with_its_line_or_leaves_a_whole_b
         teach_general(one, "be gentle")
         approve(one, "OPEN(jar)")
         first = one.entries("correction")[0]
-        one.read_back(first.feedback, [ReadBack(first.id, "reworded", "turn it slowly")])
+        one.read_back(first.feedback, [Reaction(first.id, "reworded", "turn it slowly")])
         consolidating.add_alias(one, "OPEN(jar)", "OPEN(glass)")
         whole = exported(one)
     draw, refused = random.Random(8), 0

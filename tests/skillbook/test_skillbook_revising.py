@@ -9,7 +9,7 @@ import pytest
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook import exchange, history
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, ReadBack
+from memo_core.skillbook.model.entries import GLOBAL_KEY, Note, Reaction
 from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 
@@ -36,9 +36,9 @@ def valid(book: Skillbook) -> list[str]:
 def test_what_is_said_of_notes_that_are_read_back_is_applied_and_kept_with_the_words(book: Skillbook) -> None:
     feedback, (arc, tight, general) = taught(book)
     said = [
-        ReadBack(arc, "accepted"),
-        ReadBack(tight, "struck"),
-        ReadBack(general, "reworded", "Doors turn about a hinge."),
+        Reaction(arc, "accepted"),
+        Reaction(tight, "struck"),
+        Reaction(general, "reworded", "Doors turn about a hinge."),
     ]
     left = book.read_back(feedback, said)
     assert [entry.text for entry in left] == ["Lead it along an arc.", "Doors turn about a hinge."] == valid(book)
@@ -55,7 +55,7 @@ def test_what_is_said_of_notes_that_are_read_back_is_applied_and_kept_with_the_w
 
 def test_a_read_back_may_be_repeated_after_a_crash(book: Skillbook) -> None:
     feedback, (_, tight, general) = taught(book)
-    said = [ReadBack(tight, "struck"), ReadBack(general, "reworded", "Doors turn about a hinge.")]
+    said = [Reaction(tight, "struck"), Reaction(general, "reworded", "Doors turn about a hinge.")]
     first = book.read_back(feedback, said)
     before = (list(exchange.export(book)), book.generation())
     assert book.read_back(feedback, said) == first
@@ -65,7 +65,7 @@ def test_a_read_back_may_be_repeated_after_a_crash(book: Skillbook) -> None:
 def test_a_read_back_is_one_revision_that_can_be_rolled_back_and_that_again(book: Skillbook) -> None:
     feedback, (arc, tight, general) = taught(book)
     before = valid(book)
-    book.read_back(feedback, [ReadBack(tight, "struck"), ReadBack(general, "reworded", "Some doors turn.")])
+    book.read_back(feedback, [Reaction(tight, "struck"), Reaction(general, "reworded", "Some doors turn.")])
     after, revision = valid(book), history.revisions(book)[-1]
     back = history.roll_back(book, revision.id)
     assert valid(book) == before
@@ -78,11 +78,11 @@ def test_notes_of_another_feedback_are_not_read_back(book: Skillbook) -> None:
     feedback, _ = taught(book)
     _, (other, *_) = taught(book)
     with pytest.raises(InvalidArgument, match=f"entry {other} does not derive from feedback {feedback}"):
-        book.read_back(feedback, [ReadBack(other, "struck")])
+        book.read_back(feedback, [Reaction(other, "struck")])
     with pytest.raises(UnknownName):
-        book.read_back(feedback, [ReadBack(999, "struck")])
+        book.read_back(feedback, [Reaction(999, "struck")])
     with pytest.raises(InvalidArgument, match="reworded to nothing"):
-        ReadBack(other, "reworded", " ")
+        Reaction(other, "reworded", " ")
 
 
 def test_one_remark_files_notes_under_several_keys_and_the_same_words_once(book: Skillbook) -> None:

@@ -59,7 +59,7 @@ class Note:
 
 
 @attrs.frozen
-class ReadBack:
+class Reaction:
     """A person's reaction to a note that was read back to them: accepted, reworded (``text``), or struck."""
 
     entry: int

@@ -18,7 +18,7 @@ _T = tables.trials.c
 
 
 @attrs.frozen
-class Trial:
+class TemplateTrial:
     """One run of a template: ``start`` is the stored start ("run NAME") or the new scene ("TASK seed N")."""
 
     start: str
@@ -29,20 +29,20 @@ class Trial:
 
 def trials_of(
     database: Database, connection: sa.Connection, entries: Iterable[int] | None = None
-) -> dict[int, list[Trial]]:
+) -> dict[int, list[TemplateTrial]]:
     """The trials of all templates that have any, or of some, by entry, in the order in which they were made."""
     if not database.has(connection, tables.trials):
         return {}
     query = sa.select(_T.entry, _T.start, _T.success, _T.time, _T.reason).order_by(_T.time, _T.start)
     if entries is not None:
         query = query.where(_T.entry.in_(list(entries)))
-    found: dict[int, list[Trial]] = {}
+    found: dict[int, list[TemplateTrial]] = {}
     for entry, start, success, time, reason in connection.execute(query):
-        found.setdefault(entry, []).append(Trial(start, bool(success), time, reason))
+        found.setdefault(entry, []).append(TemplateTrial(start, bool(success), time, reason))
     return found
 
 
-def fails(trials: Iterable[Trial]) -> bool:
+def fails(trials: Iterable[TemplateTrial]) -> bool:
     """Whether fewer than half of these trials succeeded; False without trials."""
     successes = [trial.success for trial in trials]
     return 2 * sum(successes) < len(successes)
@@ -62,7 +62,7 @@ def all_failing(database: Database, connection: sa.Connection) -> frozenset[int]
     return frozenset(int(entry) for (entry,) in connection.execute(query))
 
 
-def keep_trial(connection: sa.Connection, entry: int, trial: Trial) -> None:
+def keep_trial(connection: sa.Connection, entry: int, trial: TemplateTrial) -> None:
     """Store a trial in place of an earlier one from the same start, inside a write transaction."""
     connection.execute(sa.delete(tables.trials).where(_T.entry == entry, _T.start == trial.start))
     connection.execute(sa.insert(tables.trials).values(entry=entry, **attrs.asdict(trial)))

@@ -14,7 +14,7 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.errors import InvalidArgument, UnknownName
-from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, ReadBack, key_label, longest_entry
+from memo_core.skillbook.model.entries import Entry, Feedback, KeptReadBack, Reaction, key_label, longest_entry
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import supersede
@@ -28,7 +28,7 @@ def read_back(
     database: Database,
     connection: sa.Connection,
     feedback: Feedback,
-    said: Sequence[ReadBack],
+    said: Sequence[Reaction],
     who: str,
     when: float,
 ) -> None:
@@ -61,14 +61,14 @@ def edit(database: Database, connection: sa.Connection, entry: Entry, text: str,
         raise InvalidArgument("text", problem, f"a {entry.kind} of at most {longest_entry(entry.kind)} characters")
     if entry.kind == "template":
         _check_function(text)
-    [added] = _change(database, connection, entry, ReadBack(entry.id, "reworded", text), f"edit of {entry.id}", who)
+    [added] = _change(database, connection, entry, Reaction(entry.id, "reworded", text), f"edit of {entry.id}", who)
     return added
 
 
 def remove(database: Database, connection: sa.Connection, entry: Entry, who: str) -> None:
     """Retire an entry without a successor. Raises ``InvalidArgument`` for one that is superseded."""
     _check_valid(entry)
-    _change(database, connection, entry, ReadBack(entry.id, "struck"), f"removal of {entry.id}", who)
+    _change(database, connection, entry, Reaction(entry.id, "struck"), f"removal of {entry.id}", who)
 
 
 def kept_read_backs(
@@ -84,7 +84,7 @@ def kept_read_backs(
 
 
 def _change(
-    database: Database, connection: sa.Connection, entry: Entry, said: ReadBack, reason: str, who: str
+    database: Database, connection: sa.Connection, entry: Entry, said: Reaction, reason: str, who: str
 ) -> list[int]:
     when, origins = database.now(), _first_feedback(connection, entry.id)
     if len(origins) == 1:  # of several it is nobody's own note: a rebuilt book may never have it
@@ -95,7 +95,7 @@ def _change(
 def _apply(
     database: Database,
     connection: sa.Connection,
-    said: Sequence[tuple[Entry, ReadBack]],
+    said: Sequence[tuple[Entry, Reaction]],
     reason: str,
     who: str,
     when: float,
@@ -169,7 +169,7 @@ def _reworded(
     return added
 
 
-def _keep(connection: sa.Connection, feedback: int, entry: Entry, said: ReadBack, who: str, when: float) -> None:
+def _keep(connection: sa.Connection, feedback: int, entry: Entry, said: Reaction, who: str, when: float) -> None:
     text = said.text if said.outcome == "reworded" else ""
     values = {"feedback": feedback, "entry": entry.id, "who": who, "time": when, "note": entry.text, "text": text}
     queries.insert(connection, tables.read_backs, outcome=said.outcome, **values)

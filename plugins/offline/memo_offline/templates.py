@@ -14,7 +14,7 @@ import math
 import attrs
 import numpy as np
 
-from memo_core.plugin import Array, Command, Entry, Node, Pose, SceneGraph, quaternion_angle
+from memo_core.plugin import Array, Command, Node, Pose, PromptEntry, SceneGraph, quaternion_angle
 from memo_offline.imagination import Imagination
 from memo_offline.recipe import Recipe
 from memo_offline.surroundings import Surroundings, descendants, find, last_word
@@ -24,7 +24,7 @@ TURNS = math.radians(20)
 
 
 def adopt(
-    recipe: Recipe, template: Entry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination
+    recipe: Recipe, template: PromptEntry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination
 ) -> Recipe | None:
     """The recipe with the template's structure, or None if the template cannot be used."""
     around = Surroundings.of(scene, recipe.thing, recipe.place)
@@ -39,7 +39,9 @@ def adopt(
 # -- imagining -------------------------------------------------------------------------------------------------------
 
 
-def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination) -> list[Command]:
+def imagine(
+    template: PromptEntry, scene: SceneGraph, objects: tuple[str, ...], imagination: Imagination
+) -> list[Command]:
     """The recorded motion of the hand when the template is called for the prompt's objects; empty if it cannot be
     called."""
     try:
@@ -57,7 +59,7 @@ def imagine(template: Entry, scene: SceneGraph, objects: tuple[str, ...], imagin
 
 
 def _arguments(
-    function: ast.FunctionDef, template: Entry, scene: SceneGraph, objects: tuple[str, ...]
+    function: ast.FunctionDef, template: PromptEntry, scene: SceneGraph, objects: tuple[str, ...]
 ) -> dict[str, object] | None:
     """Values for the parameters that name things (those of the template's own scene are not in this one)."""
     parameters = [*function.args.posonlyargs, *function.args.args]

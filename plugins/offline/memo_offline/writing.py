@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import attrs
 
-from memo_core.plugin import Entry, Node, Prompt, SceneGraph, read_subtask
+from memo_core.plugin import Node, Prompt, PromptEntry, SceneGraph, read_subtask
 from memo_offline.editing import apply
 from memo_offline.imagination import Imagination
 from memo_offline.reading import read
@@ -83,7 +83,7 @@ def _code(prompt: Prompt, imagination: Imagination, of_this_alone: bool = False)
     return Code(render(recipe, prompt.section("subtask"), scene, prompt.task, remarks), not_understood)
 
 
-def _of_this(entry: Entry, recipe: Recipe, scene: SceneGraph) -> bool:
+def _of_this(entry: PromptEntry, recipe: Recipe, scene: SceneGraph) -> bool:
     """Whether a note was made of this subtask's thing, of what it is part of or has as a part, or of nothing in
     particular."""
     objects = read_subtask(entry.key)[1] if "(" in entry.key else ()
@@ -101,7 +101,7 @@ def _family(recipe: Recipe, scene: SceneGraph) -> list[Node]:
     return [thing, *descendants(scene, thing), *(node for node in scene.nodes if node.id == thing.part_of)]
 
 
-def _alike(entry: Entry, prompt: Prompt) -> bool:
+def _alike(entry: PromptEntry, prompt: Prompt) -> bool:
     """Whether an entry was made at something that is done in the same steps, or done to the same things; yes, where
     that cannot be told."""
     if "(" not in entry.key:

@@ -17,7 +17,7 @@ _MOST_MISSED = 8  # pictures in a row without the board: it is no use going on
 
 
 @attrs.frozen(eq=False)
-class Session:
+class CalibrationSession:
     """What was seen: the shots, the poses from which the board was not seen, and the frame of the first shot."""
 
     shots: tuple[Shot, ...]
@@ -33,7 +33,7 @@ def take_shots(
     capture: Callable[[], Frame],
     board: Board,
     progress: Callable[[str], None] = lambda told: None,
-) -> Session:
+) -> CalibrationSession:
     """Move to each pose, wait until the arm is still, and take a picture, until ``wanted`` pictures show the board or
     there is no further pose. Raises ``Stopped``, ``RobotFault``; poses that the robot's limits refuse are skipped."""
     shots: list[Shot] = []
@@ -59,7 +59,7 @@ def take_shots(
         first = first or frame
         shots.append(Shot(f"picture {len(shots) + 1}", before, sighting))
         progress(f"picture {len(shots)} of {wanted}: {len(sighting.corners)} corners")
-    return Session(tuple(shots), missed, first)
+    return CalibrationSession(tuple(shots), missed, first)
 
 
 def hold(link: Link, seconds: float = STILL_S) -> None:
