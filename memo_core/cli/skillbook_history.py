@@ -186,17 +186,22 @@ def retry(
     """Ask the model again about feedback that was set aside or is still pending. Exit code 1 when the model could not
     be asked.
     """
-    from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, asking_without_a_run, retry as ask_again
+    from memo_core.policy.feedback_processing import (
+        FeedbackProcessor,
+        ProcessedFeedback,
+        asking_without_a_run,
+        retry as ask_again,
+    )
     from memo_core.runs.consolidation import calls_without_a_run
     from memo_core.runs.factories import book_of, prompts_of
 
     _, experiment = load(config, overrides)
     with book_of(experiment, book, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
-    results: list[Noted] = []
+    results: list[ProcessedFeedback] = []
     stopped = False
 
-    def done(noted: Noted) -> None:
+    def done(noted: ProcessedFeedback) -> None:
         results.append(noted)
         if not json:
             said = "; ".join(entry.text for entry in noted.entries) or noted.reason

@@ -68,7 +68,7 @@ class Answered:
     feedback: int = 0
 
 
-class Words(Protocol):
+class WordStore(Protocol):
     """The single place where the words of one verdict are stored; the run's log refers to them by their number."""
 
     def keep(self, words: str, entry: int, state: str) -> int:
@@ -95,7 +95,7 @@ class Effects:
         self._world = b""  # the newest checkpoint
         self._looks: list[dict[str, Any]] = []  # since it was taken
         self._seen: list[Sighting] | None = None  # since somebody began to watch
-        self._praise: Words = WordsFile(session.log.folder, session.person.who)  # words that are no correction
+        self._praise: WordStore = WordsFile(session.log.folder, session.person.who)  # words that are no correction
         self._teacher = ""  # what the teacher needs to go on, after the last verdict
         self._files = PictureFiles(session.log.folder)
         self.pictures: tuple[Picture, ...] = ()  # of the last look, if prompts are to have them
@@ -219,29 +219,29 @@ class Effects:
         return Executed(execution, self._environment.time() - started, time.monotonic() - began)
 
     # -- people --------------------------------------------------------------------------------------------------------
-    def hear(self, episode: Episode, after_a_stop: bool, words: Words) -> Heard:
+    def hear(self, episode: Episode, after_a_stop: bool, words: WordStore) -> Heard:
         """The teacher's verdict on an episode. A correction is stored in ``words`` before it is processed. Raises
         ``Stopped``."""
         name = "feedback after a stop" if after_a_stop else "feedback"
         about = f"{episode.subtask}, attempt {episode.attempt}"
         return self._heard(name, about, lambda: self._person.judge(episode, after_a_stop), words, after_a_stop)
 
-    def judge_task(self, episode: TaskEpisode, words: Words) -> Heard:
+    def judge_task(self, episode: TaskEpisode, words: WordStore) -> Heard:
         """The teacher's verdict on the whole task. Raises ``Stopped``."""
         return self._heard("verdict on the task", "", lambda: self._person.judge_task(episode), words)
 
-    def judge_plan(self, proposal: Proposal, words: Words) -> Heard:
+    def judge_plan(self, proposal: Proposal, words: WordStore) -> Heard:
         """The teacher's verdict on the planned subtask. Raises ``Stopped``."""
         return self._heard("verdict on the plan", proposal.subtask, lambda: self._person.judge_plan(proposal), words)
 
-    def permit(self, program: Program, words: Words) -> Heard:
+    def permit(self, program: Program, words: WordStore) -> Heard:
         """Whether a program may run; ``approve`` if no person has to be asked. Raises ``Stopped``."""
         if not self._person.permits:
             return Heard("approve")
         about = f"{program.subtask}, attempt {program.attempt}, {len(program.code)}"
         return self._heard("release of a program", about, lambda: self._person.permit(program), words)
 
-    def read_back(self, noted: Noted, feedback: int, words: Words) -> Answered:
+    def read_back(self, noted: Noted, feedback: int, words: WordStore) -> Answered:
         """The person's reaction to the notes made of their words (``feedback``); accepted if nobody is asked. A
         rewording is stored in ``words``. Raises ``Stopped``."""
         kind: Effect[Answered] = Effect(
@@ -263,7 +263,7 @@ class Effects:
         return self._log.effect(kind, f"feedback {feedback}", ask, found)
 
     def _heard(
-        self, name: str, about: str, put: Callable[[], Verdict], words: Words, after_a_stop: bool = False
+        self, name: str, about: str, put: Callable[[], Verdict], words: WordStore, after_a_stop: bool = False
     ) -> Heard:
         kind: Effect[Heard] = Effect(
             name,
@@ -289,7 +289,7 @@ class Effects:
 
         return self._log.effect(kind, about, ask, found)
 
-    def _kept(self, words: Words, entry: int) -> tuple[int, str] | None:
+    def _kept(self, words: WordStore, entry: int) -> tuple[int, str] | None:
         """Number and words that were stored before a crash; the teacher's state is restored with them."""
         kept = words.kept(entry)
         if kept is None:
@@ -350,14 +350,14 @@ class Effects:
         return scene_of(record["scene"])
 
     def _keep_look(self, scene: SceneGraph) -> dict[str, Any]:
-        record = self._noted(scene_record(scene))
+        record = self._kept_look(scene_record(scene))
         return record | {"pictures": self._files.keep(self.pictures)} if self.pictures else record
 
     def _read_look(self, record: dict[str, Any]) -> SceneGraph:
         self.pictures = self._files.read(record.get("pictures", ()))
-        return scene_of(self._noted({name: value for name, value in record.items() if name != "pictures"}))
+        return scene_of(self._kept_look({name: value for name, value in record.items() if name != "pictures"}))
 
-    def _noted(self, look: dict[str, Any]) -> dict[str, Any]:
+    def _kept_look(self, look: dict[str, Any]) -> dict[str, Any]:
         self._looks.append(look)
         return look
 
@@ -430,12 +430,12 @@ class Effects:
             "teacher": self._teacher,
         }
 
-    def _read_answered(self, record: dict[str, Any], words: Words) -> Answered:
+    def _read_answered(self, record: dict[str, Any], words: WordStore) -> Answered:
         self._teacher = record["teacher"]
         text = words.read(record["words"]) if record["words"] else ""
         return Answered(ReadBack(record["kind"], text, tuple(record["struck"])), record["words"])
 
-    def _read_heard(self, record: dict[str, Any], words: Words) -> Heard:
+    def _read_heard(self, record: dict[str, Any], words: WordStore) -> Heard:
         self._teacher = record["teacher"]
         if "world" in record:
             self._read_world(record)

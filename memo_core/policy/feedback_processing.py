@@ -68,7 +68,7 @@ class Circumstances:
 
 
 @attrs.frozen
-class Noted:
+class ProcessedFeedback:
     """The result of processing one feedback: ``learnt`` with its entries, or ``set aside`` (parked) or ``pending`` with
     the reason. ``question`` is what the model would have to know. ``away``: the model cannot be reached, so other
     feedback cannot be processed either."""
@@ -92,7 +92,7 @@ class FeedbackProcessor:
         self._emit = emit
         self._teaching = teaching or TeachingSettings()
 
-    def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> Noted:
+    def process(self, feedback: Feedback, circumstances: Circumstances | None = None) -> ProcessedFeedback:
         """Ask a model what can be learnt, and store it. The feedback is set aside with the reason if it is too long, if
         the answer cannot be read, or if the answer says that nothing can be learnt; if the model cannot be asked, the
         feedback stays as it is. Raises ``Stopped``."""
@@ -123,7 +123,7 @@ class FeedbackProcessor:
                 return self._set_aside(feedback, str(error))
             self._emit(Problem(f"feedback {feedback.id} stays {feedback.status}", str(error)))
             away = not isinstance(error, LanguageModelError) or error.retryable or error.persistent
-            return Noted(feedback.id, "pending", reason=str(error), away=away)
+            return ProcessedFeedback(feedback.id, "pending", reason=str(error), away=away)
         except (Unreadable, NotAKey, BadPrompt) as error:
             return self._set_aside(feedback, str(getattr(error, "problem", error)))
         if not notes:
@@ -134,7 +134,7 @@ class FeedbackProcessor:
         for entry in entries:
             shown = str(entry.key) if entry.key.objects else "*"
             self._emit(EntryStored(entry.id, entry.kind, shown, entry.text, feedback.id))
-        return Noted(feedback.id, "learnt", entries)
+        return ProcessedFeedback(feedback.id, "learnt", entries)
 
     def _filed(self, notes: Notes, key: Key, task: str) -> list[Note]:
         """Each note with the key it belongs to."""
@@ -146,10 +146,10 @@ class FeedbackProcessor:
         filed += [Note(plan if self._teaching.plan_notes else GLOBAL_KEY, text) for text in notes.plan]
         return list(dict.fromkeys([*filed, *(Note(GLOBAL_KEY, text) for text in notes.general)]))
 
-    def _set_aside(self, feedback: Feedback, reason: str, question: str = "") -> Noted:
+    def _set_aside(self, feedback: Feedback, reason: str, question: str = "") -> ProcessedFeedback:
         self._book.park(feedback.id, reason)
         self._emit(Problem(f"feedback {feedback.id} is set aside (see `memo skillbook list`)", reason))
-        return Noted(feedback.id, "set aside", reason=reason, question=question)
+        return ProcessedFeedback(feedback.id, "set aside", reason=reason, question=question)
 
 
 def _answered(asked: tuple[str, str], words: str) -> str:
@@ -173,12 +173,12 @@ def asking_without_a_run(
 
 
 def retry(
-    processor: FeedbackProcessor, book: Skillbook, done: Callable[[Noted], None] = lambda noted: None
-) -> list[Noted]:
+    processor: FeedbackProcessor, book: Skillbook, done: Callable[[ProcessedFeedback], None] = lambda noted: None
+) -> list[ProcessedFeedback]:
     """Process all feedback that is parked or pending again, oldest first; ``done`` is called for each when it is
     finished. Feedback about which the model cannot be asked stays as it is; ends early if the model cannot be reached
     at all. Raises ``Stopped``."""
-    results: list[Noted] = []
+    results: list[ProcessedFeedback] = []
     for feedback in book.pending_feedback(parked=True):
         if feedback.kind != "correction":
             continue  # an approval lacks nothing that somebody said

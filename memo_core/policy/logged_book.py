@@ -112,7 +112,7 @@ class LoggedBook:
 
 
 @attrs.frozen(eq=False)
-class BookWords:
+class BookWordStore:
     """Keeps a correction of one attempt in the book, as feedback (``memo_core.policy.effects.Words``)."""
 
     run: str

@@ -25,7 +25,7 @@ from memo_core.llm.kept_calls import ASK
 from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
-from memo_core.policy.effects import Effects, Heard, Words
+from memo_core.policy.effects import Effects, Heard, WordStore
 from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
@@ -267,7 +267,7 @@ class Loop:
         proposal = Proposal(
             environment.instruction, str(key), self._effects.glance(), environment.goal, tuple(self._names())
         )
-        heard = self._asked_about_the_plan(at, lambda: self._effects.judge_plan(proposal, self._words(at)))
+        heard = self._asked_about_the_plan(at, lambda: self._effects.judge_plan(proposal, self._store_for(at)))
         return heard.kind != "correct"
 
     def _judge_task(self) -> Heard:
@@ -284,7 +284,7 @@ class Loop:
             tuple(self._names()),
             tuple(self._sightings),
         )
-        return self._asked_about_the_plan(at, lambda: self._effects.judge_task(episode, self._words(at)))
+        return self._asked_about_the_plan(at, lambda: self._effects.judge_task(episode, self._store_for(at)))
 
     def _asked_about_the_plan(self, at: _Subtask, ask: Callable[[], Heard]) -> Heard:
         """An answer about the plan or the whole task; a stop pressed in the meantime is handled first. Raises
@@ -300,8 +300,8 @@ class Loop:
             self._planning_remarks += 1
         return heard
 
-    def _words(self, at: _Subtask) -> Words:
-        return self._teaching.words(at.judged())
+    def _store_for(self, at: _Subtask) -> WordStore:
+        return self._teaching.store_for(at.judged())
 
     # -- retrieve ------------------------------------------------------------------------------------------------------
     def _retrieve(self, at: _Subtask) -> None:
@@ -385,7 +385,7 @@ class Loop:
         attempt = at.attempt
         program = Program(self._session.environment.instruction, str(at.key), attempt.number, attempt.code)
         judged = at.judged()
-        heard = self._effects.permit(program, self._teaching.words(judged))
+        heard = self._effects.permit(program, self._teaching.store_for(judged))
         if heard.kind == "approve":
             return None
         attempt.error = "not run: the person at the robot did not release this program"
@@ -412,7 +412,7 @@ class Loop:
     def _feedback(self, at: _Subtask, after_a_stop: bool = False) -> Heard:
         """The teacher's verdict on the attempt; a correction is on disk before it is processed. Raises ``Stopped``."""
         judged = at.judged()
-        heard = self._effects.hear(self._episode(at), after_a_stop, self._teaching.words(judged))
+        heard = self._effects.hear(self._episode(at), after_a_stop, self._teaching.store_for(judged))
         if heard.kind == "correct":
             self._teaching.correct(judged, heard, after_a_stop, self._keys())
         return heard

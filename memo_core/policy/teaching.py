@@ -13,9 +13,9 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Note as ReadNote
 from memo_core.llm.readers import Unreadable, read_code, read_template
 from memo_core.policy.attempt import Tried
-from memo_core.policy.effects import Effects, Heard, Words
-from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, Noted
-from memo_core.policy.logged_book import BookWords, LoggedBook, feedback_of
+from memo_core.policy.effects import Effects, Heard, WordStore
+from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, ProcessedFeedback
+from memo_core.policy.logged_book import BookWordStore, LoggedBook, feedback_of
 from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.run_context import Session
@@ -95,12 +95,12 @@ class Teaching:
         if self._book is not None:
             self._processor = FeedbackProcessor(questions.ask, self._book, session.emit, session.teaching)
 
-    def words(self, judged: Judged) -> Words:
+    def store_for(self, judged: Judged) -> WordStore:
         """Where words about an attempt are kept, verbatim: in the book, or else in a file of the run."""
         book = self._raw
         if book is None:
             return self._file
-        return BookWords(self._session.run, book, lambda words: self._record("correction", judged, words))
+        return BookWordStore(self._session.run, book, lambda words: self._record("correction", judged, words))
 
     def correct(self, judged: Judged, heard: Heard, after_a_stop: bool, subtasks: Sequence[Key] = ()) -> None:
         """An attempt, the plan or the whole task was corrected. Their words are kept already; what was
@@ -185,7 +185,7 @@ class Teaching:
             remark.asked,
         )
 
-    def _read_back(self, remark: _Remark, noted: Noted) -> Feedback | None:
+    def _read_back(self, remark: _Remark, noted: ProcessedFeedback) -> Feedback | None:
         """Read what was noted back to the person and do as they say. What they said instead, to be noted; None where
         there is none."""
         assert self._book is not None and self._raw is not None
@@ -194,7 +194,7 @@ class Teaching:
         notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
         question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")
         shown = teacher.Noted(remark.words, str(remark.judged.key), notes, question)
-        answered = self._effects.read_back(shown, remark.feedback, self.words(remark.judged))
+        answered = self._effects.read_back(shown, remark.feedback, self.store_for(remark.judged))
         answer = answered.answer
         if notes:
             gone = set(range(len(notes))) if answer.kind == "reworded" or not answer.struck else set(answer.struck)

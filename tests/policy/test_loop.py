@@ -12,7 +12,7 @@ from memo_core.events import CodeEnded, EntryStored, FeedbackGiven, ModelCalled,
 from memo_core.interfaces.llm import Answer, LanguageModelError, Usage
 from memo_core.interfaces.teacher import Episode, Verdict
 from memo_core.llm.readers import Unreadable
-from memo_core.policy.feedback_processing import FeedbackProcessor, Noted, retry
+from memo_core.policy.feedback_processing import FeedbackProcessor, ProcessedFeedback, retry
 from memo_core.policy.model_questions import Questions
 from memo_core.sandbox import Limits, Sandbox
 from memo_core.skillbook import stats
@@ -449,7 +449,7 @@ def test_nothing_understood_is_set_aside_and_can_be_asked_about_again(sandbox, b
     [aside] = [said for said in book.pending_feedback(parked=True) if said.status == "parked"]
     assert "flurb" in aside.reason and not book.entries("correction")
     processor = FeedbackProcessor(Questions(bench.session).ask, book, bench.events.append)
-    heard: list[Noted] = []
+    heard: list[ProcessedFeedback] = []
     [noted] = retry(processor, book, heard.append)
     assert noted.outcome == "learnt" and heard == [noted] and len(book.entries("correction")) == 1
     assert retry(processor, book) == []
