@@ -10,6 +10,7 @@ from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
+from memo_core.skillbook.retrieval.score import key_score
 
 DOORS = ("OPEN(oven)", "OPEN(fridge)", "OPEN(cabinet door)", "OPEN(cupboard)", "OPEN(oven door)", "OPEN(microwave)")
 DRAWERS = ("OPEN(drawer)", "OPEN(top drawer)", "OPEN(desk drawer)", "OPEN(nightstand drawer)", "PULL_OPEN(drawer)")
@@ -48,8 +49,12 @@ def test_one_remark_on_a_drawer_ends_the_arc_on_drawers_and_not_on_doors(embedde
         assert served(book, key) == {slide}, key
     for key in DOORS:
         assert served(book, key) >= set(lesson), key
-    rules = [cut.rule for cut in book.retrieve("OPEN(drawer)").cut]
-    assert any("corrected 1 times more than approved" in rule for rule in rules)
+    withheld = [cut for cut in book.retrieve("OPEN(drawer)").cut if "corrected 1 times more than approved" in cut.rule]
+    assert withheld
+    assert all(
+        cut.score == pytest.approx(key_score(cut.action_cosine, cut.objects_cosine, *book.settings.weights))
+        for cut in withheld
+    )
     assert [
         (str(one.key), one.served, one.approved, one.corrected) for one in track_record.evidence_of(book, lesson[0])
     ] == [("OPEN(drawer)", 1, 0, 1)]

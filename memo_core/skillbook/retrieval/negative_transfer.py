@@ -90,7 +90,7 @@ def withhold(
         if not there or mine >= LEAST + STEP * there:
             return True
         rule = f"corrected {there} times more than approved when served for this or a like subtask"
-        cut.append(Cut(served.key, served.score, rule, served.action_cosine, served.objects_cosine, 1))
+        cut.append(Cut(served.key, served.key_score, rule, served.action_cosine, served.objects_cosine, 1))
         return False
 
     corrections = tuple(filter(stays, found.corrections))

@@ -23,7 +23,8 @@ def alike(subtask: Key, key: Key, actions: Actions) -> str:
 
 @attrs.frozen
 class RetrievedEntry:
-    """An entry with each term of its score: what retrieval ranks, the run logs and the prompt shows.
+    """An entry with each term of its score: what retrieval ranks and the run logs. The prompt leaves out what was
+    said in this run already, and repeats.
 
     ``passes`` tells the two ways of being retrieved apart. True: the entry's key passes the cut (``retrieval.cut``), it
     is about this subtask or one like it, and is meant to be followed; so are general statements. False: it is a hint,
@@ -33,7 +34,7 @@ class RetrievedEntry:
 
     entry: Entry
     rank: int  # 1 is first
-    score: float  # what it is ranked by: r, or s with ``retrieval.ranking: key-and-text``
+    score: float  # what it is ranked by: r, or s(q, e) and the term of structure that ranking adds
     action_cosine: float
     objects_cosine: float
     text_similarity: float  # cosine of its text and the subtask's words

@@ -50,6 +50,8 @@ def entry_score(terms: ScoreTerms, settings: RetrievalSettings) -> np.ndarray:
 
         s(q, e) = (1 - w_t - w_o) r(q, v) + (1 - x(q, v)) (w_t (cos(q, e) + cos(q, v)) / 2 + w_o overlap(q, e)).
 
+    The term of structure, w_b (b(q, e) - 0.5), is added when the best of these are ranked.
+
     Returns:
         Scores of shape (n,).
     """
