@@ -113,7 +113,7 @@ class LoggedBook:
 
 @attrs.frozen(eq=False)
 class BookWordStore:
-    """Keeps a correction of one attempt in the book, as feedback (``memo_core.policy.effects.Words``)."""
+    """Keeps a correction of one attempt in the book, as feedback (``memo_core.policy.logged_person.WordStore``)."""
 
     run: str
     book: Skillbook

@@ -1,8 +1,8 @@
 """The loop of the method: plan, retrieve, write code, execute, take feedback, make a template; one function each.
 
-Everything that involves the world, people, the book or a model is an effect in the run's log
-(``memo_core.policy.effects``). An interrupted run is therefore resumed by running this same loop again, with effects
-answered from the log until it ends.
+Everything that involves the world, people, the book or a model is an effect in the run's log: the loop sees them
+through ``logged_world``, ``logged_person``, ``logged_book`` and ``model_questions``. An interrupted run is therefore
+resumed by running this same loop again, with effects answered from the log until it ends.
 
 When somebody presses stop, the current phase is abandoned within milliseconds (``Stopped``), the person is asked what
 was wrong, and the loop continues from the start of the subtask.
@@ -25,7 +25,8 @@ from memo_core.llm.kept_calls import ASK
 from memo_core.llm.readers import Unreadable, read_code, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
-from memo_core.policy.effects import Effects, Heard, WordStore
+from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
+from memo_core.policy.logged_world import LoggedWorld
 from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.plan_feedback import PlanNote, for_plans
@@ -33,7 +34,7 @@ from memo_core.policy.prompting import done_line
 from memo_core.policy.results import RunResult, Status, SubtaskResult
 from memo_core.policy.run_context import Session
 from memo_core.policy.teaching import Corrected, Judged, Teaching
-from memo_core.runlog.run_log import Effect, InDoubt
+from memo_core.runlog.run_log import InDoubt
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.retriever import Retrieval
@@ -93,7 +94,6 @@ class _Subtask:
 
 
 TIME_IS_UP = "whoever watches has no more time"
-_TIME: Effect[bool] = Effect("ask whether time is up")
 _SUBTASK_LIMIT = "- All programs for this subtask together may take {:g} s by the clock on the wall."
 
 
@@ -111,9 +111,10 @@ class Loop:
         self._session = session
         self._memory = memory
         self._settings = session.settings
-        self._effects = Effects(session)
+        self._world = LoggedWorld(session)
+        self._person = LoggedPerson(session, self._world)
         self._questions = Questions(session)
-        self._teaching = Teaching(session, memory, self._questions, self._effects)
+        self._teaching = Teaching(session, memory, self._questions, self._person)
         self._extensions = session.teaching
         self._results: list[SubtaskResult] = []
         self._robot_s = 0.0
@@ -127,15 +128,15 @@ class Loop:
         having asked again) for the plan; ``Stopped`` when a person ends the run."""
         try:
             result = self._run()
-            self._effects.catch_up()
+            self._world.catch_up()
             return result
         finally:
-            self._effects.close()
+            self._world.close()
 
     def _run(self) -> RunResult:
-        self._effects.start()
-        began = 0.0 if self._effects.exact else self._effects.time  # a simulator's clock goes back with the world
-        self._before = self._effects.glance()
+        self._world.start()
+        began = 0.0 if self._world.exact else self._world.time  # a simulator's clock goes back with the world
+        self._before = self._world.glance()
         while not (reason := self._limit(began)):
             planned, self._ahead = self._ahead or self._plan(), None
             key = planned.key
@@ -152,11 +153,11 @@ class Loop:
                 continue
             if self._asked_too_often(key):
                 return self._ended(f"{key} was tried {self._settings.repeats} times and is still asked for")
-            at = _Subtask(key, self._effects.checkpoint(), self._effects.glance(), Attempt(1, self._effects.scene))
+            at = _Subtask(key, self._world.checkpoint(), self._world.glance(), Attempt(1, self._world.scene))
             try:
                 self._end_subtask(at, self._subtask(at))
             except InDoubt as doubt:
-                self._effects.confirm(self._episode(at))
+                self._person.confirm(self._episode(at))
                 at.attempt.error = str(doubt)
                 self._end_subtask(at, at.result(at.unapproved))
             except (LanguageModelError, Unreadable) as error:  # what the model would have said is still wanted
@@ -184,13 +185,13 @@ class Loop:
                 at.interrupted += 1
                 said = self._answer_stop(at)
                 if at.approved:
-                    self._effects.restore(at.approved)  # as it was before it was done again with merged code
+                    self._world.restore(at.approved)  # as it was before it was done again with merged code
                 if said.kind == "silent" and heard is not None and heard.kind == "approve":
                     return at.result("approved")
                 if said.kind == "silent":  # nobody said that it was wrong: this attempt did not count
                     if not self._put_back(at):
                         return at.result("unobserved", at.stuck)
-                    at.attempt = Attempt(at.attempt.number, self._effects.scene, at.attempt.take + 1)
+                    at.attempt = Attempt(at.attempt.number, self._world.scene, at.attempt.take + 1)
                     continue
                 heard = said
             if heard.kind == "approve":
@@ -214,33 +215,33 @@ class Loop:
                 if planned.key != at.key:
                     self._ahead = planned
                     return attrs.evolve(at.result("corrected"), taken_back=True)
-            at.attempt = Attempt(at.attempt.number + 1, self._effects.scene)
+            at.attempt = Attempt(at.attempt.number + 1, self._world.scene)
 
     # -- phase 1: plan -------------------------------------------------------------------------------------------------
     def _plan(self) -> _Planned:
         """The next subtask, or DONE. Raises ``LanguageModelError``, ``Unreadable``, ``Stopped`` when a person ends the
         run."""
-        start = self._effects.checkpoint()
+        start = self._world.checkpoint()
         while True:
-            at = _Subtask(self._planning, start, self._effects.glance(), Attempt(1, self._effects.scene))
+            at = _Subtask(self._planning, start, self._world.glance(), Attempt(1, self._world.scene))
             try:
                 self._teaching.process_pending()
-                scene = at.attempt.scene = self._effects.look()
+                scene = at.attempt.scene = self._world.look()
                 read = partial(read_plan, names=[node.label for node in scene.nodes])
                 context: dict[str, Any] = {"task": self._session.environment.instruction, "done": self._done()}
                 if self._extensions.replan or self._extensions.plan_notes:
                     context["corrected"] = self._open_remarks()
                 if self._extensions.plan_notes:
                     context["notes"] = self._plan_notes(scene)
-                return _Planned(self._questions.ask("plan", scene, read, self._effects.pictures, **context)[0])
+                return _Planned(self._questions.ask("plan", scene, read, self._world.pictures, **context)[0])
             except InDoubt:
-                self._effects.confirm(self._episode(at))
+                self._person.confirm(self._episode(at))
             except Stopped:
                 self._planning_stops += 1
                 if self._answer_stop(at).kind == "correct":
                     self._planning_remarks += 1
-                if self._effects.exact:
-                    self._effects.restore(start)  # also what was drawn for the look
+                if self._world.exact:
+                    self._world.restore(start)  # also what was drawn for the look
 
     @property
     def _planning(self) -> Key:
@@ -262,29 +263,29 @@ class Loop:
         ``Stopped``."""
         if not self._session.person.judges_plans:
             return True
-        at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
+        at = _Subtask(self._planning, b"", self._world.scene, Attempt(1, self._world.scene))
         environment = self._session.environment
         proposal = Proposal(
-            environment.instruction, str(key), self._effects.glance(), environment.goal, tuple(self._names())
+            environment.instruction, str(key), self._world.glance(), environment.goal, tuple(self._names())
         )
-        heard = self._asked_about_the_plan(at, lambda: self._effects.judge_plan(proposal, self._store_for(at)))
+        heard = self._asked_about_the_plan(at, lambda: self._person.judge_plan(proposal, self._store_for(at)))
         return heard.kind != "correct"
 
     def _judge_task(self) -> Heard:
         """The teacher's verdict on the whole task after the planner said DONE. Raises ``Stopped``."""
         if not (self._extensions.judge_task and self._session.person.watches):
             return Heard("silent")
-        at = _Subtask(self._planning, b"", self._effects.scene, Attempt(1, self._effects.scene))
+        at = _Subtask(self._planning, b"", self._world.scene, Attempt(1, self._world.scene))
         environment = self._session.environment
         episode = TaskEpisode(
             environment.instruction,
-            self._before or self._effects.scene,
-            self._effects.glance(),
+            self._before or self._world.scene,
+            self._world.glance(),
             environment.goal,
             tuple(self._names()),
             tuple(self._sightings),
         )
-        return self._asked_about_the_plan(at, lambda: self._effects.judge_task(episode, self._store_for(at)))
+        return self._asked_about_the_plan(at, lambda: self._person.judge_task(episode, self._store_for(at)))
 
     def _asked_about_the_plan(self, at: _Subtask, ask: Callable[[], Heard]) -> Heard:
         """An answer about the plan or the whole task; a stop pressed in the meantime is handled first. Raises
@@ -306,7 +307,7 @@ class Loop:
     # -- retrieve ------------------------------------------------------------------------------------------------------
     def _retrieve(self, at: _Subtask) -> None:
         """What the skillbook knows about the subtask."""
-        at.attempt.scene = self._effects.look()
+        at.attempt.scene = self._world.look()
         self._teaching.process_pending()
         at.attempt.served = retrieving.retrieve(self._session, self._memory, at.key, at.attempt.scene)
 
@@ -316,7 +317,7 @@ class Loop:
         attempt, served = at.attempt, at.attempt.served or Retrieval(at.key)
         before = self._retry_context(at.key)
         noted = self._teaching.noted(at.key) if before else frozenset()
-        scene = self._effects.look()
+        scene = self._world.look()
         corrections, general = retrieving.shown(
             [one for one in served.corrections if one.entry.id not in noted],
             [one for one in served.general if one.entry.id not in noted],
@@ -326,7 +327,7 @@ class Loop:
             "code",
             scene,
             read_code,
-            self._effects.pictures,
+            self._world.pictures,
             task=self._session.environment.instruction,
             subtask=str(at.key),
             done=self._done(),
@@ -353,7 +354,7 @@ class Loop:
     @property
     def _restarts(self) -> bool:
         """Whether code that is rewritten after an error begins at the subtask's start."""
-        return self._settings.repairs_from == "start" and self._effects.exact
+        return self._settings.repairs_from == "start" and self._world.exact
 
     def _code_and_execute(self, at: _Subtask) -> Heard | None:
         """Write and execute code, again after errors. Returns the words of a person who did not release a program.
@@ -362,8 +363,8 @@ class Loop:
         for repair in range(self._settings.repairs + 1):
             if repair and self._restarts:
                 self._count_time(at.attempt)
-                self._effects.restore(at.start)
-                at.attempt.began, moved = self._effects.time, False
+                self._world.restore(at.start)
+                at.attempt.began, moved = self._world.time, False
             code = self._code(at, tried, repair)
             if repair and code == tried[-1].code:
                 same = "the model wrote the same code again; it is not run again, since it would end the same way"
@@ -376,7 +377,7 @@ class Loop:
             if at.attempt.succeeded or at.busy_s >= self._settings.subtask_limit_s:
                 break
             tried.append(Tried(code, at.attempt.printed.rstrip("\n"), at.attempt.error))
-        self._effects.settle(self._settings.settle_s)
+        self._world.settle(self._settings.settle_s)
         return None
 
     # -- execute -------------------------------------------------------------------------------------------------------
@@ -385,7 +386,7 @@ class Loop:
         attempt = at.attempt
         program = Program(self._session.environment.instruction, str(at.key), attempt.number, attempt.code)
         judged = at.judged()
-        heard = self._effects.permit(program, self._teaching.store_for(judged))
+        heard = self._person.permit(program, self._teaching.store_for(judged))
         if heard.kind == "approve":
             return None
         attempt.error = "not run: the person at the robot did not release this program"
@@ -397,7 +398,7 @@ class Loop:
         """Run the code. Returns whether anything moved. Raises ``Stopped``."""
         attempt = at.attempt
         attempt.moved = True
-        executed = self._effects.execute(attempt.code, self._settings.subtask_limit_s - at.busy_s)
+        executed = self._world.execute(attempt.code, self._settings.subtask_limit_s - at.busy_s)
         at.busy_s += executed.wall_s
         end = executed.execution
         self._session.emit(
@@ -412,7 +413,7 @@ class Loop:
     def _feedback(self, at: _Subtask, after_a_stop: bool = False) -> Heard:
         """The teacher's verdict on the attempt; a correction is on disk before it is processed. Raises ``Stopped``."""
         judged = at.judged()
-        heard = self._effects.hear(self._episode(at), after_a_stop, self._teaching.store_for(judged))
+        heard = self._person.judge(self._episode(at), after_a_stop, self._teaching.store_for(judged))
         if heard.kind == "correct":
             self._teaching.correct(judged, heard, after_a_stop, self._keys())
         return heard
@@ -434,19 +435,19 @@ class Loop:
         code = self._teaching.merge(judged, programs, self._restarts)
         if code is None:
             return judged
-        if not self._effects.exact:
+        if not self._world.exact:
             self._teaching.keep_candidate(judged, code)
             return judged
-        at.approved = self._effects.checkpoint()
-        self._effects.restore(at.start)
-        at.attempt = attrs.evolve(attempt, scene=self._effects.look(), code=code, whole=True, tried=[], watched=())
+        at.approved = self._world.checkpoint()
+        self._world.restore(at.start)
+        at.attempt = attrs.evolve(attempt, scene=self._world.look(), code=code, whole=True, tried=[], watched=())
         with self._attempt(at, merged=True):
             self._execute(at)
-            self._effects.settle(self._settings.settle_s)
+            self._world.settle(self._settings.settle_s)
         if at.attempt.succeeded and self._feedback(at).kind == "approve":
             at.approved = b""
             return at.judged()
-        self._effects.restore(at.approved)
+        self._world.restore(at.approved)
         at.attempt, at.approved = attempt, b""
         return judged
 
@@ -457,43 +458,43 @@ class Loop:
         attempt = at.attempt
         if not merged:
             self._session.emit(SubtaskStarted(str(at.key), self._number, attempt.number, attempt.take))
-        at.before = self._effects.glance()
-        attempt.began = self._effects.time
-        self._effects.start_watching()
+        at.before = self._world.glance()
+        attempt.began = self._world.time
+        self._world.start_watching()
         try:
             yield
         finally:
-            attempt.watched = self._effects.stop_watching()
+            attempt.watched = self._world.stop_watching()
             self._count_time(attempt)
 
     def _count_time(self, attempt: Attempt) -> None:
         """Add up time on the robot's clock, which is reset when the world is restored."""
-        self._robot_s += max(0.0, self._effects.time - attempt.began)
+        self._robot_s += max(0.0, self._world.time - attempt.began)
 
     def _answer_stop(self, at: _Subtask) -> Heard:
         """Ask the person who pressed stop, store what they say, and let the robot move again. A stop pressed while they
         are asked is handled in the same way. Raises ``Stopped`` when the run is to end."""
         while True:
-            if self._effects.ending():
+            if self._person.has_ended():
                 raise Stopped("ending the run")
             try:
                 heard = self._feedback(at, after_a_stop=True)
             except Stopped:
                 continue
-            self._effects.release()
-            if self._effects.ending():  # pressed while the answer came
+            self._world.release()
+            if self._person.has_ended():  # pressed while the answer came
                 raise Stopped("ending the run")
             return heard
 
     def _put_back(self, at: _Subtask) -> bool:
         """Restore the world to the subtask's start: exactly if the link can, otherwise by a person and with a new look.
         False if nobody did."""
-        if self._effects.exact:
-            self._effects.restore(at.start)
+        if self._world.exact:
+            self._world.restore(at.start)
             return True
-        if at.attempt.moved and not self._effects.put_back(self._episode(at)):
+        if at.attempt.moved and not self._person.put_back(self._episode(at)):
             return False
-        self._effects.look()
+        self._world.look()
         return True
 
     def _episode(self, at: _Subtask) -> Episode:
@@ -502,7 +503,7 @@ class Loop:
             subtask=str(at.key),
             attempt=at.attempt.number,
             before=at.before,
-            after=self._effects.glance(),
+            after=self._world.glance(),
             sightings=at.attempt.watched,
             spoken_error=at.attempt.error,
             goal=self._session.environment.goal,
@@ -537,20 +538,14 @@ class Loop:
             return f"{tried}, and the planner had not called the task done"
         if self._robot_s > settings.time_limit_s:
             return f"the time limit of {settings.time_limit_s:g} s is reached, all attempts together"
-        if self._effects.time - began > self._session.environment.time_limit:
+        if self._world.time - began > self._session.environment.time_limit:
             return f"the task's time limit of {self._session.environment.time_limit:g} s is reached"
         return TIME_IS_UP if last and self._time_is_up() else ""
 
     def _time_is_up(self, at: _Subtask | None = None) -> bool:
         """Whether nobody has time to go on; asked between attempts, decided once also where the run is resumed."""
-        person = self._session.person
-        if not person.has_limited_time:
-            return False
         attempts = sum(one.attempts for one in self._results) + (at.attempt.number if at is not None else 0)
-        calls = self._session.log.count(ASK)
-        return self._session.log.effect(
-            _TIME, str(attempts), lambda _: person.time_is_up(self._robot_s, attempts, calls)
-        )
+        return self._person.time_is_up(self._robot_s, attempts, self._session.log.count(ASK))
 
     def _corrected_enough(self, at: _Subtask | None = None) -> bool:
         """Whether the task has reached its limit of corrections."""

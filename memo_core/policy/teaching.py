@@ -13,9 +13,9 @@ from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Note as ReadNote
 from memo_core.llm.readers import Unreadable, read_code, read_template
 from memo_core.policy.attempt import Tried
-from memo_core.policy.effects import Effects, Heard, WordStore
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, ProcessedFeedback
 from memo_core.policy.logged_book import BookWordStore, LoggedBook, feedback_of
+from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
 from memo_core.policy.methods import Memory
 from memo_core.policy.model_questions import Questions
 from memo_core.policy.run_context import Session
@@ -83,11 +83,11 @@ class _Remark:
 class Teaching:
     """Keeps feedback and makes entries of it. Without a book that can be written, only words are kept."""
 
-    def __init__(self, session: Session, memory: Memory, questions: Questions, effects: Effects) -> None:
+    def __init__(self, session: Session, memory: Memory, questions: Questions, person: LoggedPerson) -> None:
         self._session = session
         self._memory = memory
         self._questions = questions
-        self._effects = effects
+        self._person = person
         self._remarks: list[_Remark] = []  # of this run, oldest first
         self._raw = session.book if session.book is not None and not session.book.read_only else None
         self._book = LoggedBook(session, self._raw) if self._raw is not None else None
@@ -194,7 +194,7 @@ class Teaching:
         notes = tuple(ReadNote(one.text, str(one.key) if one.key.objects else "") for one in noted.entries)
         question = noted.question or ("" if notes else "I could make nothing of that. What should I do differently?")
         shown = teacher.Noted(remark.words, str(remark.judged.key), notes, question)
-        answered = self._effects.read_back(shown, remark.feedback, self.store_for(remark.judged))
+        answered = self._person.read_back(shown, remark.feedback, self.store_for(remark.judged))
         answer = answered.answer
         if notes:
             gone = set(range(len(notes))) if answer.kind == "reworded" or not answer.struck else set(answer.struck)

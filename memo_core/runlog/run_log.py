@@ -95,7 +95,7 @@ class RunLog:
         self._kept = _kept_answers(history)
         self._done: list[LogEntry] = []
         self._next = max((entry.number for entry in history.effects), default=0) + 1 if history is not None else 1
-        self._before_live: Callable[[], None] | None = None
+        self._before_live: list[Callable[[], None]] = []
         self._inside = False
         self._thread = 0
         self._seen = seen
@@ -156,12 +156,13 @@ class RunLog:
     def before_live(self, action: Callable[[], None]) -> None:
         """Register a function to be called once, right before the first effect of a resumed run that is not answered
         from the log."""
-        self._before_live = action if self.history is not None else None
+        if self.history is not None:
+            self._before_live.append(action)
 
     def go_live(self) -> None:
-        """Call the function registered with ``before_live``, unless it was called already."""
-        action, self._before_live = self._before_live, None
-        if action is not None:
+        """Call the functions registered with ``before_live``, in order, unless they were called already."""
+        actions, self._before_live = self._before_live, []
+        for action in actions:
             action()
 
     def effect(

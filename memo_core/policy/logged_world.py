@@ -1,7 +1,8 @@
-"""Every effect of a run on its environment and every input from it, one method each, recorded in the run's log.
+"""The world of a run: every observation and every motion, one method each, recorded in the run's log.
 
 Between effects the loop only computes, so that it can be run again with the effects answered from the log
-(``memo_core.runlog``). A new effect is a kind (one line) and a method that calls ``RunLog.effect``.
+(``memo_core.runlog``). A new effect is a kind (one line) and a method that calls ``RunLog.effect``. The person and the
+skillbook are wrapped in the same way (``logged_person``, ``logged_book``).
 """
 
 from __future__ import annotations
@@ -10,18 +11,17 @@ import base64
 import json
 import time
 import zlib
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, Protocol
+from collections.abc import Sequence
+from typing import Any
 
 import attrs
 
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.interfaces.teacher import Episode, Noted, Program, Proposal, ReadBack, Sighting, TaskEpisode, Verdict
+from memo_core.interfaces.teacher import Sighting
 from memo_core.policy.pictures import Picture, PictureFiles, taken
 from memo_core.policy.run_context import Session
 from memo_core.process.stop_switch import Leaving
 from memo_core.runlog.run_log import Effect, LogMismatch
-from memo_core.runlog.words_file import WordsFile
 from memo_core.sandbox.execution import Execution
 from memo_core.sandbox.workspace import Workspace
 from memo_core.scene.graph import SceneGraph
@@ -46,60 +46,27 @@ class Executed:
         return self.execution.ended == "stopped"
 
 
-@attrs.frozen
-class Heard:
-    """A verdict. ``feedback``: the id of the words in the book; 0 if they are not stored there."""
+class LoggedWorld:
+    """The environment of one run, as its loop uses it.
 
-    kind: Literal["approve", "correct", "silent"]
-    words: str = ""
-    feedback: int = 0
-
-    @property
-    def stays(self) -> bool:
-        """Whether the world stays as the attempt left it, because the attempt was not corrected."""
-        return self.kind != "correct"
-
-
-@attrs.frozen
-class Answered:
-    """A reaction to a read-back. ``feedback``: the id of the words of a rewording; 0 if there are none."""
-
-    answer: ReadBack
-    feedback: int = 0
-
-
-class WordStore(Protocol):
-    """The single place where the words of one verdict are stored; the run's log refers to them by their number."""
-
-    def keep(self, words: str, entry: int, state: str) -> int:
-        """Store words that are the result of this log entry, together with the teacher's state after them, in one
-        transaction. On disk when this returns. Returns their number."""
-
-    def kept(self, entry: int) -> tuple[int, str, str] | None:
-        """Number, words and state stored for the entry, if any."""
-
-    def read(self, number: int) -> str:
-        """The words. Raises ``InvalidArgument`` if they were removed."""
-
-
-class Effects:
-    """The environment and the teacher, as the loop uses them."""
+    Attributes:
+        scene: what the robot saw last.
+        pictures: pictures of the last look, if prompts are to have them.
+        leaving: the work that a stop leaves behind in another thread.
+    """
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._person = session.person
         self._environment = session.environment
         self._log = session.log
-        self._leaving = Leaving(session.stop)
+        self.leaving = Leaving(session.stop)
         self._time = 0.0  # s, on the robot's clock, after the last effect
         self._world = b""  # the newest checkpoint
         self._looks: list[dict[str, Any]] = []  # since it was taken
         self._seen: list[Sighting] | None = None  # since somebody began to watch
-        self._praise: WordStore = WordsFile(session.log.folder, session.person.who)  # words that are no correction
-        self._teacher = ""  # what the teacher needs to go on, after the last verdict
         self._files = PictureFiles(session.log.folder)
-        self.pictures: tuple[Picture, ...] = ()  # of the last look, if prompts are to have them
-        self.scene: SceneGraph = session.environment.control.scene()  # as the robot saw it last
+        self.pictures: tuple[Picture, ...] = ()
+        self.scene: SceneGraph = session.environment.control.scene()
         if self.exact:
             self._log.world_known = True  # it is put back
         self._log.before_live(self._catch_up)
@@ -120,7 +87,7 @@ class Effects:
 
     def close(self) -> None:
         """Wait for abandoned work, since nothing may use the world while it is being closed."""
-        self._leaving.wait()
+        self.leaving.wait()
 
     # -- seeing --------------------------------------------------------------------------------------------------------
     def start(self) -> None:
@@ -149,7 +116,7 @@ class Effects:
         """What a person in the room sees now, or saw last while the robot is still stopping."""
         kind: Effect[SceneGraph] = Effect("glance", scene_record, scene_of)
         return self._log.effect(
-            kind, "", lambda _: self._last_seen() if self._leaving.busy else self._environment.glance()
+            kind, "", lambda _: self._last_seen() if self.leaving.busy else self._environment.glance()
         )
 
     def _last_seen(self) -> SceneGraph:
@@ -171,7 +138,7 @@ class Effects:
     def _stop_watching(self) -> tuple[Sighting, ...]:
         """Nothing is observed while another thread still moves the robot, because a simulator allows one user at a
         time."""
-        return self._environment.sightings() if self._leaving.busy else self._environment.stop_watching()
+        return self._environment.sightings() if self.leaving.busy else self._environment.stop_watching()
 
     # -- acting --------------------------------------------------------------------------------------------------------
     def execute(self, code: str, wall_seconds: float) -> Executed:
@@ -188,7 +155,7 @@ class Effects:
 
     def checkpoint(self) -> bytes:
         """The state of the whole world; empty if it cannot be restored exactly."""
-        kind: Effect[bytes] = Effect("checkpoint", self._keep_world, self._read_world)
+        kind: Effect[bytes] = Effect("checkpoint", self.keep_world, self.read_world)
         return self._log.effect(kind, "", lambda _: self._environment.checkpoint()) if self.exact else b""
 
     def restore(self, checkpoint: bytes) -> None:
@@ -197,12 +164,22 @@ class Effects:
         self._log.effect(kind, "", lambda _: self._environment.restore(checkpoint))
         self._world, self._looks = checkpoint, []
 
+    def release(self) -> None:
+        """Let the robot move again after a stop was answered."""
+
+        def release(_: int) -> None:
+            self.leaving.wait()
+            self._environment.stop_watching()  # where that had to wait for the robot to come to rest
+            self._session.release()
+
+        self._log.effect(Effect[None]("release", outside=True), "", release)
+
     def _execute(self, code: str, wall_seconds: float) -> Executed:
         started, began = self._environment.time(), time.monotonic()
         session = self._session
         workspace = Workspace.around(self._environment.robot.reach, self.scene.table_height)
         try:
-            execution = self._leaving.do(
+            execution = self.leaving.do(
                 "moving",
                 lambda: session.sandbox.run(
                     code,
@@ -218,126 +195,16 @@ class Effects:
             execution = Execution("stopped", error="stopped", kind="stop")
         return Executed(execution, self._environment.time() - started, time.monotonic() - began)
 
-    # -- people --------------------------------------------------------------------------------------------------------
-    def hear(self, episode: Episode, after_a_stop: bool, words: WordStore) -> Heard:
-        """The teacher's verdict on an episode. A correction is stored in ``words`` before it is processed. Raises
-        ``Stopped``."""
-        name = "feedback after a stop" if after_a_stop else "feedback"
-        about = f"{episode.subtask}, attempt {episode.attempt}"
-        return self._heard(name, about, lambda: self._person.judge(episode, after_a_stop), words, after_a_stop)
-
-    def judge_task(self, episode: TaskEpisode, words: WordStore) -> Heard:
-        """The teacher's verdict on the whole task. Raises ``Stopped``."""
-        return self._heard("verdict on the task", "", lambda: self._person.judge_task(episode), words)
-
-    def judge_plan(self, proposal: Proposal, words: WordStore) -> Heard:
-        """The teacher's verdict on the planned subtask. Raises ``Stopped``."""
-        return self._heard("verdict on the plan", proposal.subtask, lambda: self._person.judge_plan(proposal), words)
-
-    def permit(self, program: Program, words: WordStore) -> Heard:
-        """Whether a program may run; ``approve`` if no person has to be asked. Raises ``Stopped``."""
-        if not self._person.permits:
-            return Heard("approve")
-        about = f"{program.subtask}, attempt {program.attempt}, {len(program.code)}"
-        return self._heard("release of a program", about, lambda: self._person.permit(program), words)
-
-    def read_back(self, noted: Noted, feedback: int, words: WordStore) -> Answered:
-        """The person's reaction to the notes made of their words (``feedback``); accepted if nobody is asked. A
-        rewording is stored in ``words``. Raises ``Stopped``."""
-        kind: Effect[Answered] = Effect(
-            "read back", self._keep_answered, lambda record: self._read_answered(record, words), outside=True
-        )
-
-        def ask(entry: int) -> Answered:
-            answer = self._person.read_back(noted)
-            if answer.kind != "reworded":
-                return Answered(answer)
-            if not answer.words.strip():
-                return Answered(ReadBack("accepted"))
-            return Answered(answer, words.keep(answer.words, entry, self._person.state()))
-
-        def found(entry: int) -> Answered | None:
-            kept = self._kept(words, entry)
-            return None if kept is None else Answered(ReadBack("reworded", kept[1]), kept[0])
-
-        return self._log.effect(kind, f"feedback {feedback}", ask, found)
-
-    def _heard(
-        self, name: str, about: str, put: Callable[[], Verdict], words: WordStore, after_a_stop: bool = False
-    ) -> Heard:
-        kind: Effect[Heard] = Effect(
-            name,
-            lambda heard: self._keep_heard(heard, after_a_stop),
-            lambda record: self._read_heard(record, words),
-            outside=self._person.watches,
-            answers_stop=after_a_stop,
-        )
-
-        def ask(entry: int) -> Heard:
-            verdict = put()
-            if after_a_stop and verdict.kind != "correct":
-                self._leaving.wait()  # the world is kept as it is now
-            if verdict.kind != "correct" and not verdict.words:
-                return Heard(verdict.kind)
-            keeper = words if verdict.kind == "correct" else self._praise
-            number = keeper.keep(verdict.words, entry, self._person.state())
-            return Heard(verdict.kind, verdict.words, number)
-
-        def found(entry: int) -> Heard | None:
-            kept = self._kept(words, entry)
-            return None if kept is None else Heard("correct", kept[1], kept[0])
-
-        return self._log.effect(kind, about, ask, found)
-
-    def _kept(self, words: WordStore, entry: int) -> tuple[int, str] | None:
-        """Number and words that were stored before a crash; the teacher's state is restored with them."""
-        kept = words.kept(entry)
-        if kept is None:
-            return None
-        number, text, state = kept
-        self._person.restore(state)
-        return number, text
-
-    def ending(self) -> bool:
-        """Whether a person has ended the run."""
-        return self._log.effect(Effect[bool]("ending?"), "", lambda _: self._person.has_ended())
-
-    def release(self) -> None:
-        """Let the robot move again after a stop was answered."""
-
-        def release(_: int) -> None:
-            self._leaving.wait()
-            self._environment.stop_watching()  # where that had to wait for the robot to come to rest
-            self._session.release()
-
-        self._log.effect(Effect[None]("release", outside=True), "", release)
-
-    def put_back(self, episode: Episode) -> bool:
-        """Ask the teacher to put the scene back as it was in ``episode.before``; False if that was not done."""
-        kind: Effect[bool] = Effect("put back by hand", outside=True, confirms=True)
-        ask = self._person.put_back
-        return self._person.puts_back and self._log.effect(kind, episode.subtask, lambda _: ask(episode))
-
-    def confirm(self, episode: Episode) -> None:
-        """Ask the teacher to confirm that the robot may continue from the present scene. Raises ``InvalidArgument``
-        without confirmation."""
-        kind: Effect[bool] = Effect("confirm the scene", outside=True, confirms=True)
-        ask = self._person.confirm
-        if not self._person.confirms or not self._log.effect(kind, episode.subtask, lambda _: ask(episode)):
-            problem = f"what the robot did in {episode.subtask} before the interruption is in doubt"
-            raise InvalidArgument("the world", problem, "somebody who looks and confirms the scene when asked")
-
     # -- the world of a resumed run ------------------------------------------------------------------------------------
     def _catch_up(self) -> None:
-        """Bring the world to the state at the end of the log: restore the newest checkpoint and repeat the looks since.
-        Raises ``LogMismatch`` if a look shows something else than it did."""
+        """Restore the newest checkpoint, repeat the looks since and go on watching. Raises ``LogMismatch`` if a look
+        shows something else than it did."""
         if self.exact:
             if self._world:
                 self._environment.restore(self._world)
             for logged in self._looks:
                 if json.dumps(scene_record(self._environment.look())) != json.dumps(logged):
                     raise LogMismatch(str(self._log.folder), 0, "a look at its scene", "a look that shows another")
-        self._person.restore(self._teacher)
         if self._seen is not None:
             self._environment.start_watching(tuple(self._seen))
 
@@ -364,21 +231,21 @@ class Effects:
     def _keep_moved(self, _: object = None) -> dict[str, Any]:
         """Record the world as an effect left it, unless another thread is still using it after a stop."""
         record = {"time": self._now(), "seen": self._keep_seen()}
-        return record | ({} if self._leaving.busy else self._keep_world())
+        return record | ({} if self.leaving.busy else self.keep_world())
 
     def _read_moved(self, record: dict[str, Any]) -> None:
         self._read_time(record)
         self._read_seen(record["seen"])
         if "world" in record:
-            self._read_world(record)
+            self.read_world(record)
 
-    def _keep_world(self, checkpoint: bytes | None = None) -> dict[str, Any]:
+    def keep_world(self, checkpoint: bytes | None = None) -> dict[str, Any]:
         if not self.exact:
             return {}
         self._world, self._looks = self._environment.checkpoint() if checkpoint is None else checkpoint, []
         return {"world": base64.b85encode(zlib.compress(self._world, 1)).decode()}
 
-    def _read_world(self, record: dict[str, Any]) -> bytes:
+    def read_world(self, record: dict[str, Any]) -> bytes:
         self._world, self._looks = zlib.decompress(base64.b85decode(record["world"])), []
         return self._world
 
@@ -413,31 +280,3 @@ class Effects:
 
     def _read_start(self, record: dict[str, Any] | None) -> None:
         self._read_seen(record)
-
-    def _keep_heard(self, heard: Heard, after_a_stop: bool) -> dict[str, Any]:
-        """The words by their id."""
-        self._teacher = self._person.state()
-        world = self._keep_world() if after_a_stop and heard.stays else {}
-        return {"kind": heard.kind, "words": heard.feedback, "teacher": self._teacher, **world}
-
-    def _keep_answered(self, answered: Answered) -> dict[str, Any]:
-        self._teacher = self._person.state()
-        answer = answered.answer
-        return {
-            "kind": answer.kind,
-            "struck": list(answer.struck),
-            "words": answered.feedback,
-            "teacher": self._teacher,
-        }
-
-    def _read_answered(self, record: dict[str, Any], words: WordStore) -> Answered:
-        self._teacher = record["teacher"]
-        text = words.read(record["words"]) if record["words"] else ""
-        return Answered(ReadBack(record["kind"], text, tuple(record["struck"])), record["words"])
-
-    def _read_heard(self, record: dict[str, Any], words: WordStore) -> Heard:
-        self._teacher = record["teacher"]
-        if "world" in record:
-            self._read_world(record)
-        number, keeper = record["words"], words if record["kind"] == "correct" else self._praise
-        return Heard(record["kind"], keeper.read(number) if number else "", number)
