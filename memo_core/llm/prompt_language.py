@@ -24,7 +24,8 @@ def prompt_environment() -> jinja2.Environment:
     """The environment that all prompt files are parsed and rendered in. Forbidden expressions raise Jinja's
     ``SecurityError``."""
     import jinja2
-    from jinja2.sandbox import ImmutableSandboxedEnvironment, SecurityError
+    from jinja2.exceptions import SecurityError
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
 
     class _Confined(ImmutableSandboxedEnvironment):
         intercepted_binops = frozenset(("*", "**"))
