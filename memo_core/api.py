@@ -31,40 +31,71 @@ def load(
 ) -> Experiment:
     """Read and check an experiment.
 
-    Args: file: an experiment file; without one, the defaults of the installed plugins. overrides: single values as
-    after ``--set``, for instance ``"llm.backend=offline"``. task: name of the task; takes precedence over the file.
-    seed: seed of the scene and of all random numbers; takes precedence over the file.
+    Args:
+        file: experiment file; None: the defaults of the installed plugins.
+        overrides: single values as after ``--set``, such as ``"llm.backend=offline"``.
+        task: name of the task; takes precedence over the file.
+        seed: seed of the scene and of all random numbers; takes precedence over the file.
+
+    Returns:
+        The checked experiment; none of its parts is created yet.
 
     Raises:
-        ConfigErrors: with everything that is wrong, each with file, line and path.
+        ConfigErrors: with all errors, each with its file, line and path.
     """
     path = None if file is None else Path(file)
     return load_experiment(registry(), path, overrides, SECTIONS, task, seed)
 
 
 def tasks(experiment: Experiment) -> tuple[str, ...]:
-    """Names of the tasks of the experiment's suite."""
+    """Names of the tasks of the experiment's suite.
+
+    Args:
+        experiment: selects the suite.
+
+    Returns:
+        Names in the suite's order.
+
+    Raises:
+        NoDefaultBackend: if neither the experiment nor the installed plugins determine a suite.
+        BackendUnavailable: if the suite cannot be created.
+    """
     return tuple(task.name for task in tasks_of(experiment))
 
 
 def run(experiment: Experiment, out: str | Path = "runs", listener: Callable[[Event], None] | None = None) -> RunReport:
-    """Do the experiment's task once, in a new folder under ``out``, and return how it went.
+    """Run the experiment's task once, in a new folder below ``out``.
 
-    Call it in the main thread: it handles Ctrl-C meanwhile. ``listener`` is called with every event, in the policy's
-    thread.
+    Call it in the main thread, where it handles Ctrl-C until it returns.
+
+    Args:
+        experiment: the task and all settings of the run.
+        out: folder in which the run's folder is made.
+        listener: called with every event, in the calling thread or the policy's; the robot waits until it returns.
+
+    Returns:
+        The report; an error after the run began is in its ``problem`` or ``error``.
 
     Raises:
-        MemoError: for errors before the run begins; later errors end the run and are in the report.
+        InvalidArgument: if the experiment names no task.
+        MemoError: for any other error before the run begins.
     """
     return run_experiment(experiment, registry(), Path(out), listener)
 
 
 def open_book(book: str | Path | Experiment, read_only: bool = True) -> Skillbook:
-    """An open skillbook: a file, a database URL, or the book of an experiment. Use it as a context manager, or
-    ``close`` it.
+    """Open a skillbook. Use it as a context manager, or ``close`` it.
+
+    Args:
+        book: file, database URL, or an experiment for its own book; the first two use the default embedder and store.
+        read_only: refuse writes, and do not create a missing book.
+
+    Returns:
+        The open book.
 
     Raises:
-        SkillbookError: for a book that cannot be opened, such as a missing one with ``read_only``.
+        SkillbookError: if the book cannot be opened, for instance a missing one with ``read_only``.
+        BackendUnavailable: if the embedder or the vector store cannot be created.
     """
     experiment = book if isinstance(book, Experiment) else load()
     url = None if isinstance(book, Experiment) else str(book)
@@ -74,17 +105,22 @@ def open_book(book: str | Path | Experiment, read_only: bool = True) -> Skillboo
 
 
 def make_environment(experiment: Experiment, task: str | None = None, seed: int | None = None) -> SimulatedEnvironment:
-    """An open environment of a task, with the robot in its home configuration. Use it as a context manager, or
-    ``close`` it.
+    """Open an environment of a task, the robot at home. Use it as a context manager, or ``close`` it.
 
     It has ``look``, ``step``, ``render``, ``checkpoint``, ``restore``, ``check``, and ``control`` for the skills.
 
     Args:
-        experiment: chooses simulator, robot and perception.
-        task: name of the task; by default the experiment's.
-        seed: of the scene; by default the experiment's.
+        experiment: selects simulator, robot and perception.
+        task: name of the task; None: the experiment's.
+        seed: seed of the scene; None: the experiment's.
 
-    Raises: UnknownName: for a task that does not exist. BackendUnavailable: if a requirement of a backend is missing.
+    Returns:
+        The open environment.
+
+    Raises:
+        InvalidArgument: if neither the argument nor the experiment names a task.
+        UnknownName: if the suite has no such task.
+        BackendUnavailable: if a backend cannot be used here, or the robot's driver moves hardware.
     """
     name = task or experiment.task
     if name is None:

@@ -76,8 +76,18 @@ class Hit:
 def obstacles_of(
     scene: SceneGraph, moved: Mapping[str, Pose] | None = None, absent: Iterable[str] = ()
 ) -> list[Obstacle]:
-    """The solid boxes of a scene graph. ``moved``: poses that are known better than from the last look; ``absent``:
-    node ids to leave out (held objects)."""
+    """Solid boxes of a scene graph, and the table as a slab.
+
+    A node with a visible inside becomes the walls around it; heaps and nodes without volume are left out.
+
+    Args:
+        scene: the scene as last observed, poses in the base frame.
+        moved: newer poses (base frame) by node id, for objects moved since that observation.
+        absent: ids of nodes to leave out, such as a held object.
+
+    Returns:
+        Boxes in the base frame, the table last.
+    """
     moved = moved or {}
     left_out = set(absent)
     spaces: dict[str, list[Node]] = {}

@@ -58,11 +58,19 @@ class Described:
 def describe_urdf(
     text: str, name: str | None = None, mesh_folder: str | None = None, plain_hand: bool = False
 ) -> Described:
-    """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``. With ``plain_hand`` it
-    takes the place of the URDF's gripper.
+    """Describe an arm with a parallel gripper, or a bare arm, which then gets ``ParallelHand``.
 
-    Raises ``InvalidArgument`` in one line for what is no single serial arm, and for numbers that look as if in other
-    units than URDF's.
+    Args:
+        text: the URDF's XML text.
+        name: name of the robot; None: the URDF's.
+        mesh_folder: folder below which mesh files are looked up; None: paths are used as they stand.
+        plain_hand: replace the URDF's gripper by ``ParallelHand``.
+
+    Returns:
+        The description, with what was read and what was guessed.
+
+    Raises:
+        InvalidArgument: if the URDF is not a single serial arm, or its numbers look as if in other units than URDF's.
     """
     urdf = read_urdf(text, mesh_folder)
     found = arm_and_fingers(urdf)

@@ -14,7 +14,20 @@ _POINTER = b"version https://git-lfs"
 
 
 def mesh_vertices(file: str, scale: Sequence[float], where: str) -> Array:
-    """Vertices (k, 3) of a mesh, m. Raises ``InvalidArgument``, ``where`` naming the link, for what is no mesh."""
+    """Vertices of a mesh file in the mesh's own frame.
+
+    Args:
+        file: path of the mesh, in any format that coal reads (.stl, .obj, .dae, …).
+        scale: factors (x, y, z) from the file's units to m.
+        where: the link, for error messages.
+
+    Returns:
+        Scaled vertices of shape (k, 3), m.
+
+    Raises:
+        InvalidArgument: if the file is not a readable mesh.
+        OSError: if the file cannot be opened.
+    """
     import coal
 
     try:

@@ -49,7 +49,14 @@ def plan_free(
 
 
 def densified(joints: Array) -> tuple[Array, tuple[int, ...]]:
-    """A joint path (n, K) with points every few hundredths of a radian, and the indices of its inner corners."""
+    """Subdivide a joint path so that no joint moves by more than 0.035 rad between two points.
+
+    Args:
+        joints: corner points of the path, shape (n, K), rad.
+
+    Returns:
+        The points, shape (n, M), ends included, and the column indices of the K - 2 inner corners.
+    """
     points, corners = [joints[:, 0]], []
     for a, b in zip(joints.T, joints.T[1:], strict=False):
         count = max(1, int(np.ceil(np.abs(b - a).max() / _RESOLUTION)))

@@ -17,8 +17,19 @@ _NEAR, _SLOW = 0.0003, 0.003  # rad and rad/s: it is told to be at rest, and wha
 
 
 def move_joints(link: Link, goal: Array) -> None:
-    """Go to joints (n,) at a third of the joints' speed and within the link's limits, and wait there. Raises
-    ``InvalidArgument`` for a goal beyond the limits, ``MotionError`` before anything moves, and ``Stopped`` at rest."""
+    """Move the arm straight through its joints at 0.3 of its speed limits, and wait until it rests at the goal.
+
+    The path is not checked for obstacles. The arm may settle next to the goal if a load or contact holds it back.
+
+    Args:
+        link: open link to the arm.
+        goal: joint positions (n,), rad.
+
+    Raises:
+        InvalidArgument: if the goal is beyond the joints' limits.
+        MotionError: if the link refuses the path before anything moves, or a safety limit ends the motion.
+        Stopped: if the stop was pressed; the arm is at rest.
+    """
     planner = MotionPlanner(link.description, link.control_period)
     kinematics = planner.kinematics
     if not kinematics.within_limits(goal):

@@ -46,7 +46,16 @@ def _in_radians(instance: object, attribute: attrs.Attribute[list[float]], value
 
 
 def turned_by(roll: float, pitch: float, yaw: float) -> Any:
-    """The field ``base_rpy`` (rad) with this default, for the settings of a robot that usually stands otherwise."""
+    """Field ``base_rpy`` with another default, for the settings of a robot that usually stands otherwise.
+
+    Args:
+        roll: default rotation of the base about x, rad.
+        pitch: default rotation about y, rad.
+        yaw: default rotation about z, rad; applied last, as in URDF.
+
+    Returns:
+        An attrs field whose validator raises ``InvalidArgument`` for values that are not three angles in rad.
+    """
     return attrs.field(
         factory=lambda: [roll, pitch, yaw],
         validator=[_finite(3), _in_radians],

@@ -115,21 +115,58 @@ def with_parallel_hand(
     prefix: str = "hand_",
     mount: Vector = (0.0, 0.0, 0.0),
 ) -> str:
-    """The URDF text with a parallel hand on its link ``flange``. Raises as ``with_hand``."""
+    """Add a parallel hand to a URDF.
+
+    Args:
+        urdf: the URDF's XML text.
+        flange: link that carries the hand.
+        hand: measures of the hand; None: those of ``ParallelHand()``.
+        prefix: start of the names of the hand's links and joints.
+        mount: roll, pitch, yaw (rad) of the hand in the flange's frame.
+
+    Returns:
+        URDF text with the hand.
+
+    Raises:
+        InvalidArgument: as ``with_hand``.
+    """
     return with_hand(urdf, flange, hand or ParallelHand(), prefix, mount)
 
 
 class Hand(Protocol):
-    """What ``with_hand`` puts on a flange."""
+    """A hand that ``with_hand`` can put on a flange."""
 
     def text(self, flange: str, prefix: str, mount: Vector) -> str:
-        """Links and joints, to be put before ``</robot>``."""
+        """URDF text of the hand, to be put before ``</robot>``.
+
+        Args:
+            flange: link that carries the hand.
+            prefix: start of the names of all links and joints.
+            mount: roll, pitch, yaw (rad) of the hand in the flange's frame.
+
+        Returns:
+            Links and joints, one of them fixing the hand to ``flange``.
+        """
         ...
 
 
 def with_hand(urdf: str, flange: str, hand: Hand, prefix: str = "hand_", mount: Vector = (0.0, 0.0, 0.0)) -> str:
-    """The URDF text with a hand on its link ``flange``. Raises ``InvalidArgument`` where there is no such link, or a
-    link already has one of the hand's names."""
+    """Add a hand to a URDF.
+
+    Args:
+        urdf: the URDF's XML text.
+        flange: link that carries the hand.
+        hand: writes the hand's links and joints.
+        prefix: start of their names; no link of the URDF may begin with it.
+        mount: roll, pitch, yaw (rad) of the hand in the flange's frame.
+
+    Returns:
+        URDF text with the hand.
+
+    Raises:
+        InvalidArgument: if the URDF has no link ``flange``, or a link whose name begins with ``prefix``.
+        ParseError: if ``urdf`` is not well-formed XML.
+    """
     root = ElementTree.fromstring(urdf)
     links = [str(link.get("name")) for link in root.findall("link")]
     if flange not in links:

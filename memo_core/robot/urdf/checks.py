@@ -11,7 +11,17 @@ from memo_core.robot.urdf.reading import Urdf
 
 
 def check_fits(urdf: Urdf, robot: RobotDescription) -> None:
-    """Raise ``InvalidArgument`` unless every joint that moves is driven, fingers are coupled and all names exist."""
+    """Check that a URDF and a robot's description fit together.
+
+    Args:
+        urdf: the URDF as read from ``robot.urdf``.
+        robot: the description whose joints, links, gripper and home are checked.
+
+    Raises:
+        InvalidArgument: if a named joint or link does not exist, a moving joint is not driven, an arm joint has
+            no finite limits, the fingers cannot be coupled, a vacuum gripper has finger joints or no cup, or
+            ``home`` has another length than ``joints``.
+    """
     for name in (*robot.joint_names, *robot.gripper.finger_joints):
         urdf.joint(name)
     check_limits(robot)
@@ -51,7 +61,17 @@ def check_limits(robot: RobotDescription) -> None:
 
 
 def may_touch(urdf: Urdf, robot: RobotDescription) -> set[tuple[str, str]]:
-    """Pairs of links that do not collide: joined ones (what is rigidly fixed counts as one) and those allowed."""
+    """Pairs of links whose contact is no collision: links joined by one joint, and allowed contacts.
+
+    Links that fixed joints connect count as one.
+
+    Args:
+        urdf: the robot's links and joints.
+        robot: its description, for ``allowed_contacts``.
+
+    Returns:
+        Pairs of link names, each in alphabetical order.
+    """
     group = {urdf.root: urdf.root}
     pairs: set[tuple[str, str]] = set()
     joined: list[tuple[str, str]] = []
