@@ -37,8 +37,16 @@ class GripperDriver(ABC):
 
     @abstractmethod
     def move(self, width: float, force: float) -> None:
-        """Start to open or close to ``width``, pressing with at most ``force``. Raises ``InvalidArgument`` outside the
-        described range (``check_gripper_command``)."""
+        """Start to open or close the fingers; returns at once.
+
+        Args:
+            width: distance between the pads to go to, m, 0 to ``stroke``.
+            force: largest force to press with, N, 0 to ``max_force``.
+
+        Raises:
+            InvalidArgument: for a value outside the described range (``check_gripper_command``); nothing moves.
+            BackendUnavailable: if the gripper is not open or the connection is lost.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -54,8 +62,16 @@ class GripperDriver(ABC):
 
 
 def check_gripper_command(gripper: GripperDescription, width: float, force: float) -> None:
-    """For ``GripperDriver.move``. Raises ``InvalidArgument`` for a width (m) or force (N) outside the described
-    range."""
+    """Check the arguments of ``GripperDriver.move``.
+
+    Args:
+        gripper: description that states ``stroke`` and ``max_force``.
+        width: distance between the pads, m, 0 to ``stroke``.
+        force: largest force, N, 0 to ``max_force``.
+
+    Raises:
+        InvalidArgument: if a value is outside its range or not finite.
+    """
     if not (math.isfinite(width) and 0.0 <= width <= gripper.stroke):
         raise InvalidArgument("width", f"is {width} m", f"0 to {gripper.stroke} m")
     if not (math.isfinite(force) and 0.0 <= force <= gripper.max_force):
@@ -75,5 +91,18 @@ class RobotDriver(ABC):
 
     @abstractmethod
     def link(self, robot: RobotDescription, gripper: GripperDriver, simulator: Simulator | None = None) -> Link:
-        """A new, unopened link to the described robot; it opens, stops and closes ``gripper`` with itself. Touches no
-        device. Raises ``InvalidArgument`` for a description this driver cannot move."""
+        """Create an unopened link to the described robot, a new one for each call. Touches no device.
+
+        The link opens, stops and closes ``gripper`` with itself.
+
+        Args:
+            robot: the arm and its gripper.
+            gripper: driver of the gripper; if ``included``, the link moves the gripper itself.
+            simulator: open simulator with this robot built; None for hardware.
+
+        Returns:
+            The link.
+
+        Raises:
+            InvalidArgument: if this driver cannot move such a robot, or a simulated driver gets no simulator.
+        """

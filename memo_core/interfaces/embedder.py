@@ -22,4 +22,11 @@ class Embedder(ABC):
 
     @abstractmethod
     def embed(self, texts: Sequence[str]) -> np.ndarray:
-        """Unit vectors, float32, shape (len(texts), dimension); the same text always gives the same vector."""
+        """Embed texts; equal texts give equal vectors, whatever is embedded with them.
+
+        Args:
+            texts: any strings, also empty and very long ones; the sequence may be empty.
+
+        Returns:
+            Vectors of length 1, float32, shape (len(texts), dimension).
+        """

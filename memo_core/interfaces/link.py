@@ -109,20 +109,51 @@ class Link(ABC):
         raise BackendUnavailable("robot", self.description.name, "its link feels no forces", "one that does")
 
     def check(self, skill: str, targets: Array) -> None:
-        """Raise ``MotionError`` on behalf of ``skill``, before anything moves, if the motion along ``targets`` (shape
-        (T, n), one per control period) would be refused half-way."""
+        """Check a motion before anything moves; by default every motion passes.
+
+        Args:
+            skill: name of the skill that the error is for.
+            targets: joint positions (T, n), rad, one row for each control period.
+
+        Raises:
+            MotionError: if the link would refuse one of the targets during the motion.
+        """
 
     @abstractmethod
     def send(self, targets: Array) -> None:
-        """Command joint positions for one control period and let it pass. Raises ``Stopped``."""
+        """Command joint positions for one control period and let it pass.
+
+        Args:
+            targets: joint positions (n,), rad; the link keeps no reference to the array.
+
+        Raises:
+            Stopped: if the stop is latched; nothing is commanded.
+            InvalidArgument: for targets that the link cannot follow, such as values that are not finite.
+            MotionError: if a safety limit ends the motion; the arm is at rest.
+            RobotFault: if a real robot no longer accepts commands.
+        """
 
     def halt(self, targets: Array) -> None:
-        """Come to rest along decelerating ``targets``, shape (T, n), the grip unchanged: the one command that is
-        accepted while stopped, and the last. Hardware that stops on its own may ignore the targets."""
+        """Decelerate to rest along ``targets``, the grip unchanged.
+
+        Accepted while the stop is latched, unlike every other command, and the last one before ``release``. Hardware
+        that stops on its own may ignore the targets.
+
+        Args:
+            targets: decelerating joint positions (T, n), rad, one row for each control period.
+        """
 
     @abstractmethod
     def set_gripper(self, width: float, force: float) -> None:
-        """Command the gripper (m, N); returns at once. Raises ``Stopped``."""
+        """Command the gripper; returns at once.
+
+        Args:
+            width: distance between the pads to go to, m, 0 to close; limited to the gripper's stroke.
+            force: largest force to press with, N, above 0; limited to the gripper's ``max_force``.
+
+        Raises:
+            Stopped: if the stop is latched; nothing is commanded.
+        """
 
     @abstractmethod
     def time(self) -> float:

@@ -97,8 +97,19 @@ class LanguageModel(ABC):
         on_text: Callable[[str], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Answer:
-        """Answer one request without retrying: the caller retries. ``on_text`` receives pieces while they
-        stream; ``cancelled`` is polled by backends that can give up early. Raises ``LanguageModelError``."""
+        """Answer one request without retrying: the caller retries. It may be called from several threads at once.
+
+        Args:
+            request: the question; only its messages, schema and seed may affect the answer.
+            on_text: called with each piece of the text as it arrives; joined, the pieces are the answer's text.
+            cancelled: True once the caller no longer wants the answer; backends that can give up early poll it.
+
+        Returns:
+            The answer with its usage.
+
+        Raises:
+            LanguageModelError: if there is no answer; says why, and whether asking again may help.
+        """
 
     def unpriced(self) -> str:
         """Why the cost of calls will not be known, and the remedy; empty if it will be known. Called after ``open`` by

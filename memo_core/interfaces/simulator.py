@@ -44,23 +44,27 @@ class WorldState(ABC):
 
     @abstractmethod
     def body_pose(self, body: str) -> Pose:
-        """Pose of a body's frame. Raises ``KeyError``."""
+        """Pose of a body's frame in the base frame. Raises ``KeyError`` for an unknown body."""
 
     @abstractmethod
     def body_velocity(self, body: str) -> tuple[Array, Array]:
-        """(linear m/s, angular rad/s) of a body, in base axes, shapes (3,), (3,)."""
+        """Linear (m/s) and angular (rad/s) velocity of a body's frame, in base axes, shape (3,) each.
+
+        Raises:
+            KeyError: if there is no such body.
+        """
 
     @abstractmethod
     def joint_position(self, joint: str) -> float:
-        """A scene joint's position (rad or m)."""
+        """Position (rad or m) of a scene joint. Raises ``KeyError`` for an unknown joint."""
 
     @abstractmethod
     def joint_velocity(self, joint: str) -> float:
-        """A scene joint's velocity (rad/s or m/s)."""
+        """Velocity (rad/s or m/s) of a scene joint. Raises ``KeyError`` for an unknown joint."""
 
     @abstractmethod
     def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
-        """Contacts now, of one body (children included) or all."""
+        """Present contacts of one body, children included, or of all. Raises ``KeyError`` for an unknown body."""
 
     def family(self, body: str) -> frozenset[str]:
         """Names of a body and of its children, which are parts of the same thing."""
@@ -78,11 +82,19 @@ class WorldState(ABC):
 
     @abstractmethod
     def tool_pose(self) -> Pose:
-        """True pose of the tool frame."""
+        """True pose of the tool frame in the base frame."""
 
 
 def divided(seconds: float, timestep: float) -> tuple[float, int]:
-    """A physics time step of at most ``timestep`` (s), and how many of them take ``seconds``."""
+    """Divide a duration into equal physics time steps.
+
+    Args:
+        seconds: the duration, s, more than 0.
+        timestep: longest step allowed, s, more than 0.
+
+    Returns:
+        Time step (s) and number of steps.
+    """
     steps = max(1, math.ceil(seconds / timestep - 1e-9))
     return seconds / steps, steps
 
@@ -120,7 +132,16 @@ class Simulator(WorldState):
 
     @abstractmethod
     def build(self, scene: SceneDescription, robot: RobotDescription) -> None:
-        """Build the scene with the robot at its home position, gripper open, time 0. Deterministic."""
+        """Build the scene with the robot at its home position, gripper open, time 0. Deterministic.
+
+        Args:
+            scene: bodies, joints, mechanisms and cameras, poses in the robot's base frame.
+            robot: the arm and its gripper.
+
+        Raises:
+            InvalidArgument: if the scene or the robot cannot be built, or the robot's URDF and description do not fit.
+            BackendUnavailable: if the simulator is not open.
+        """
 
     # -- the joint-level link ----------------------------------------------------------------------------------------
     @abstractmethod
@@ -150,12 +171,26 @@ class Simulator(WorldState):
 
     @abstractmethod
     def command_joints(self, targets: Array) -> None:
-        """Position targets (rad), shape (n,), held until changed. Takes effect with the next tick. Raises
-        ``InvalidArgument`` when they are not finite."""
+        """Set position targets, held until changed; they take effect with the next tick.
+
+        Args:
+            targets: joint positions (n,), rad, in the order of ``RobotDescription.joints``.
+
+        Raises:
+            InvalidArgument: if a target is not finite; the last targets stay.
+        """
 
     @abstractmethod
     def command_gripper(self, width: float, force: float) -> None:
-        """Target opening (m, 0 to close) and largest force (N), held until changed."""
+        """Set the gripper's target, held until changed; the opening changes at the gripper's ``speed``.
+
+        Args:
+            width: opening to go to, m, 0 to close; limited to the gripper's stroke.
+            force: largest force to press with, N, above 0; limited to the gripper's ``max_force``.
+
+        Raises:
+            InvalidArgument: if a value is not finite, or the force not above 0.
+        """
 
     @abstractmethod
     def tick(self) -> None:
@@ -171,11 +206,29 @@ class Simulator(WorldState):
     # -- called by mechanisms only (memo_core.scene.mechanism_state.Joints) --------------------------------------------
     @abstractmethod
     def limit_joint(self, joint: str, lower: float, upper: float) -> None:
-        """Keep a scene joint within these limits (rad or m; equal ones hold it) until changed."""
+        """Keep a scene joint within limits until changed.
+
+        Args:
+            joint: name of the joint.
+            lower: in rad (hinge) or m (slide).
+            upper: likewise; equal limits hold the joint.
+
+        Raises:
+            KeyError: if the scene has no such joint.
+        """
 
     @abstractmethod
     def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
-        """Give a scene joint this spring (Nm/rad or N/m, rest in rad or m) until changed."""
+        """Replace the spring of a scene joint until changed.
+
+        Args:
+            joint: name of the joint.
+            stiffness: in Nm/rad (hinge) or N/m (slide); 0: no spring.
+            rest: position at which the spring exerts no force, rad or m.
+
+        Raises:
+            KeyError: if the scene has no such joint.
+        """
 
     # -- state -------------------------------------------------------------------------------------------------------
     @abstractmethod
@@ -189,18 +242,56 @@ class Simulator(WorldState):
     # -- pictures ------------------------------------------------------------------------------------------------------
     @abstractmethod
     def render(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """RGB, uint8, shape (H, W, 3). Raises ``BackendUnavailable`` if no renderer works, naming the missing
-        package."""
+        """Render a colour image.
+
+        Args:
+            camera: name of a camera of the scene.
+            width: in pixels; None: the camera's ``resolution``.
+            height: in pixels; None: the camera's ``resolution``.
+
+        Returns:
+            RGB, uint8, shape (H, W, 3).
+
+        Raises:
+            UnknownName: if the scene has no such camera.
+            InvalidArgument: for a size that cannot be rendered.
+            BackendUnavailable: if no renderer works; the remedy names the missing package.
+        """
 
     @abstractmethod
     def render_depth(self, camera: str, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """Metres along the camera's forward axis, float32, shape (H, W); inf for the background."""
+        """Render a depth image.
+
+        Args:
+            camera: as in ``render``.
+            width: as in ``render``.
+            height: as in ``render``.
+
+        Returns:
+            Distance along the camera's forward axis, m, float32, shape (H, W); inf for the background.
+
+        Raises:
+            MemoError: as ``render``.
+        """
 
     @abstractmethod
     def render_segmentation(
         self, camera: str, width: int | None = None, height: int | None = None
     ) -> tuple[np.ndarray, Sequence[str]]:
-        """Indices into the returned body names, int32, shape (H, W); -1 is background, robot links ``robot/LINK``."""
+        """Render which body each pixel shows.
+
+        Args:
+            camera: as in ``render``.
+            width: as in ``render``.
+            height: as in ``render``.
+
+        Returns:
+            Indices into the names, int32, shape (H, W), -1 for the background; and the names of bodies, robot links as
+                ``robot/LINK``.
+
+        Raises:
+            MemoError: as ``render``.
+        """
 
     def view(self) -> None:
         """Open an interactive window. Raises ``BackendUnavailable`` without a display."""

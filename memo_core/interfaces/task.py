@@ -70,11 +70,26 @@ class Task(ABC):
 
     @abstractmethod
     def check(self, world: WorldState, monitors: dict[str, Monitor]) -> Outcome:
-        """Whether the task is done in this world state."""
+        """Check whether the task is done. An error raised here ends the run as ``TaskCodeError``.
+
+        Args:
+            world: true state of the simulation, poses in the robot's base frame.
+            monitors: the task's monitors by name, updated after every tick so far.
+
+        Returns:
+            The verdict with its reason.
+        """
 
     def check_subtask(self, subtask: str, world: WorldState) -> Outcome | None:
-        """Whether a subtask such as ``OPEN(microwave)`` is done, for reports only; None if the task has no check for
-        it."""
+        """Check whether a subtask is done, for reports only.
+
+        Args:
+            subtask: the subtask as planned, such as ``OPEN(microwave)``.
+            world: true state of the simulation, poses in the robot's base frame.
+
+        Returns:
+            The verdict with its reason; None, the default, if the task has no check for this subtask.
+        """
         return None
 
     @property

@@ -26,7 +26,15 @@ class VectorStore(ABC):
 
     @abstractmethod
     def add(self, ids: Sequence[int], vectors: np.ndarray) -> None:
-        """Add or replace. ``vectors`` has shape (len(ids), dimension)."""
+        """Add vectors, or replace those of ids that are stored already. The vectors are copied.
+
+        Args:
+            ids: different integers, 0 to 2**63 - 1.
+            vectors: shape (len(ids), dimension), any length; they are not normalised.
+
+        Raises:
+            InvalidArgument: if the shape does not fit or an id occurs twice; the store stays as it was.
+        """
 
     @abstractmethod
     def remove(self, ids: Sequence[int]) -> None:
@@ -34,8 +42,18 @@ class VectorStore(ABC):
 
     @abstractmethod
     def search(self, query: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Ids (int64) and inner products (float32), largest first, at most ``count``; ``query`` has shape
-        (dimension,)."""
+        """Find the stored vectors with the largest inner products with a query.
+
+        Args:
+            query: float32, shape (dimension,); it is not normalised.
+            count: most results; an approximate store may find fewer.
+
+        Returns:
+            Ids (int64) and inner products (float32), both of shape (k,) with k <= count, largest product first.
+
+        Raises:
+            InvalidArgument: if the query has another dimension.
+        """
 
     @abstractmethod
     def __len__(self) -> int: ...
