@@ -74,7 +74,7 @@ def run(experiment: Experiment, out: str | Path = "runs", listener: Callable[[Ev
         listener: called with every event, in the calling thread or the policy's; the robot waits until it returns.
 
     Returns:
-        The report; an error after the run began is in its ``problem`` or ``error``.
+        The report; a ``MemoError`` that ended the run is in its ``problem``.
 
     Raises:
         InvalidArgument: if the experiment names no task.

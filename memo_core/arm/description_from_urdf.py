@@ -67,7 +67,7 @@ def describe_urdf(
         plain_hand: replace the URDF's gripper by ``ParallelHand``.
 
     Returns:
-        The description, with what was read and what was guessed.
+        The description, the facts taken from the URDF, and the guesses with their reasons.
 
     Raises:
         InvalidArgument: if the URDF is not a single serial arm, or its numbers look as if in other units than URDF's.

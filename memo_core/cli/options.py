@@ -74,8 +74,21 @@ def load(
     seed: int | None = None,
     sections: Mapping[str, type] | None = None,
 ) -> tuple[Registry, Experiment]:
-    """The plugins and the checked experiment with these sections, by default those of a run. Notices for its author go
-    to stderr. Raises ``ConfigErrors``."""
+    """Load the plugins and check the experiment; notices for its author go to stderr.
+
+    Args:
+        config: experiment file; None: the plugins' defaults.
+        overrides: values of ``--set``, each ``KEY=VALUE``; None: no overrides.
+        task: name of the task; takes precedence over the file.
+        seed: seed of the scene and of all random numbers; takes precedence over the file.
+        sections: attrs class of each section that belongs to no backend, by name; None: the sections of a run.
+
+    Returns:
+        The registry of plugins and the checked experiment.
+
+    Raises:
+        ConfigErrors: with all errors of the experiment.
+    """
     from memo_core.config import load_experiment
     from memo_core.runs.sections import SECTIONS
 

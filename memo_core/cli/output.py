@@ -38,13 +38,23 @@ def note_unknown(kind: str, name: str | None, known: Collection[str]) -> None:
 
 
 def print_json(value: Any) -> None:
-    """One JSON document on stdout. NaN and infinity become null: they are not JSON."""
+    """Print one JSON document on stdout.
+
+    Args:
+        value: dicts, lists, tuples and scalars. NaN and infinity, which JSON lacks, become null; any other type becomes
+            its ``str``.
+    """
     print(json.dumps(_finite(value), ensure_ascii=False, indent=2, default=str))
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], width: int = 400) -> None:
-    """A table for people, without borders, so that it can be processed with cut and grep. ``width``: columns of a line
-    in a pipe."""
+    """Print a table for people, without borders, so that cut and grep can process it.
+
+    Args:
+        columns: headings.
+        rows: one cell for each column; None leaves a cell empty.
+        width: characters of a line in a pipe or file, beyond which cells fold; a terminal has its own.
+    """
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -83,7 +93,11 @@ def while_read() -> Iterator[None]:
 
 
 def note(line: str) -> None:
-    """A message for people on stderr."""
+    """Print a message for people on stderr.
+
+    Args:
+        line: the message, without a final newline.
+    """
     print(line, file=sys.stderr, flush=True)
 
 

@@ -27,7 +27,19 @@ def hardware(config: ConfigFile, overrides: Overrides) -> Experiment:
 
 @contextmanager
 def connected(experiment: Experiment) -> Iterator[Link]:
-    """The robot within the limits of ``hardware.safety``; a first signal stops it."""
+    """Connection to the experiment's robot, within the limits of ``hardware.safety``; the first signal stops the robot.
+
+    Args:
+        experiment: selects robot, driver and gripper driver; the driver must move hardware.
+
+    Yields:
+        The open link.
+
+    Raises:
+        BackendUnavailable: if another process moves the robot, or it cannot be connected to.
+        InvalidArgument: if the driver cannot move this robot.
+        RobotFault: if the robot does not accept commands.
+    """
     from memo_core.arm.guarded_link import GuardedLink
     from memo_core.cli.signal_handling import handling
     from memo_core.environment.lease import Lease
@@ -48,7 +60,16 @@ def connected(experiment: Experiment) -> Iterator[Link]:
 
 
 def confirmed(what: str, yes: bool) -> None:
-    """Raises ``InvalidArgument`` unless somebody says yes."""
+    """Announce a motion on stderr and ask a person to confirm it.
+
+    Args:
+        what: sentence that says what will move.
+        yes: do not ask (``--yes``).
+
+    Raises:
+        InvalidArgument: if the answer is not yes, or standard input is closed.
+        Stopped: if standard input ends before an answer.
+    """
     note(f"{what} A hand on the emergency stop, nobody within reach.")
     if yes:
         return

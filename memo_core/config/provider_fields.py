@@ -14,7 +14,14 @@ _ADDRESS = re.compile(r"[a-z]+://|localhost\b|\d+(\.\d+){3}\b|[\w.-]+:\d+(/|$)",
 
 
 def provider_model(expected: str) -> Any:
-    """attrs validator: provider/model. ``expected`` says what is right, also for a server of one's own."""
+    """Validator of an attrs field that holds a model as ``provider/model``.
+
+    Args:
+        expected: correct forms of the value, with that for a self-hosted server; part of the error message.
+
+    Returns:
+        The validator; it raises ``InvalidArgument`` for an address, and for a value without provider or model.
+    """
 
     def check(_: Any, field: attrs.Attribute[str], model: str) -> None:
         provider, _slash, name = model.partition("/")

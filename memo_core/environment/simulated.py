@@ -197,7 +197,18 @@ class SimulatedEnvironment(TaskEnvironment):
 
 
 def find_task(suite: Iterable[Task], name: str) -> Task:
-    """The task with this name. Raises ``UnknownName``, which lists the available ones."""
+    """Find a task of a suite by its name.
+
+    Args:
+        suite: the suite's tasks.
+        name: name of the task, such as ``open-the-fridge``.
+
+    Returns:
+        The task.
+
+    Raises:
+        UnknownName: if the suite has no such task; lists the names that exist.
+    """
     tasks = {task.name: task for task in suite}
     if name not in tasks:
         raise UnknownName("task", name, tuple(tasks))

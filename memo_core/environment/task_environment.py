@@ -142,7 +142,15 @@ class TaskEnvironment(ABC):
 
 
 def generator(seed: int, purpose: str) -> np.random.Generator:
-    """One random generator per purpose, so that the draws of one do not affect the others."""
+    """Random generator for one purpose, so that the draws for one purpose do not affect another's.
+
+    Args:
+        seed: seed of the run, at least 0.
+        purpose: name of the purpose, such as ``scene`` or ``perception``.
+
+    Returns:
+        A new generator; equal arguments give equal draws.
+    """
     return np.random.default_rng([seed, *purpose.encode()])
 
 

@@ -32,8 +32,23 @@ class Verified:
 def run_code(
     world: SimulatedEnvironment, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None
 ) -> Execution:
-    """Run robot code in an environment, with the same workspace and stop as in a run, then let objects come to rest for
-    as long as the task's check requires. Raises ``Stopped`` for a stop after the code."""
+    """Run robot code with the workspace and the stop of a run, then let objects come to rest.
+
+    After the code the arm stays still for the task's ``settle`` (simulated s), unless the stop is latched.
+
+    Args:
+        world: open environment.
+        code: Python source of the robot code.
+        sandbox: open sandbox that runs it.
+        on_print: called with each piece of output as it is printed.
+
+    Returns:
+        Result of the code; its errors, limits and a stop during it are in ``ended`` and ``error``.
+
+    Raises:
+        Stopped: if the stop is pressed after the code, while objects come to rest.
+        MemoError: if the robot, the simulator, a backend or the task's own code fails.
+    """
     execution = sandbox.run(
         code,
         world.control,

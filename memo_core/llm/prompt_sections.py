@@ -189,7 +189,17 @@ class Prompt:
 
 
 def read_subtask(text: str) -> tuple[str, tuple[str, ...]]:
-    """``PICK_UP(cup)`` -> ("pick up", ("cup",)). Raises ``UnreadablePrompt``."""
+    """Read the first subtask in a text, such as ``PICK_UP(cup)``.
+
+    Args:
+        text: text that contains ``ACTION(object, …)``.
+
+    Returns:
+        Action in lower case with spaces, and the objects' names, as in ``("pick up", ("cup",))``.
+
+    Raises:
+        UnreadablePrompt: if the text contains no subtask.
+    """
     match = re.search(r"([A-Za-z][\w -]*?)\s*\(([^()]*)\)", text)
     if match is None:
         raise UnreadablePrompt(f"{text.strip()!r} is no subtask of the form ACTION(object)")

@@ -59,8 +59,18 @@ def install(wanted: str, module: str = "") -> str:
 
 
 def reinstall(distribution: str, module: str) -> str:
-    """The command that writes all files of an installed distribution anew, with those of the distributions it requires
-    that have files in the same ``module``: reinstalled alone, one would remove what belongs to another."""
+    """Shell command that writes all files of an installed distribution anew.
+
+    Required distributions with files in the same module are reinstalled with it: reinstalling one alone would remove
+    files of the others.
+
+    Args:
+        distribution: name of the distribution.
+        module: top-level package that the distributions share.
+
+    Returns:
+        The command; that of ``install`` if the distribution is not installed.
+    """
     sharing = [one for one in _with_requirements(distribution) if one.name == distribution or _files(one, module)]
     pinned = sorted(f"{one.name}=={one.version}" for one in sharing)
     return pip_install("--force-reinstall", "--no-deps", *pinned) if pinned else install(distribution)

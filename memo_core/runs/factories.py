@@ -23,12 +23,36 @@ from memo_core.skills.skill import Skill, skill_library
 
 
 def tasks_of(experiment: Experiment) -> tuple[Task, ...]:
-    """The tasks of the experiment's suite. Raises ``NoDefaultBackend`` if none is installed."""
+    """Create the tasks of the experiment's suite.
+
+    Args:
+        experiment: selects the suite.
+
+    Returns:
+        The tasks in the suite's order.
+
+    Raises:
+        NoDefaultBackend: if neither the experiment nor the installed plugins determine a suite.
+        BackendUnavailable: if the suite cannot be created.
+    """
     return tuple(experiment.create("suite"))
 
 
 def task_of(experiment: Experiment, name: str) -> Task:
-    """One task by name. Raises ``UnknownName``, which lists the available ones."""
+    """Create one task of the experiment's suite.
+
+    Args:
+        experiment: selects the suite.
+        name: name of the task.
+
+    Returns:
+        The task.
+
+    Raises:
+        UnknownName: if the suite has no such task; lists the names that exist.
+        NoDefaultBackend: as ``tasks_of``.
+        BackendUnavailable: as ``tasks_of``.
+    """
     return find_task(tasks_of(experiment), name)
 
 
@@ -39,8 +63,22 @@ def library_of(experiment: Experiment) -> dict[str, Skill]:
 
 
 def environment_of(experiment: Experiment, task: Task, seed: int) -> SimulatedEnvironment:
-    """An unopened simulated environment of a task, with its own parts. Raises ``BackendUnavailable`` for a robot driver
-    that moves hardware, because callers run unattended, in parallel, or need a success check."""
+    """Create the simulated environment of a task, unopened, with its own simulator, robot and perception.
+
+    Args:
+        experiment: selects the backends.
+        task: the task that the environment is for.
+        seed: seed of the scene.
+
+    Returns:
+        The environment.
+
+    Raises:
+        BackendUnavailable: if the robot's driver moves hardware, because callers run unattended, in parallel, or need a
+            success check; also if a backend cannot be created.
+        NoDefaultBackend: if neither the experiment nor the installed plugins determine a backend.
+        InvalidArgument: if the simulator's control period is too long for the driver and cannot be changed.
+    """
     world = world_of(experiment, task, seed)
     if isinstance(world, HardwareEnvironment):
         name = experiment.choice("robot_driver").backend.name

@@ -150,11 +150,25 @@ def run_experiment(
     on_text: Callable[[str, str], None] | None = None,
     folder: Path | None = None,
 ) -> RunReport:
-    """Do the experiment's task once, in a new folder under ``out``, or in ``folder``, which holds no run. ``listener``
-    hears every event (a console); ``view`` opens the simulator's viewer; ``on_text`` hears (phase, piece) while models
-    write. Call it in the main thread: it owns the signals meanwhile.
+    """Run the experiment's task once and keep everything in a folder.
 
-    Raises ``MemoError`` for what is wrong before anything begins; what goes wrong later ends the run and is reported.
+    Call it in the main thread: it handles signals until it returns.
+
+    Args:
+        experiment: the task and all settings of the run.
+        registry: plugins, whose event listeners are called too.
+        out: folder in which the run's folder is made.
+        listener: called with every event, for instance to print it; the robot waits until it returns.
+        view: open the simulator's viewer.
+        on_text: called with (phase, piece of text) while a model writes, from other threads.
+        folder: the run's folder itself, in place of a new one in ``out``; it must not hold a run.
+
+    Returns:
+        The report; a ``MemoError`` that ended the run is in its ``problem``.
+
+    Raises:
+        InvalidArgument: if the experiment names no task, or ``folder`` already holds a run.
+        MemoError: for any other error before the run begins.
     """
     if experiment.task is None:
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")

@@ -125,7 +125,15 @@ class Urdf:
 
 
 def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
-    """Every link's pose in the base frame, joints at ``positions`` (rad or m, 0 where not named)."""
+    """Forward kinematics of all links.
+
+    Args:
+        urdf: the robot's links and joints.
+        positions: joint positions (rad or m) by name; joints not named, mimics included, stand at 0.
+
+    Returns:
+        Pose of each link by name, in the frame of the root link.
+    """
     poses = {urdf.root: Pose()}
     for joint in urdf.joints:
         value = positions.get(joint.name, 0.0)
@@ -139,11 +147,19 @@ def link_poses(urdf: Urdf, positions: dict[str, float]) -> dict[str, Pose]:
 
 
 def read_urdf(text: str, mesh_folder: str | None = None) -> Urdf:
-    """Parse URDF text. Mesh paths are looked up below ``mesh_folder``, ``package://NAME/…`` also in a folder NAME that
-    it lies in or next to. Those that lead nowhere, such as paths of another machine, fall back on their longest tail
-    that exists there or in a folder above.
+    """Parse URDF text.
 
-    Raises ``InvalidArgument`` naming the element that is wrong.
+    Args:
+        text: the XML text, with xacro already expanded.
+        mesh_folder: folder below which mesh files are looked up; ``package://NAME/…`` also in a folder NAME that
+            contains it or lies next to it. A path that does not exist falls back on its longest tail that exists
+            there or in a folder above. None: paths are used as they stand.
+
+    Returns:
+        Links, and joints with parents before children.
+
+    Raises:
+        InvalidArgument: naming the element that is wrong, or the mesh that was not found.
     """
     root = _parsed(text)
     for element in root.iter():

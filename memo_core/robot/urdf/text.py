@@ -41,7 +41,18 @@ class Inertia:
 def between(
     kind: Literal["cylinder", "capsule"], radius: float, start: Vector, end: Vector, colour: str = "white"
 ) -> Solid:
-    """A cylinder or capsule from ``start`` to ``end`` (m; the caps of a capsule lie outside)."""
+    """Cylinder or capsule between two points.
+
+    Args:
+        kind: shape; the caps of a capsule lie beyond the two points.
+        radius: in m.
+        start: centre of one end, shape (3,), m, in the link's frame.
+        end: centre of the other end, different from ``start``.
+        colour: name of a material of the document.
+
+    Returns:
+        The shape, posed in the link's frame.
+    """
     dx, dy, dz = (b - a for a, b in zip(start, end, strict=True))
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (start[2] + end[2]) / 2)
@@ -50,7 +61,16 @@ def between(
 
 
 def box_inertia(mass: float, size: Vector, centre: Vector = (0.0, 0.0, 0.0)) -> Inertia:
-    """Of a solid box of uniform density."""
+    """Inertia of a solid box of uniform density, its sides along the link's axes.
+
+    Args:
+        mass: in kg.
+        size: side lengths (x, y, z), m.
+        centre: centre of the box in the link's frame, m.
+
+    Returns:
+        Mass, centre of mass, and tensor (kg m2) about the centre of mass.
+    """
     x, y, z = size
     part = mass / 12
     tensor = (part * (y * y + z * z), part * (x * x + z * z), part * (x * x + y * y), 0.0, 0.0, 0.0)
@@ -58,7 +78,18 @@ def box_inertia(mass: float, size: Vector, centre: Vector = (0.0, 0.0, 0.0)) -> 
 
 
 def rod_inertia(mass: float, radius: float, length: float, axis: Literal["x", "y", "z"], centre: Vector) -> Inertia:
-    """Of a solid cylinder of uniform density along an axis of the link."""
+    """Inertia of a solid cylinder of uniform density.
+
+    Args:
+        mass: in kg.
+        radius: in m.
+        length: in m.
+        axis: axis of the link's frame that the cylinder lies along.
+        centre: centre of the cylinder in the link's frame, m.
+
+    Returns:
+        Mass, centre of mass, and tensor (kg m2) about the centre of mass.
+    """
     across = mass * (3 * radius * radius + length * length) / 12
     moments = [across, across, across]
     moments["xyz".index(axis)] = mass * radius * radius / 2
@@ -68,7 +99,17 @@ def rod_inertia(mass: float, radius: float, length: float, axis: Literal["x", "y
 def link_text(
     name: str, inertia: Inertia | None = None, visuals: Sequence[Solid] = (), collisions: Sequence[Solid] = ()
 ) -> str:
-    """A ``<link>``. Without an inertia it is massless, as a frame is."""
+    """URDF text of a ``<link>``.
+
+    Args:
+        name: name of the link.
+        inertia: mass and inertia; None: a massless link, as for a frame.
+        visuals: shapes to show, in the link's frame.
+        collisions: shapes to collide, in the link's frame; numbered ``NAME_0``, ``NAME_1``, ….
+
+    Returns:
+        The element, indented by two spaces.
+    """
     if inertia is None and not visuals and not collisions:
         return f'  <link name="{name}"/>'
     lines = [f'  <link name="{name}">']
@@ -103,7 +144,21 @@ def joint_text(
     axis: str = "",
     limit: str = "",
 ) -> str:
-    """A ``<joint>``; ``limit`` is a whole ``<limit …/>`` (and whatever else stands inside the joint)."""
+    """URDF text of a ``<joint>``.
+
+    Args:
+        name: name of the joint.
+        kind: URDF's joint type, such as ``fixed``, ``revolute`` or ``prismatic``.
+        parent: name of the parent link.
+        child: name of the child link.
+        xyz: origin of the child's frame in the parent's at position 0, m.
+        rpy: roll, pitch, yaw of the child's frame in the parent's at position 0, rad.
+        axis: axis in the child's frame, such as ``"0 0 1"``; empty: neither axis nor limit is written.
+        limit: whole ``<limit …/>`` element, and any further elements of the joint.
+
+    Returns:
+        The element, indented by two spaces.
+    """
     turning = f'<axis xyz="{axis}"/>{limit}' if axis else ""
     return (
         f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -139,7 +194,14 @@ def without_links(urdf: str, links: Collection[str], shapeless: Collection[str])
 
 
 def materials_text(colours: dict[str, str]) -> str:
-    """The document's materials, name -> "r g b a"."""
+    """URDF text of a document's materials.
+
+    Args:
+        colours: colour as ``"r g b a"``, each 0 to 1, by the material's name.
+
+    Returns:
+        One ``<material>`` a line.
+    """
     return "\n".join(f'  <material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in colours.items())
 
 
