@@ -25,8 +25,7 @@ def mesh_vertices(file: str, scale: Sequence[float], where: str) -> Array:
         Scaled vertices of shape (k, 3), m.
 
     Raises:
-        InvalidArgument: if the file is not a readable mesh.
-        OSError: if the file cannot be opened.
+        InvalidArgument: if the file cannot be opened or is not a readable mesh.
     """
     import coal
 
@@ -38,8 +37,11 @@ def mesh_vertices(file: str, scale: Sequence[float], where: str) -> Array:
 
 
 def _unreadable(file: str, where: str, error: Exception) -> InvalidArgument:
-    with Path(file).open("rb") as stream:
-        start = stream.read(len(_POINTER))
+    try:
+        with Path(file).open("rb") as stream:
+            start = stream.read(len(_POINTER))
+    except OSError as why:
+        return InvalidArgument(where, f"mesh {file!r} cannot be opened ({why.strerror})", "the path of a mesh")
     if start == _POINTER:
         problem = f"mesh {file!r} is a pointer of git-lfs, not the mesh itself"
         return InvalidArgument(where, problem, "the file: git lfs pull in its repository")

@@ -62,14 +62,14 @@ class SimulatorLink(Link):
     def send(self, targets: Array) -> None:
         if self._stopped():
             raise Stopped("moving")
-        self._targets = targets.copy()
         self._command(targets)
+        self._targets = targets.copy()
         self._tick()
 
     def halt(self, targets: Array) -> None:
         for row in targets:
-            self._targets = row.copy()
             self._command(row)
+            self._targets = row.copy()
             self._tick()
 
     def set_gripper(self, width: float, force: float) -> None:

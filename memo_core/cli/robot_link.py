@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from memo_core.cli.options import ConfigFile, Overrides, load
@@ -47,16 +47,15 @@ def connected(experiment: Experiment) -> Iterator[Link]:
     driver = experiment.create("robot_driver")
     robot = experiment.create("robot")
     lease = Lease(driver.address)
-    lease.take()
-    inner = driver.link(robot, experiment.create("gripper_driver"))
-    link = GuardedLink(inner, robot, experiment.section("hardware").safety)
-    try:
+    with ExitStack() as stack:
+        lease.take()
+        stack.callback(lease.give_back)
+        inner = driver.link(robot, experiment.create("gripper_driver"))
+        link = GuardedLink(inner, robot, experiment.section("hardware").safety)
+        stack.callback(link.close)
         link.open()
         with handling(lambda *_: link.stop()):
             yield link
-    finally:
-        link.close()
-        lease.give_back()
 
 
 def confirmed(what: str, yes: bool) -> None:

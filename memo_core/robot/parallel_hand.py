@@ -165,9 +165,12 @@ def with_hand(urdf: str, flange: str, hand: Hand, prefix: str = "hand_", mount: 
 
     Raises:
         InvalidArgument: if the URDF has no link ``flange``, or a link whose name begins with ``prefix``.
-        ParseError: if ``urdf`` is not well-formed XML.
+        InvalidArgument: if ``urdf`` is not well-formed XML.
     """
-    root = ElementTree.fromstring(urdf)
+    try:
+        root = ElementTree.fromstring(urdf)
+    except ElementTree.ParseError as error:
+        raise InvalidArgument("urdf", f"is not XML ({error})", "the text of a URDF") from None
     links = [str(link.get("name")) for link in root.findall("link")]
     if flange not in links:
         raise InvalidArgument("flange", f"the URDF has no link {flange!r}", ", ".join(links))

@@ -191,6 +191,11 @@ def test_a_file_that_is_no_mesh_is_refused_by_the_link_and_the_file(content, sai
     assert "\n" not in str(raised.value)
 
 
+def test_a_mesh_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InvalidArgument, match=r"link1: mesh .*none\.stl.*No such file"):
+        mesh_vertices(str(tmp_path / "none.stl"), (1, 1, 1), "link1")
+
+
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><up_axis>Z_UP</up_axis></asset><library_geometries><geometry id="g"><mesh><source id="p">
 <float_array id="a" count="12">0 0 0 0.08 0 0 0 0.08 0 0 0 0.3</float_array><technique_common>

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from memo_core.arm.description_from_urdf import describe_urdf
+from memo_core.errors import InvalidArgument
 from memo_core.robot.hand_mount import mount_rpy, sideways
 from memo_core.robot.parallel_hand import ParallelHand, with_parallel_hand
 from memo_core.robot.urdf.reading import link_poses, read_urdf
@@ -91,3 +92,8 @@ def test_the_check_says_so_first_and_what_to_write():
     assert re.match(r"the hand points sideways: .* 90 degrees .* joint6", said[0].why), said[0].why
     assert 'rpy="0 1.5708 0"' in said[0].why and "'hand_mount'" in said[0].why
     assert np.allclose(right.tool_offset.matrix, wrong.tool_offset.matrix)
+
+
+def test_a_hand_is_not_added_to_text_that_is_no_xml():
+    with pytest.raises(InvalidArgument, match="urdf: is not XML"):
+        with_parallel_hand("<robot", "flange")

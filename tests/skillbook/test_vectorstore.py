@@ -11,6 +11,7 @@ from memo_vectorstore.faiss_store import FaissStore
 from memo_vectorstore.plugin import memo_vector_stores
 from memo_vectorstore.settings import FaissSettings
 
+from memo_core.skillbook.retrieval.text_search import ExactStore
 from memo_core.testing.fake_store import FakeStore
 from memo_core.testing.vectorstore import RULES, check_vector_store
 
@@ -29,6 +30,11 @@ def test_faiss_with_a_file(rule: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("rule", RULES)
 def test_the_fake_store(rule: str) -> None:
     RULES[rule](FakeStore)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_exact_store_of_a_book_without_one(rule: str) -> None:
+    RULES[rule](ExactStore)
 
 
 class Distances(FakeStore):

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import BackendUnavailable
+from memo_core.errors import BackendUnavailable, InvalidArgument
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.skillbook.model.entries import spoken
 from memo_core.skillbook.retrieval.key_index import BookKeys
@@ -43,8 +43,12 @@ class ExactStore(VectorStore):
 
     def reset(self, dimension: int) -> None:
         self._ids, self._vectors = np.zeros(0, np.int64), np.zeros((0, dimension), np.float32)
+        self._generation = None
 
     def add(self, ids: Sequence[int], vectors: np.ndarray) -> None:
+        if vectors.shape != (len(ids), self._vectors.shape[1]):
+            wanted = f"shape {(len(ids), self._vectors.shape[1])}"
+            raise InvalidArgument("vectors", f"shape {vectors.shape}", wanted)
         self.remove(ids)
         self._ids = np.concatenate([self._ids, np.asarray(ids, np.int64)])
         self._vectors = np.concatenate([self._vectors, np.asarray(vectors, np.float32)])
