@@ -29,7 +29,15 @@ _LONGEST_NAME = 500  # characters of an unknown name that are shown
 
 
 def close_match(name: str, valid: Iterable[str]) -> str:
-    """``"; did you mean 'x'?"`` when something valid is close to ``name``, else an empty string."""
+    """Suggestion for an unknown name, to be appended to an error message.
+
+    Args:
+        name: the unknown name.
+        valid: names that exist; case is ignored in the comparison.
+
+    Returns:
+        ``"; did you mean 'x'?"`` with the most similar valid name, or an empty string if none is similar.
+    """
     spelt = {one.lower(): one for one in valid}
     found = [spelt[one] for one in difflib.get_close_matches(name.lower(), list(spelt), n=1, cutoff=0.5)]
     return f"; did you mean {found[0]!r}?" if found else ""

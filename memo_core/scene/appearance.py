@@ -39,9 +39,14 @@ _NAMED = {
 def appearance(body: Body, part: Part | None = None) -> tuple[str, ...]:
     """Colours and material of a body without its parts, or of one of its parts: ``("white", "porcelain")``.
 
-    The colours named are those that cover most of the surface: one, and a second one with a sufficient share
-    (``SECOND_COLOUR``). The geoms of a part are those whose centre is in its box; a part without any looks like its
-    body.
+    Args:
+        body: the body, together with the attached bodies that have neither a label nor parts.
+        part: one of ``body.parts``, made of the geoms whose centre lies in its box; a part without such geoms takes the
+            body's colours. None: the body without its parts.
+
+    Returns:
+        The colour of most of the surface, a second colour if it covers at least the share ``SECOND_COLOUR``, and the
+        material if it is stated.
     """
     geoms = [(geom, pose) for geom, pose in _geoms(body, Pose())]
     inside = [[_within(one, pose.position) for _, pose in geoms] for one in body.parts]
@@ -63,8 +68,16 @@ def colours(geoms: Iterable[Geom]) -> tuple[str, ...]:
 
 
 def colour_name(colour: Colour | tuple[float, float, float]) -> str:
-    """The everyday word for an sRGB colour (0 to 1; opacity is ignored): that of the nearest sample in OKLab, with
-    lightness weighted by ``LIGHTNESS_WEIGHT``."""
+    """Everyday word for a colour: the name of the nearest sample in OKLab.
+
+    Hue and saturation count more than lightness, which is weighted by ``LIGHTNESS_WEIGHT``.
+
+    Args:
+        colour: sRGB components from 0 to 1, values beyond are clipped; a fourth component (opacity) is ignored.
+
+    Returns:
+        A word such as ``"white"`` or ``"turquoise"``.
+    """
     seen = _perceived(colour[:3])
     return min(_SAMPLES, key=lambda sample: math.dist(seen, sample[1]))[0]
 

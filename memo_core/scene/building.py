@@ -16,9 +16,17 @@ _SIZES = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "mesh": 1}
 
 
 def check_scene(scene: SceneDescription) -> None:
-    """Raise ``InvalidArgument`` for a scene that cannot be built: names that are not unique (``robot/`` and ``floor``
-    are reserved), bodies whose joint cannot work, joints without an axis or range, sizes that do not fit their
-    shape."""
+    """Check that a scene can be built, except for its mechanisms (``Mechanisms`` checks those).
+
+    Args:
+        scene: description to check.
+
+    Raises:
+        InvalidArgument: if the name of a body, joint or camera is not unique or is reserved (``world``, ``floor``,
+            ``robot/…``), a moving body has no geoms, an attached body moves freely, a geom's size does not fit its
+            shape, a joint has no axis, an empty range or a start outside its range, or a latch names an unknown joint
+            or has no width or effort.
+    """
     _check_names(scene)
     for body, parent in scene.walk():
         where = f"scene body {body.name!r}"
@@ -72,7 +80,15 @@ def _check_joint(joint: Hinge | Slide) -> None:
 
 
 def check_size(geom: Geom, where: str) -> None:
-    """Raise ``InvalidArgument`` unless there is such a shape and the size fits it."""
+    """Check that a geom's shape exists and that its size fits the shape.
+
+    Args:
+        geom: geom to check.
+        where: name of its owner for the error message, such as ``scene body 'cup'``.
+
+    Raises:
+        InvalidArgument: if the shape is unknown, or the size is not the right count of positive numbers.
+    """
     if geom.shape not in _SIZES:
         known = ", ".join(_SIZES)
         raise InvalidArgument(where, f"unknown shape {geom.shape!r}{close_match(geom.shape, _SIZES)}", known)
@@ -81,7 +97,14 @@ def check_size(geom: Geom, where: str) -> None:
 
 
 def default_table(height: float) -> Body:
-    """The table of every scene that has no body called ``table``: top 1.6 x 1.6 m at ``height``."""
+    """Table that simulators add to a scene without a body called ``table``.
+
+    Args:
+        height: z of the table's top (m, base frame).
+
+    Returns:
+        A fixed body with a top of 1.6 x 1.6 m centred at (0.45, 0), and legs down to the floor that do not collide.
+    """
     legs = FLOOR_DEPTH - 0.04
     grey = (0.55, 0.56, 0.58, 1.0)
     return Body(
@@ -99,10 +122,21 @@ def default_table(height: float) -> Body:
 
 
 def masses(body: Body, mesh_volume: Callable[[str], float]) -> tuple[float, ...]:
-    """Mass of each geom (kg): stated ones as they are; the rest of the body's mass, or density 500 kg/m3, by volume.
+    """Masses of a body's geoms (kg): stated masses are kept, and the rest of the body's mass is shared by volume.
 
-    Decoration (geoms that do not collide) has no mass unless one is stated or the body has no other geoms.
-    ``mesh_volume`` returns the volume (m3) that a mesh file encloses at scale 1.
+    In a body without a mass, geoms without one have a density of 500 kg/m3. Decoration (geoms that do not collide)
+    without a stated mass has none, unless no other geom lacks one. If every geom states a mass and the body does too,
+    the geoms' masses are scaled to sum to the body's.
+
+    Args:
+        body: body whose geoms are weighed, without the bodies attached to it.
+        mesh_volume: returns the volume (m3) that a mesh file encloses at scale 1, given the file's path.
+
+    Returns:
+        One mass for each of ``body.geoms``, in their order.
+
+    Raises:
+        InvalidArgument: if the body's mass leaves nothing for the geoms without a stated mass.
     """
     volumes = [volume(geom, mesh_volume) if geom.mass is None and geom.collides else 0.0 for geom in body.geoms]
     if sum(volumes) == 0.0:
@@ -137,8 +171,15 @@ def volume(geom: Geom, mesh_volume: Callable[[str], float]) -> float:
 
 
 def joined_pairs(scene: SceneDescription) -> Iterator[tuple[str, str]]:
-    """Pairs of bodies on the two sides of a hinge or slide, including bodies rigidly attached to either: these do not
-    collide."""
+    """Pairs of bodies that must not collide because a hinge or slide joins them.
+
+    Args:
+        scene: scene whose bodies are paired.
+
+    Yields:
+        (name, name): a body on the parent's side of a joint and a body on the child's side; bodies rigidly attached to
+        either count too.
+    """
     group: dict[str, str] = {}
     joined: list[tuple[str, str]] = []
     for body, parent in scene.walk():
@@ -155,7 +196,14 @@ def joined_pairs(scene: SceneDescription) -> Iterator[tuple[str, str]]:
 
 
 def families(scene: SceneDescription) -> dict[str, frozenset[str]]:
-    """Every body's name with its own and its children's names, all the way down."""
+    """Names of each body's subtree.
+
+    Args:
+        scene: scene whose bodies are listed.
+
+    Returns:
+        Body name -> its own name and those of all bodies attached to it, directly or through others.
+    """
     found = {body.name: {body.name} for body, _ in scene.walk()}
     pairs = [(body.name, parent.name) for body, parent in scene.walk() if parent is not None]
     for child, parent in reversed(pairs):

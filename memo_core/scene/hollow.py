@@ -19,7 +19,17 @@ Side = Literal["front", "top"]
 def shell(
     size: Vector, wall: float, open_side: Side = "front", colour: Colour = (0.9, 0.9, 0.9, 1.0)
 ) -> tuple[Geom, ...]:
-    """Five walls of thickness ``wall`` around a box of outer ``size`` that is open at the front or at the top."""
+    """Five walls of a box that is open at the front or at the top.
+
+    Args:
+        size: outer (depth, width, height) along x, y, z (m).
+        wall: thickness of every wall (m).
+        open_side: the missing wall: ``front`` (at x = 0) or ``top``.
+        colour: RGBA components from 0 to 1.
+
+    Returns:
+        Five boxes, posed in the hollow's frame (see the module).
+    """
     depth, width, height = size
     inner_width = width - 2 * wall
     walls = [
@@ -36,7 +46,16 @@ def shell(
 
 
 def inside(size: Vector, wall: float, open_side: Side = "front") -> tuple[Vector, Vector, Vector]:
-    """(centre, full extents, outward direction of the open side) of the hollow in a ``shell`` of this size."""
+    """Hollow in a ``shell`` with the same arguments, as needed for a ``Cavity``.
+
+    Args:
+        size: the shell's outer (depth, width, height) along x, y, z (m).
+        wall: thickness of the shell's walls (m).
+        open_side: the shell's missing wall.
+
+    Returns:
+        (centre (m), full extents (m), outward unit direction of the open side), each (3,) in the hollow's frame.
+    """
     depth, width, height = size
     if open_side == "front":
         extents = (depth - wall, width - 2 * wall, height - 2 * wall)
@@ -46,8 +65,18 @@ def inside(size: Vector, wall: float, open_side: Side = "front") -> tuple[Vector
 
 
 def shelf(size: Vector, wall: float, top: float, depth: float, colour: Colour = (0.8, 0.84, 0.88, 1.0)) -> Geom:
-    """A board inside a shell of this size that is open at the front: its upper face ``top`` above the shell's bottom,
-    reaching ``depth`` forward from the back wall (m)."""
+    """Board between the side walls of a ``shell`` that is open at the front, touching its back wall.
+
+    Args:
+        size: the shell's outer (depth, width, height) along x, y, z (m).
+        wall: thickness of the shell's walls (m); the board is as thick, but at most 0.01 m.
+        top: height of the board's upper face above the shell's underside (m).
+        depth: extent of the board forward from the back wall (m).
+        colour: RGBA components from 0 to 1.
+
+    Returns:
+        One box, posed in the hollow's frame.
+    """
     thickness = min(wall, 0.01)
     x = size[0] - wall - depth / 2
     return Geom("box", (depth, size[1] - 2 * wall, thickness), Pose((x, 0.0, top - thickness / 2)), colour)
@@ -61,9 +90,21 @@ def cup(
     colour: Colour = (0.8, 0.82, 0.86, 1.0),
     material: Material = Material(),
 ) -> tuple[Geom, ...]:
-    """Open at the top: a floor and ``sides`` upright boxes around a regular polygon of this inner apothem (m).
+    """Cup that is open at the top: a round floor, and upright boxes around a regular polygon.
 
-    Its frame is at the centre of the floor's underside. Raises ``InvalidArgument`` if it has no inside.
+    Args:
+        apothem: distance from the cup's axis to the inner faces of its wall (m).
+        height: outer height, including the floor (m).
+        wall: thickness of floor and wall (m).
+        sides: number of boxes in the wall, 3 or more.
+        colour: RGBA components from 0 to 1.
+        material: contact properties of all geoms.
+
+    Returns:
+        The floor, then the boxes counter-clockwise from +x. The frame is at the centre of the floor's underside, z up.
+
+    Raises:
+        InvalidArgument: if ``sides`` is below 3, ``apothem`` is not positive or ``height`` does not exceed ``wall``.
     """
     if sides < 3 or apothem <= 0 or height <= wall:
         given = f"apothem {apothem}, height {height}, {sides} sides"
@@ -89,7 +130,20 @@ def bar(
     colour: Colour = (0.25, 0.25, 0.28, 1.0),
     material: Material = Material(),
 ) -> tuple[Geom, ...]:
-    """A round bar in front of a face, on two posts. ``distance`` (m) is from the bar's axis back (+x) to the face."""
+    """Round bar in front of a face, on two posts: a handle.
+
+    Args:
+        centre: centre of the bar (m), in the frame of the body that carries it; the face is in its +x direction.
+        length: length of the bar (m).
+        along: axis that the bar is parallel to.
+        distance: distance from the bar's axis to the face (m).
+        radius: radius of the bar (m).
+        colour: RGBA components from 0 to 1.
+        material: contact properties of bar and posts.
+
+    Returns:
+        The bar (a cylinder) and its two posts (boxes).
+    """
     half = length / 2 - radius
     step = (0.0, half, 0.0) if along == "y" else (0.0, 0.0, half)
     lying = (0.70710678, 0.70710678, 0.0, 0.0) if along == "y" else (1.0, 0.0, 0.0, 0.0)

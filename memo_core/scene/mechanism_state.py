@@ -22,7 +22,9 @@ _TIME_SLACK = 1e-9  # s; sums of time steps are not exact
 
 
 class Reader(Protocol):
-    """Read access to the simulation (``memo_core.interfaces.simulator.WorldState`` provides all of it)."""
+    """Read access to the simulation: time (s), positions of joints (rad or m), and the force (N) with which the robot
+    presses on a body. ``memo_core.interfaces.simulator.WorldState`` provides all of it.
+    """
 
     @property
     def time(self) -> float: ...
@@ -36,19 +38,28 @@ class Joints(Protocol):
     """Required methods of a simulator. Both settings hold until changed and take effect with the next physics step."""
 
     def limit_joint(self, joint: str, lower: float, upper: float) -> None:
-        """Keep the joint within these limits (rad or m; equal limits hold it), as firmly as its own range."""
+        """Keep the joint between these limits (rad or m; equal limits hold it), as firmly as its own range."""
 
     def spring_joint(self, joint: str, stiffness: float, rest: float) -> None:
-        """Pull the joint towards ``rest`` with this stiffness (Nm/rad or N/m) instead of any spring it had."""
+        """Pull the joint to ``rest`` (rad or m) with this stiffness (Nm/rad or N/m) instead of any spring it had."""
 
 
 # -- the state machine ------------------------------------------------------------------------------------------------
 
 
 class Mechanisms:
-    """The running mechanisms of a scene. Create it when the scene has been built, and call ``update`` after the last
-    physics step of every control tick, before the tick's listeners. Raises ``InvalidArgument`` for mechanisms with
-    names that the scene does not have."""
+    """State machine of a scene's mechanisms. Create it when the scene has been built, and call ``update`` after the
+    last physics step of every control tick, before the tick's listeners.
+
+    Args:
+        scene: scene with the mechanisms and the joints, bodies and locks that they name.
+        world: read access to the simulation that was built from the scene.
+        joints: write access to its joints; their limits and springs are set at once, and on every change.
+
+    Raises:
+        InvalidArgument: if a mechanism names a joint, body or lock that the scene does not have, or its numbers are
+            inconsistent.
+    """
 
     def __init__(self, scene: SceneDescription, world: Reader, joints: Joints) -> None:
         self._joints = joints

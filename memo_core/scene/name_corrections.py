@@ -90,8 +90,18 @@ def says_only_names(words: str, scene: SceneGraph, about: Sequence[str] = ()) ->
 
 
 def corrected(graph: SceneGraph, corrections: Iterable[NameCorrection]) -> SceneGraph:
-    """The graph with the names that people gave, oldest correction first; ids stay. Parts follow in their names: the
-    handle of a cup that is a mug is the "mug handle"."""
+    """Scene graph with people's name corrections applied; node ids stay.
+
+    Labels of parts follow: if a "cup" becomes a "mug", its "cup handle" becomes the "mug handle".
+
+    Args:
+        graph: scene graph as perception named it.
+        corrections: corrections, oldest first; a later one sees the labels that earlier ones gave.
+
+    Returns:
+        The corrected graph, or ``graph`` itself if nothing changes. A node whose name was only denied is called
+        ``UNKNOWN``, with a confidence of at most 0.3; a label that is taken is numbered.
+    """
     nodes = list(graph.nodes)
     for one in corrections:
         for place, node in enumerate(nodes):

@@ -54,7 +54,7 @@ class Pose:
 
     @classmethod
     def from_yaw(cls, position: Sequence[float], yaw: float) -> Pose:
-        """Upright at ``position``, turned by ``yaw`` radians about +z."""
+        """Upright pose at ``position`` (m, shape (3,)), turned by ``yaw`` (rad) about +z."""
         return cls(tuple(position), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
 
     @property
@@ -109,13 +109,32 @@ def multiply_quaternions(a: Sequence[float], b: Sequence[float]) -> tuple[float,
 
 
 def quaternion_angle(a: Sequence[float], b: Sequence[float]) -> float:
-    """Angle (rad, 0..pi) of the rotation between two unit quaternions."""
+    """Angle of the rotation between two orientations; a quaternion and its negative are the same orientation.
+
+    Args:
+        a: unit quaternion (w, x, y, z).
+        b: unit quaternion (w, x, y, z).
+
+    Returns:
+        Angle in radians, from 0 to pi.
+    """
     dot = abs(sum(p * q for p, q in zip(a, b, strict=True)))
     return 2.0 * math.acos(min(1.0, dot))
 
 
 def quaternion_from_axis_angle(axis: Sequence[float], angle: float) -> tuple[float, float, float, float]:
-    """Rotation by ``angle`` radians about ``axis`` (any length but zero)."""
+    """Quaternion of a right-handed rotation about an axis.
+
+    Args:
+        axis: direction of the axis, shape (3,), of any length but zero.
+        angle: angle of the rotation (rad).
+
+    Returns:
+        Unit quaternion (w, x, y, z).
+
+    Raises:
+        ValueError: if the axis has length zero.
+    """
     x, y, z = (float(v) for v in axis)
     norm = math.sqrt(x * x + y * y + z * z)
     if norm < 1e-12:
@@ -125,7 +144,14 @@ def quaternion_from_axis_angle(axis: Sequence[float], angle: float) -> tuple[flo
 
 
 def quaternion_from_rotation(rotation: Array) -> tuple[float, float, float, float]:
-    """From a rotation matrix, shape (3, 3); w is never negative."""
+    """Quaternion of a rotation matrix.
+
+    Args:
+        rotation: rotation matrix, shape (3, 3); small deviations from orthogonality are averaged out.
+
+    Returns:
+        Unit quaternion (w, x, y, z) with w >= 0.
+    """
     m = np.asarray(rotation, dtype=float)
     k = np.array(
         [
@@ -142,7 +168,16 @@ def quaternion_from_rotation(rotation: Array) -> tuple[float, float, float, floa
 
 
 def look_at(eye: Sequence[float], target: Sequence[float]) -> Pose:
-    """A camera pose at ``eye`` looking at ``target``: +z forward, +x right, +y down (the OpenCV convention)."""
+    """Camera pose that looks at a point, in the OpenCV convention: +z forward, +x right, +y down.
+
+    Args:
+        eye: position of the camera (m), shape (3,).
+        target: point in the centre of the image (m), shape (3,), in the same frame and different from ``eye``.
+
+    Returns:
+        Pose in the frame of the two points, with the image upright with respect to that frame's +z; a camera that looks
+        along z has +x of the frame at the top of its image.
+    """
     forward = np.asarray(target, dtype=float) - np.asarray(eye, dtype=float)
     forward /= np.linalg.norm(forward)
     up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([1.0, 0.0, 0.0])

@@ -69,7 +69,15 @@ def side(a: Node, b: Node) -> str:
 
 
 def containment(nodes: Sequence[Node]) -> list[Relation]:
-    """``in`` relations: an object in a visible inside is in the object to which the inside belongs."""
+    """``in`` relations of objects and heaps.
+
+    Args:
+        nodes: all nodes of a scene graph; nodes of kind ``space`` are the insides that objects can be in.
+
+    Returns:
+        One relation for each object or heap whose centre lies in a space (with a margin of 5 mm), to the object that
+        owns the smallest such space.
+    """
     found = []
     for thing in [*_things(nodes), *_heaps(nodes)]:
         spaces = [n for n in nodes if n.kind == "space" and n.part_of != thing.id and contains(n, thing.pose.position)]
@@ -82,8 +90,18 @@ def containment(nodes: Sequence[Node]) -> list[Relation]:
 def support(
     nodes: Sequence[Node], table_height: float, held: Collection[str] = (), inside: Iterable[Relation] = ()
 ) -> list[Relation]:
-    """``on`` relations between objects, fixtures and the table. A held object is on nothing; an object that is in
-    another, by the ``inside`` relations, can only be on objects that are in there with it."""
+    """``on`` relations of objects and heaps to objects, fixtures and the table.
+
+    Args:
+        nodes: all nodes of a scene graph.
+        table_height: z of the table's top (m, base frame).
+        held: ids of nodes that the gripper holds; a held object is on nothing.
+        inside: ``in`` relations as ``containment`` returns them; an object in a container can only be on objects in the
+            same container.
+
+    Returns:
+        At most one relation per object or heap, to the highest node that it lies on or else to ``TABLE``.
+    """
     holder = {relation.subject: relation.object for relation in inside}
     found = []
     for thing in [*_things(nodes), *_heaps(nodes)]:
@@ -107,8 +125,15 @@ def support(
 
 
 def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = ()) -> list[Relation]:
-    """The arrangement of neighbouring objects: one relation per pair, and ``next to`` for close ones. ``apart_from``:
-    pairs of ids to skip because they are already related (stacked, held, one in the other).
+    """Horizontal arrangement of neighbouring objects, as seen by the robot.
+
+    Args:
+        nodes: nodes of a scene graph; only those of kind ``object`` are related.
+        apart_from: pairs of ids to skip because they are already related (stacked, or one in the other).
+
+    Returns:
+        For each pair with centres at most 0.40 m apart horizontally: ``left of``, ``right of``, ``in front of`` or
+        ``behind``, and also ``next to`` if the gap between their boxes is below 0.05 m.
     """
     skipped = {frozenset(pair) for pair in apart_from}
     things = _things(nodes)
@@ -126,8 +151,16 @@ def arrangement(nodes: Sequence[Node], apart_from: Iterable[tuple[str, str]] = (
 
 
 def held_thing(nodes: Sequence[Node], tool_centre: Sequence[float] | Array) -> Node | None:
-    """The object held by a gripper whose fingers press on something: the nearest object at the tool centre, or else the
-    nearest part."""
+    """Object or part held by a gripper whose fingers are known to press on something.
+
+    Args:
+        nodes: all nodes of a scene graph.
+        tool_centre: point between the fingertips (m, base frame), shape (3,).
+
+    Returns:
+        The object whose box is nearest to ``tool_centre`` and at most 15 mm away, or else the nearest such part, or
+        else None. Among equally near nodes, the smallest.
+    """
     for kinds in (("object",), ("part",)):
         near = [(distance_to_box(n, tool_centre), math.prod(n.size), n.id, n) for n in nodes if n.kind in kinds]
         near = [item for item in near if item[0] <= HELD_M]

@@ -12,14 +12,33 @@ _HEAD = struct.Struct("<8s16sI")  # magic, fingerprint, CRC-32 of what follows
 
 
 def seal(magic: bytes, fingerprint: bytes, state: bytes) -> bytes:
-    """``magic``: 8 bytes, the simulator and its version of the format; ``fingerprint``: 16 bytes, of scene, robot and
-    engine."""
+    """Checkpoint of a simulator's state, protected by a checksum.
+
+    Args:
+        magic: 8 bytes that name the simulator and the version of its format.
+        fingerprint: 16 bytes that identify the scene, the robot and the engine.
+        state: the state in the simulator's own format.
+
+    Returns:
+        Bytes for ``unseal``.
+    """
     return _HEAD.pack(magic, fingerprint, zlib.crc32(state)) + state
 
 
 def unseal(checkpoint: bytes, magic: bytes, fingerprint: bytes) -> bytes:
-    """The state in a checkpoint. Raises ``InvalidArgument`` where it is damaged or of another simulator, scene or
-    robot."""
+    """State in a checkpoint that ``seal`` made.
+
+    Args:
+        checkpoint: bytes from ``seal``.
+        magic: the 8 bytes that were passed to ``seal``.
+        fingerprint: the 16 bytes that were passed to ``seal``.
+
+    Returns:
+        The state, unchanged.
+
+    Raises:
+        InvalidArgument: if the checkpoint is damaged, or belongs to another simulator, scene or robot.
+    """
     if len(checkpoint) < _HEAD.size or checkpoint[: len(magic)] != magic:
         raise InvalidArgument(
             "checkpoint", "these bytes are not a checkpoint of this simulator", "what checkpoint() gave"

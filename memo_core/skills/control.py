@@ -37,22 +37,50 @@ class Control(ABC):
 
     @abstractmethod
     def open_gripper(self, width: float | None) -> float:
-        """Open to ``width`` (None: fully); returns the width reached."""
+        """Open to ``width`` (m; None: fully); returns the width reached (m). Raises ``InvalidArgument`` for a width
+        that this gripper does not have.
+        """
 
     @abstractmethod
     def close_gripper(self, force: float | None) -> float:
-        """Close until something is held or the fingers meet; returns the width reached."""
+        """Close with ``force`` (N; None: the strongest) until something is held or the fingers meet; returns the width
+        reached (m). Raises ``InvalidArgument`` for a force that this gripper does not have.
+        """
 
     # -- motion: all raise MotionError before anything moves when the goal cannot be reached ---------------------------
     @abstractmethod
     def move_to(
         self, position: list[float], orientation: list[float] | None, then: Waypoints | None, slack: float, speed: float
     ) -> None:
-        """Free, collision-checked motion to a pose, in an arm configuration from which ``then`` can be followed."""
+        """Move freely and without collisions to a pose, in an arm configuration from which ``then`` can be followed.
+
+        Args:
+            position: goal of the point between the fingertips (m, base frame), [x, y, z].
+            orientation: goal of the tool frame, [w, x, y, z]; None keeps the present orientation.
+            then: waypoints of the motion that is meant to come next; None if there is none.
+            slack: largest angle (rad) by which the hand may tilt about its closing direction, or lag behind the turning
+                of a bar that it holds, where the exact orientation cannot be reached; 0 demands the exact orientation.
+            speed: fraction of full speed, above 0 and up to 1.
+
+        Raises:
+            MotionError: before anything moves if the goal or ``then`` cannot be reached; afterwards if the arm did not
+                arrive.
+        """
 
     @abstractmethod
     def follow_path(self, path: Waypoints, then: Waypoints | None, slack: float, speed: float) -> None:
-        """Straight lines of the tool through all waypoints, orientation interpolated; contact is allowed."""
+        """Move the tool on straight lines through all waypoints, with the orientation interpolated; contact is allowed.
+
+        Args:
+            path: waypoints in the base frame; an orientation of None keeps that of the waypoint before.
+            then: waypoints of the motion that is meant to come next; None if there is none.
+            slack: largest deviation from the orientations (rad), as in ``move_to``.
+            speed: fraction of full speed, above 0 and up to 1.
+
+        Raises:
+            MotionError: before anything moves if the path or ``then`` cannot be followed; afterwards if the arm did not
+                arrive.
+        """
 
     @abstractmethod
     def go_home(self) -> None: ...
@@ -63,24 +91,70 @@ class Control(ABC):
         raise _unfelt("get_contact_force")
 
     def move_until_contact(self, direction: list[float], distance: float, force: float, speed: float) -> float:
-        """Straight at ``speed`` (m/s) until ``force`` (N) is felt against ``direction``; returns the metres moved.
-        Raises ``MotionError`` (``no-contact``) after ``distance`` (m)."""
+        """Move straight until a contact is felt.
+
+        Args:
+            direction: unit vector of the motion, base frame.
+            distance: largest distance to move (m).
+            force: force against ``direction`` (N) that counts as contact.
+            speed: speed of the tool (m/s).
+
+        Returns:
+            Distance moved along ``direction`` (m).
+
+        Raises:
+            InvalidArgument: if ``force`` is more than this robot may press with.
+            MotionError: ``no-contact`` if nothing was felt within ``distance`` or contact was lost again; ``force`` as
+                in ``press_along``.
+        """
         raise _unfelt("move_until_contact")
 
     def press_along(self, skill: str, path: Waypoints, direction: list[float], force: float, speed: float) -> float:
-        """Press with ``force`` (N) in ``direction`` while the hand follows ``path`` in all others at ``speed`` (m/s);
-        returns the mean force (N). Raises ``MotionError`` (``no-contact``, ``force``) in the name of ``skill``."""
+        """Press in one direction while the hand follows a path in all others.
+
+        Args:
+            skill: name of the calling skill, for errors.
+            path: waypoints in the base frame; an orientation of None keeps that of the waypoint before.
+            direction: unit vector of the pressing, base frame.
+            force: pressing force (N).
+            speed: speed along the path (m/s).
+
+        Returns:
+            Mean force along ``direction`` (N).
+
+        Raises:
+            InvalidArgument: if ``force`` is more than this robot may press with.
+            MotionError: ``no-contact`` if nothing was touched or contact was lost; ``force`` if the measured force
+                exceeded what the arm may press with, or this robot feels no forces.
+        """
         raise _unfelt(skill)
 
     def press(self, direction: list[float], force: float, seconds: float) -> float:
-        """Press without going anywhere; returns the mean force (N)."""
+        """Press in place with ``force`` (N) along ``direction`` for ``seconds``; returns the mean force (N). Raises
+        ``InvalidArgument`` and ``MotionError`` as ``press_along`` does.
+        """
         raise _unfelt("press")
 
     def spiral_search(
         self, direction: list[float], radius: float, force: float, depth: float, pitch: float
     ) -> list[float]:
-        """Press while circling outwards to ``radius`` (m), turns ``pitch`` (m) apart, until the hand drops by ``depth``
-        (m); returns its position then. Raises ``MotionError`` (``no-contact``) when it did not drop."""
+        """Press while circling outwards, until the hand drops into a hole.
+
+        Args:
+            direction: unit vector of the pressing, base frame.
+            radius: largest radius of the spiral (m).
+            force: pressing force (N).
+            depth: distance along ``direction`` (m) by which the hand must drop.
+            pitch: distance between two turns (m).
+
+        Returns:
+            Position of the hand after the drop (m, base frame), [x, y, z].
+
+        Raises:
+            InvalidArgument: if ``force`` is more than this robot may press with.
+            MotionError: ``no-contact`` if nothing was touched or the hand did not drop; ``force`` as in
+                ``press_along``.
+        """
         raise _unfelt("spiral_search")
 
     @abstractmethod

@@ -13,7 +13,9 @@ STROKE = 0.08  # m between fully open fingers
 
 @attrs.frozen
 class Command:
-    """``go`` to a pose (``free``: collision-checked, without contact), or ``open`` or ``close`` the fingers there."""
+    """One recorded command: ``go`` to a pose (``free``: collision-checked, without contact), or ``open`` or ``close``
+    the fingers there. Poses are in the base frame; ``speed`` is a fraction of full speed.
+    """
 
     kind: str
     pose: Pose
@@ -26,7 +28,13 @@ class RecordingControl(Control):
     """Runs robot code on a scene graph that stays as it is. Feels no forces; waiting takes no time."""
 
     def __init__(self, scene: SceneGraph, pose: Pose | None = None) -> None:
-        """``pose``: where the hand begins; None: where the scene graph has it."""
+        """Start on a scene graph, without any commands recorded.
+
+        Args:
+            scene: scene graph that every look returns; it also gives the gripper's width and whether it holds
+                something.
+            pose: first pose of the tool in the base frame; None takes it from the scene graph's observation.
+        """
         self._scene = scene
         self._pose = pose or scene.observation.end_effector
         self._width = scene.observation.gripper_width

@@ -47,13 +47,25 @@ class Skill:
         return self.signature + "\n" + "\n".join("    " + line for line in self.doc.splitlines())
 
     def bind(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
-        """Checked and converted arguments by name. Raises ``InvalidArgument`` naming the skill's argument."""
+        """Check and convert the arguments of a call, and fill in the defaults.
+
+        Args:
+            args: positional arguments, without the control.
+            kwargs: arguments by name.
+
+        Returns:
+            Argument name -> checked value.
+
+        Raises:
+            InvalidArgument: if an argument is unknown, missing or invalid; it names the skill's argument.
+        """
         given = self._given(args, kwargs)
         return {name: read_value(f"{self.name}({name})", value, self.types[name]) for name, value in given.items()}
 
     def exceeded(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> list[str]:
-        """For each argument that is more than the robot does, a sentence with what is done instead. The arguments are
-        those of a ``bind`` that succeeded."""
+        """One sentence for each argument above the robot's limit, with the limit that is used instead. ``args`` and
+        ``kwargs`` are those of a ``bind`` that succeeded.
+        """
         given = self._given(args, kwargs)
         return [
             f"{self.name}({name}): {value:g} is faster than this robot may move; it moves at its limit, {check.most:g}"
@@ -72,12 +84,38 @@ class Skill:
         return bound.arguments
 
     def call(self, control: Any, args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None) -> Any:
-        """Check the arguments and run the skill. Raises ``InvalidArgument``, ``SkillError`` or ``Stopped``."""
+        """Check the arguments and run the skill.
+
+        Args:
+            control: robot or recording that the skill acts through.
+            args: positional arguments, without the control.
+            kwargs: arguments by name; None: no such arguments.
+
+        Returns:
+            Value that the skill's function returns.
+
+        Raises:
+            InvalidArgument: if an argument is unknown, missing or invalid.
+            UnknownName: if an argument names no object or part in the scene.
+            SkillError: if the skill fails.
+            Stopped: if the stop is set meanwhile.
+        """
         return self.function(control, **self.bind(args, kwargs or {}))
 
 
 def skill(kind: Kind) -> Callable[[Callable[..., Any]], Skill]:
-    """Declare a skill. The docstring must say what it does in one line, with units and frames."""
+    """Decorator that declares a function as a skill.
+
+    The function's first parameter is the ``Control``. Its docstring goes into the prompts: it says what the skill does,
+    with units and frames.
+
+    Args:
+        kind: ``query`` reads, ``geometry`` only computes; ``motion``, ``gripper`` and ``perception`` act.
+
+    Returns:
+        A decorator that turns the function into a ``Skill``. It raises ``TypeError`` if the docstring, the type of a
+        parameter or the return type is missing.
+    """
 
     def declare(function: Callable[..., Any]) -> Skill:
         types = typing.get_type_hints(function, include_extras=True)
@@ -105,7 +143,17 @@ def type_legend(skills: Iterable[Skill]) -> str:
 
 
 def skill_library(skills: Iterable[Skill]) -> dict[str, Skill]:
-    """The library K by name. Raises ``InvalidArgument`` when two skills share one."""
+    """Library K of skills that robot code may call.
+
+    Args:
+        skills: declared skills, built-in and from plugins.
+
+    Returns:
+        Skill name -> skill, in the given order.
+
+    Raises:
+        InvalidArgument: if two skills have the same name.
+    """
     library: dict[str, Skill] = {}
     for one in skills:
         if one.name in library:

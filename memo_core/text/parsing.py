@@ -40,8 +40,18 @@ def resolved(path: Path) -> Path:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The value. Raises ``ValueError`` for everything that cannot be read, including nesting too deep for Python, bytes
-    that are not text, and numbers that are too long."""
+    """Value of a JSON text.
+
+    Args:
+        text: JSON as text or as bytes in UTF-8, UTF-16 or UTF-32.
+
+    Returns:
+        The decoded value.
+
+    Raises:
+        ValueError: if it cannot be read, which includes bytes that are not text, nesting too deep for Python and whole
+            numbers with too many digits.
+    """
     try:
         return json.loads(text)
     except RecursionError:
@@ -49,8 +59,21 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def read_as(cls: type[T], record: Any) -> T:
-    """An attrs class from the value of its JSON. Nothing is converted except whole numbers to floats. Raises
-    ``ValueError``, which names what is wrong."""
+    """Instance of an attrs class from its decoded JSON.
+
+    Strings, whole numbers and booleans are not converted to each other; whole numbers become floats where a field is a
+    float. Keys without a field are ignored.
+
+    Args:
+        cls: attrs class to make.
+        record: decoded JSON, usually a dict of the fields.
+
+    Returns:
+        An instance of ``cls``.
+
+    Raises:
+        ValueError: if the record does not fit the class; the message (at most 300 characters) says where.
+    """
     import cattrs
 
     try:
