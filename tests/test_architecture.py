@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 import functools
 import importlib
+import inspect
 import re
 import sys
 import tomllib
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from types import FunctionType
 
 import pytest
 
@@ -323,3 +325,19 @@ def test_every_export_is_there(module):
     package = importlib.import_module(module)
     for name in package.__all__:
         assert getattr(package, name) is not None
+
+
+def exported_functions() -> list[FunctionType]:
+    found = set()
+    for module in ("memo_core", "memo_core.plugin", *PACKAGES):
+        package = importlib.import_module(module)
+        values = (getattr(package, name) for name in package.__all__)
+        found |= {value for value in values if isinstance(value, FunctionType)}
+    return sorted(found, key=lambda function: (function.__module__, function.__name__))
+
+
+@pytest.mark.parametrize("function", exported_functions(), ids=lambda function: function.__qualname__)
+def test_exported_functions_document_their_arguments(function):
+    documented = (function.__doc__ or "").partition("Args:\n")[2]
+    missing = [name for name in inspect.signature(function).parameters if not re.search(rf"\b{name}: ", documented)]
+    assert not missing, f"{function.__module__}.{function.__name__} documents no {', '.join(missing)}"

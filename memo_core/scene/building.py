@@ -125,8 +125,8 @@ def masses(body: Body, mesh_volume: Callable[[str], float]) -> tuple[float, ...]
     """Masses of a body's geoms (kg): stated masses are kept, and the rest of the body's mass is shared by volume.
 
     In a body without a mass, geoms without one have a density of 500 kg/m3. Decoration (geoms that do not collide)
-    without a stated mass has none, unless no other geom lacks one. If every geom states a mass and the body does too,
-    the geoms' masses are scaled to sum to the body's.
+    without a stated mass has none, unless the body consists of decoration. If every other geom states a mass and the
+    body does too, the geoms' masses are scaled to sum to the body's.
 
     Args:
         body: body whose geoms are weighed, without the bodies attached to it.
@@ -139,9 +139,9 @@ def masses(body: Body, mesh_volume: Callable[[str], float]) -> tuple[float, ...]
         InvalidArgument: if the body's mass leaves nothing for the geoms without a stated mass.
     """
     volumes = [volume(geom, mesh_volume) if geom.mass is None and geom.collides else 0.0 for geom in body.geoms]
-    if sum(volumes) == 0.0:
-        volumes = [volume(geom, mesh_volume) if geom.mass is None else 0.0 for geom in body.geoms]
     stated = sum(geom.mass for geom in body.geoms if geom.mass is not None)
+    if sum(volumes) == 0.0 and stated == 0.0:
+        volumes = [volume(geom, mesh_volume) for geom in body.geoms]
     density = DENSITY
     if body.mass is not None and sum(volumes) > 0:
         if body.mass <= stated:
