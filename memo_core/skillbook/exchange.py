@@ -35,7 +35,7 @@ def merge(
 
 
 def imported_books(book: Skillbook) -> list[ImportedBook]:
-    """Whose books were merged into this one, and when."""
+    """Books that were merged into this one, with the time of each merge."""
     with book.database.read() as connection:
         return importing.imported_books(book.database, connection)
 

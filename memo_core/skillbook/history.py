@@ -99,7 +99,7 @@ def versions(book: Skillbook, key: Key | str) -> list[Version]:
 
 
 def difference(book: Skillbook, one: int, other: int | None = None) -> Difference:
-    """What revision ``one`` changed; with ``other``, between the book after the one and after the other. Raises
+    """Changes made by revision ``one``; with ``other``, between the book after ``one`` and after ``other``. Raises
     ``UnknownName``."""
     with book.database.read() as connection:
         return _difference(book.database, connection, one, other)

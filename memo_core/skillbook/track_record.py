@@ -1,4 +1,4 @@
-"""How entries did: trials of templates in a simulator, and uses that were approved."""
+"""Track record of entries: trials of templates in a simulator, and uses that were approved."""
 
 from __future__ import annotations
 
@@ -33,6 +33,6 @@ def note_trial(book: Skillbook, entry_id: int, start: str, success: bool, reason
 
 
 def evidence_of(book: Skillbook, entry_id: int) -> list[Evidence]:
-    """How often an entry was served to code for each key, and how often that was approved."""
+    """Numbers of retrievals of an entry for each key, and of the approved ones among them."""
     with book.database.read() as connection:
         return negative_transfer.evidence_of(book.database, connection, [entry_id])

@@ -25,7 +25,7 @@ _BOOKS = sa.select(_O.local, _O.book).where(_O.kind == "feedback", _O.local.in_(
 
 @attrs.frozen
 class Provenance:
-    """Where an entry comes from; several people if their notes were clustered into one entry."""
+    """People, time and subtask of the words that an entry derives from; several people after consolidation."""
 
     who: tuple[str, ...] = ()  # names or pseudonyms, the latest speaker last
     when: float = 0.0  # s since the epoch, of the latest words, never before earlier words (``said_at``)

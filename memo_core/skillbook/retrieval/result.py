@@ -14,7 +14,7 @@ ALIKE = ("the same subtask", "the same action on something else", "another actio
 
 
 def alike(subtask: Key, key: Key, actions: Actions) -> str:
-    """How an entry's key compares with a subtask, for prompts: one of ``ALIKE``."""
+    """Likeness of an entry's key to a subtask in words for prompts, one of ``ALIKE``."""
     one, other = actions.about(subtask), actions.about(key)
     same_action = actions.canonical(subtask.action) == actions.canonical(key.action)
     same_objects = one.objects == other.objects
