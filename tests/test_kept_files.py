@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from memo_core.llm.prompt_files import PHASES, PLACEHOLDERS, SAMPLES, Prompts, PromptSettings
 from tests.cli.test_scaffolds import write_metadata
 from tests.support.commands import run
 
@@ -111,13 +112,26 @@ def test_an_evaluation_that_was_killed_goes_on(kept):
 @pytest.mark.process
 def test_a_recording_is_replayed(kept):
     chosen = ("-t", "open-the-fridge", "--seed", "0", "--teacher", "simulated", "-s", "run.video=off", "-b", "new.db")
-    done = memo_process("run", *chosen, "--replay", "recording.jsonl")
+    replay = ("-s", "llm.backend=replay", "-s", "llm.file=recording.jsonl", "-s", "llm.match=situation")
+    done = memo_process("run", *chosen, *replay)
     assert done.returncode == 0, done.stderr
+    done = memo_process("run", *chosen, "--replay", "recording.jsonl")  # prompts have changed since
+    assert done.returncode == 1 and "llm.match=situation" in done.stderr, done.stderr
 
 
 def test_exported_prompts_are_used_or_refused_in_one_line(kept):
     code, _, err = run(["config", "check", "experiments/oven.yaml", "--set", "prompts.folder=prompts"])
-    assert code == 0 or (len(err.splitlines()) == 1 and "prompts" in err)
+    assert code == 0, err
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_exported_prompts_are_rendered_as_before(kept, phase):
+    """The text of the file in one user message, every placeholder filled in."""
+    text = Path("prompts", f"{phase}.md.j2").read_text(encoding="utf-8")
+    prompts = Prompts(PromptSettings(folder="prompts"))
+    *system, user = prompts.messages(phase, {name: SAMPLES[name] for name in PLACEHOLDERS[phase]})
+    assert all(message.text.startswith("You control a robot arm") for message in system)
+    assert user.text.splitlines()[0] == text.splitlines()[3] and "## Answer" in user.text
 
 
 @pytest.mark.parametrize("name", ["gemini", "microwave", "noisy-camera", "oven", "own-server", "paper", "quirks"])

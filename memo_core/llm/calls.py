@@ -124,12 +124,20 @@ class ModelCalls:
                     self._answered_before(about) or self._ask(request, call_name(number, request.phase), number, read)
                 ),
                 lambda number: self._found(call_name(number, request.phase)),
+                lambda number, logged: self._with_other_prompts(request, number, logged),
             )
         except LanguageModelError as error:
             self._emit(self._called(request, error, time.monotonic() - started, False))
             raise
         self._emit(self._called(request, answered.answer, time.monotonic() - started, False))
         return answered.answer, answered.file
+
+    def _with_other_prompts(self, request: Request, number: int, logged: str) -> bool:
+        """Whether a logged call is this question, made from other prompt files: a run outlives an update of MEMO."""
+        name, folder = call_name(number, request.phase), self._log.folder
+        if folder is None or logged.split()[0] != request.phase:
+            return False
+        return not (folder / name).exists() or read_call(folder, name).get("prompt") != request.prompt
 
     def _answered_before(self, about: str) -> _Answered | None:
         """A paid, unused answer to exactly this question: from a call that was abandoned or that a resumed run

@@ -1,6 +1,10 @@
 """Prompt files: one per phase, versioned, replaceable from a config, and checked before they are used. A file is a
 Jinja template after a front matter, which is ``version: …`` between two lines ``---``. Version and digest of the files
 are stored with every question rendered from them.
+
+The text before a line ``=== user ===`` joins the system message: what is the same in every question of the phase, so
+that a provider can cache it. The user message begins with what changes rarely. A file without that line is all user
+message.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from memo_core.text.parsing import read_at_most
 SUFFIX = ".md.j2"
 SYSTEM = "system"
 BUILT_IN = "built-in"  # in place of a file
+USER_MARK = "=== user ==="  # the line that begins the user message
 
 _ROBOT = "the robot's description: robot.name, robot.reach (m), robot.gripper.kind, .stroke, .min_force, .hand_size, …"
 _SCENE = "the scene as a table of objects and parts, with its relations as sentences"
@@ -57,6 +62,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "subset": _SUBSET,
         "corrected": _CORRECTED,
         "corrections": "retrieved corrections, best first, each with .key, .text, perhaps .origin (by whom, how alike)",
+        "functions": "functions learnt that can be called, each with .signature, .docstring and .calls (.key, .text)",
         "competing": "whether to say what to do where several corrections may apply",
         "general": "retrieved general statements, best first, each with .text",
         "templates": "retrieved templates, best first, each with .key and .text",
@@ -104,7 +110,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
 }
 OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of them is filled in with
     "plan": {"corrected": (), "notes": ()},
-    "code": {"corrected": (), "competing": True, "restart": False, "tries": 0},
+    "code": {"corrected": (), "functions": (), "competing": True, "restart": False, "tries": 0},
     "feedback": {"printed": "", "earlier": (), "subtasks": (), "planning": False, "plans": False},
     "template": {"printed": ""},
     "merge": {"restart": False},
@@ -131,6 +137,9 @@ class _Entry:
     after: int = 0
     uses: int = 0
     confirmed: int = 0
+    signature: str = "lift_lid(jar: str) -> None"
+    docstring: str = "Lift a lid."
+    calls: tuple[Any, ...] = ()
 
 
 @attrs.frozen
@@ -154,6 +163,7 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "corrected": [_Attempt()],
     "notes": [_Entry()],
     "corrections": [_Entry(), _Entry()],
+    "functions": [_Entry(calls=(_Entry(),))],
     "competing": True,
     "general": [_Entry()],
     "templates": [_Entry()],
@@ -201,6 +211,12 @@ class PromptText:
     line: int = 0
 
     @property
+    def parts(self) -> tuple[str, str]:
+        """Text of the system message (may be empty) and of the user message."""
+        mark = re.search(rf"^{USER_MARK}[ \t]*\r?(?:\n|\Z)", self.text, re.MULTILINE)
+        return ("", self.text) if mark is None else (self.text[: mark.start()], self.text[mark.end() :])
+
+    @property
     def digest(self) -> str:
         """The first 12 characters of the SHA-256 of the text."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:12]
@@ -210,15 +226,21 @@ class PromptText:
         """Name, version and digest: ``code v3 0f2a91c4d7e8``."""
         return f"{self.name} v{self.version or '?'} {self.digest}"
 
-    def render(self, context: Mapping[str, Any]) -> str:
-        """The text with its placeholders filled in. Raises ``BadPrompt`` for a placeholder without a value and for an
-        expression that fails or is not allowed."""
+    def render(self, context: Mapping[str, Any]) -> tuple[str, str]:
+        """The parts for the system and the user message with their placeholders filled in; the first may be empty.
+        Raises ``BadPrompt`` for a placeholder without a value and for an expression that fails or is not allowed."""
         given = {**OPTIONAL.get(self.name, {}), **context}
         known = {name: value for name, value in given.items() if name in PLACEHOLDERS[self.name]}
+        fixed, rest = self.parts
+        lines = self.text.count("\n") - rest.count("\n")
+        return self._filled(fixed, 0, known), self._filled(rest, lines, known)
+
+    def _filled(self, text: str, lines: int, values: Mapping[str, Any]) -> str:
+        """A part of the text that begins after so many lines of it, filled in. Raises ``BadPrompt``."""
         try:
-            return prompt_filling.filled(self.text, known)
+            return prompt_filling.filled(text, values)
         except Unfit as error:
-            raise self._bad(error.line, error.problem) from None
+            raise self._bad(error.line and error.line + lines, error.problem) from None
 
     def check(self) -> None:
         """Raise ``BadPrompt`` for invalid Jinja, an unknown placeholder, or a missing required one, and as
@@ -369,12 +391,12 @@ class Prompts:
         return f"{self.text(SYSTEM).stamp}, {self.text(phase).stamp}"
 
     def messages(self, phase: str, context: Mapping[str, Any]) -> tuple[Message, ...]:
-        """The messages of one phase; with the system message only if ``context`` has a ``robot``. Raises ``BadPrompt``
-        for a placeholder without a value."""
-        user = Message("user", self.text(phase).render(context))
-        if context.get("robot") is None:
-            return (user,)
-        return (Message("system", self.text(SYSTEM).render(context)), user)
+        """System and user message of one phase. The robot is described in the first if ``context`` has a ``robot``; an
+        empty system message is left out. Raises ``BadPrompt`` for a placeholder without a value."""
+        fixed, user = self.text(phase).render(context)
+        about = "" if context.get("robot") is None else "".join(self.text(SYSTEM).render(context))
+        system = "\n".join(part for part in (about, fixed) if part)
+        return (*((Message("system", system),) if system else ()), Message("user", user))
 
 
 def _chosen(settings: PromptSettings, name: str) -> PromptText:

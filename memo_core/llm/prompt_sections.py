@@ -66,8 +66,8 @@ class Prompt:
 
     @classmethod
     def read(cls, messages: Iterable[Message]) -> Prompt:
-        """Read a request's messages. Raises ``UnreadablePrompt`` when there is no user message with a title."""
-        text = "\n".join(message.text for message in messages if message.role == "user")
+        """Read a request's messages. Raises ``UnreadablePrompt`` when none of system and user has a title."""
+        text = "\n".join(message.text for message in messages if message.role != "assistant")
         title, sections, heading, fenced = "", {}, "", False
         body: list[str] = []
         for line in text.splitlines():

@@ -171,15 +171,29 @@ class RunLog:
         about: str,
         do: Callable[[int], T],
         recover: Callable[[int], T | None] | None = None,
+        equivalent: Callable[[int, str], bool] = lambda number, logged: False,
     ) -> T:
-        """Call ``do(entry number)`` with an entry before and after it, or return the logged result. ``about``
-        identifies the effect within its kind, without secrets or words of people; it must be the same when resumed.
-        ``recover`` finds out whether an effect without an end in the log took place nevertheless: its result, or None.
-        Raises ``LogMismatch``, ``InDoubt``, and what ``do`` raises.
+        """Call ``do(entry number)`` with an entry before and after it, or return the logged result.
+
+        Args:
+            kind: the kind of effect.
+            about: identifies the effect within its kind, without secrets or words of people; the same when resumed.
+            do: takes the entry's number and has the effect.
+            recover: finds out whether an effect without an end in the log took place nevertheless: its result, or None.
+            equivalent: whether an entry of this kind, given its number and its different ``about``, is this effect.
+
+        Returns:
+            The result, from the log if the effect took place before the run was resumed.
+
+        Raises:
+            LogMismatch: if the log has another effect at this position.
+            InDoubt: if it is unknown what an interrupted effect did to a world that cannot be restored.
         """
         self._thread = threading.get_ident()
         entry = self._replay.popleft() if self._replay else None
-        if entry is not None and (entry.name, entry.about) != (kind.name, about):
+        if entry is not None and not (
+            entry.name == kind.name and (entry.about == about or equivalent(entry.number, entry.about))
+        ):
             raise LogMismatch(str(self.folder), entry.number, f"{entry.name} ({entry.about})", f"{kind.name} ({about})")
         if entry is not None and entry.ended:
             self._advance(entry)

@@ -252,6 +252,48 @@ def test_a_file_of_ones_own_is_as_safe_without_any_filter(tmp_path):
     assert structure(text) == ["Plan", "Scene", "Answer"]
 
 
+# -- what a provider can cache -----------------------------------------------------------------------------------------
+
+OF_ONE_EXPERIMENT = ("robot", "skills", "subset", "plans")  # the same in every question
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_system_message_is_the_same_in_every_question_of_a_phase(phase):
+    context = {name: SAMPLES[name] for name in PLACEHOLDERS[phase]}
+    other = {
+        name: not value if isinstance(value, bool) else 7 if isinstance(value, int) else poisoned(value, "another")
+        for name, value in context.items()
+        if name not in OF_ONE_EXPERIMENT
+    }
+    without = {name: () for name in other if isinstance(context[name], list)}
+    system, user = Prompts().messages(phase, context)
+    for changed in (other, without):
+        again, asked = Prompts().messages(phase, context | changed)
+        assert again == system
+        assert asked != user or changed is without
+    assert "## Answer" in system.text
+
+
+def test_a_file_without_a_mark_is_all_user_message(tmp_path):
+    own = tmp_path / "plan.md.j2"
+    own.write_text("# Plan\n{{ task }} {{ scene }}")
+    _, user = Prompts(PromptSettings(plan=str(own))).messages("plan", _context("plan") | {"scene": "## Scene"})
+    assert user.text == "# Plan\nopen the jar ## Scene"
+
+
+def test_a_mistake_after_the_mark_is_told_with_its_line(tmp_path):
+    own = tmp_path / "plan.md.j2"
+    own.write_text("---\nversion: 1\n---\n# Plan\n=== user ===\n{{ task }}\n{{ scene + 3 }}\n")
+    with pytest.raises(BadPrompt, match=r"plan\.md\.j2:7: fails when it is filled in"):
+        read_prompt("plan", own).check()
+
+
+def test_functions_learnt_are_shown_with_their_calls():
+    text = rendered("code")
+    assert "## Functions learnt\n```\nlift_lid(jar: str) -> None\n    Lift a lid.\n```\n- [OPEN(jar)] Lift" in text
+    assert "## Functions learnt" not in rendered("code", functions=())
+
+
 # -- versions ----------------------------------------------------------------------------------------------------------
 
 

@@ -112,7 +112,7 @@ def test_an_unknown_verb_becomes_a_subtask_of_its_own_once():
 
 
 def test_a_prompt_without_what_is_needed_is_refused_naming_it():
-    whole = request("plan", pantry(False), task="open the pantry", done=[]).messages[-1].text
+    whole = "\n".join(m.text for m in request("plan", pantry(False), task="open the pantry", done=[]).messages)
     for heading, named in (("## Task", "task"), ("## Scene", "scene"), ("## Done so far", "done")):
         cut = whole.replace(heading, "## Something else", 1)
         with pytest.raises(LanguageModelError, match=f"(?i){named}"):
@@ -124,7 +124,7 @@ def test_a_prompt_without_what_is_needed_is_refused_naming_it():
 
 
 def test_a_row_that_cannot_be_read_is_named():
-    text = request("plan", pantry(False), task="open the pantry", done=[]).messages[-1].text
+    text = "\n".join(m.text for m in request("plan", pantry(False), task="open the pantry", done=[]).messages)
     broken = re.sub(r"(\| pantry door \| part \| pantry \|[^|]*\|)[^|]*", r"\1 somewhere ", text)
     with pytest.raises(LanguageModelError, match="pantry door"):
         MODEL.answer(Request("plan", (Message("user", broken),)))

@@ -261,8 +261,9 @@ def test_a_subtask_that_took_its_time_is_not_tried_again(sandbox, book):
         bench = Bench(sandbox, book, script, said, repairs=3, subtask_limit_s=1.5)
         result = bench.run()
     assert len(bench.of(CodeEnded)) == 1 and "took longer than 1.5 s" in result.subtasks[0].problem
-    [prompt] = bench.llm.prompts("code")
-    assert "may take 1.5 s by the clock on the wall" in prompt and "300 s by the clock" in prompt
+    [asked] = [request for request in bench.llm.asked if request.phase == "code"]
+    system = asked.messages[0].text
+    assert "may take 1.5 s by the clock on the wall" in system and "300 s by the clock" in system
 
 
 # -- stopping ----------------------------------------------------------------------------------------------------------

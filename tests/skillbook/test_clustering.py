@@ -68,7 +68,7 @@ def test_general_statements_are_a_cluster_of_their_own_beside_all_templates(book
     [outcome] = clustering(book, kept).condense_all()
     assert texts(book) == ["Doors swing."] and outcome.cluster.label == "*"
     prompt = kept.requests[0].messages[-1].text
-    assert "def pull(name)" in prompt and "def open_door" in prompt and "A general statement keeps whom" in prompt
+    assert "def pull(name)" in prompt and "def open_door" in prompt
 
 
 def test_related_templates_are_those_of_retrievals_rule(book) -> None:
@@ -195,7 +195,7 @@ def test_a_large_cluster_is_taken_in_parts(book) -> None:
     settings = ClusteringSettings(members=4)
 
     def keep_all(request) -> str:
-        lines = request.messages[-1].text.split("## Notes")[1].split("## Templates")[0].strip().splitlines()
+        lines = request.messages[-1].text.split("## Notes")[1].split("## Limits")[0].strip().splitlines()
         return answer(*((line.split(". ", 1)[1], [n]) for n, line in enumerate(lines, start=1)))
 
     outcomes = list(clustering(book, [keep_all] * 3, settings).condense_all())

@@ -60,7 +60,7 @@ def condense(prompt: Prompt) -> str:
         _Template(int(number), name, text.lower(), _does(text))
         for number, name, text in _TEMPLATE.findall(prompt.section("templates") + "\n")
     ]
-    may_cover = '"covered"' in prompt.section("answer")
+    may_cover = '"covered"' in prompt.section("limits", "answer")
     kept: list[_Note] = []
     dropped: list[dict[str, object]] = []
     for note in notes:

@@ -100,6 +100,8 @@ class Player(LanguageModel):
             found = self._find(self._answers, request)
         if found is None:
             problem = f"{self._settings.file} has no answer to this question; {describe(request, self._answers.calls)}"
+            if self._settings.match != "situation" and self._answers.same_situation(request) is not None:
+                problem += "\nThere is one to another wording of it: llm.backend=replay llm.match=situation"
             raise LanguageModelError(self.name, problem)
         if found.call.error is not None:
             error = found.call.error  # made anew: what raises one keeps its traceback
