@@ -46,6 +46,12 @@ angles = st.floats(-6.0, 6.0)
 quaternions = st.lists(numbers, min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1)
 
 
+@pytest.fixture(scope="module")
+def sandbox():
+    with Sandbox(skill_library(BUILTIN_SKILLS)) as opened:
+        yield opened
+
+
 def robot(*nodes: Node) -> RecordingControl:
     return RecordingControl(SceneGraph(nodes or (DOOR, HANDLE), (), Observation(HAND, 0.08, False), 0.0))
 
@@ -181,13 +187,15 @@ def test_the_skills_of_geometry_cost_a_prompt_less_than_1200_characters():
     assert sum(len(one.documentation()) + 2 for one in GEOMETRY) < 1200
 
 
+@pytest.mark.process
+def test_a_wrong_call_is_found_before_anything_moves(sandbox):
+    code = "hand_axis()\narc_path([0, 0, 0], [1, 0, 0, 0], pivt=[0, 0, 0])"
+    findings = [str(finding) for finding in sandbox.check(code)]
+    assert findings[0].startswith("line 1: hand_axis needs the argument 'orientation'; it is hand_axis(")
+    assert findings[1].startswith("line 2: arc_path has no argument 'pivt'; did you mean 'pivot'?")
+
+
 # -- programs ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def sandbox():
-    with Sandbox(skill_library(BUILTIN_SKILLS)) as opened:
-        yield opened
 
 
 def run(sandbox: Sandbox, code: str) -> tuple[Execution, list[Command]]:
