@@ -13,6 +13,8 @@ import pytest
 import yaml
 from hypothesis import assume, given, strategies as st
 
+import memo_core as memo
+from memo_core.environment.task_verification import run_code
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.sandbox import Execution, Sandbox
 from memo_core.scene.graph import Node, Observation, SceneGraph
@@ -290,3 +292,18 @@ def test_a_recorded_program_rewritten_with_them_is_shorter_and_moves_the_same(sa
     assert first.printed == second.printed and first.error.partition(":")[2] == second.error.partition(":")[2]
     assert_same_motion(motion, other)
     assert len(program.splitlines()) - len(rewritten.splitlines()) >= 15
+
+
+@pytest.mark.sim
+@pytest.mark.process
+def test_a_rewritten_program_opens_the_door_as_the_recorded_one_did(sandbox):
+    rewritten = yaml.safe_load((DATA / "programs" / "rewritten.yaml").read_text("utf-8"))["open-the-fridge-taught"]
+    doors, times = [], []
+    for code in (recorded("open-the-fridge-taught"), rewritten):
+        with memo.make_environment(memo.load(None, task="open-the-fridge", seed=0), "open-the-fridge") as environment:
+            assert run_code(environment, code, sandbox).ended == "done"
+            outcome = environment.check()
+            assert outcome.success, outcome.reason
+            doors.append(outcome.measures["door_rad"])
+            times.append(environment.time())
+    assert doors[0] == pytest.approx(doors[1], abs=1e-6) and times[0] == pytest.approx(times[1])
