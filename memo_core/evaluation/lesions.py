@@ -27,7 +27,7 @@ from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.keys import Key
 
 _DECOYS = (Key("wipe", ("plate",)), Key("stir", ("soup",)), Key("fold", ("towel",)))
-_TURNING = {"turn_point": 3, "turn_orientation": 2}  # skill -> place of its angle
+_TURNING = {"turn_point": 3, "turn_orientation": 2, "arc_path": 4}  # skill -> place of its angle
 
 
 @attrs.frozen

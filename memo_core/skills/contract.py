@@ -34,6 +34,8 @@ from memo_core.skills.values import (
 )
 
 _TURNING_STEP = 0.15  # rad between two poses of a turn
+_ARC_STEP = math.radians(4)  # between two poses of an arc path, as recorded programs choose it
+_ARC_POSES = 12  # at least; follow_path asks for 10 on a curve
 _TURNING_SPEED = 0.1  # m/s, which for a turn in place means 0.6 rad/s
 
 # -- what is there ---------------------------------------------------------------------------------------------------
@@ -61,6 +63,31 @@ def get_size(control: Control, name: Name) -> list:
 def get_axes(control: Control, name: Name) -> list:
     """The box's own axes: three unit vectors [[x axis], [y axis], [z axis]] in the base frame."""
     return control.scene().node(name).pose.rotation.T.tolist()
+
+
+@skill("query")
+def get_level_axes(control: Control, name: Name) -> list:
+    """[[direction, extent (m)], [direction, extent (m)]] of the box's two axes nearest to horizontal, as level unit
+    vectors (base frame), the shorter extent first."""
+    node = control.scene().node(name)
+    rotation = node.pose.rotation
+    nearest = sorted(range(3), key=lambda axis: abs(rotation[2, axis]))[:2]
+    shortest = sorted(nearest, key=lambda axis: node.size[axis])
+    return [[_unit("get_level_axes(name)", [*rotation[:2, axis].tolist(), 0.0]), node.size[axis]] for axis in shortest]
+
+
+@skill("query")
+def get_face_normal(control: Control, name: Name, point: Position) -> Direction:
+    """Unit vector (base frame) out of the face of the box that point lies furthest before or, inside the box, nearest
+    to."""
+    pose, size = control.scene().node(name).pose, control.scene().node(name).size
+    offset = pose.rotation.T @ (np.asarray(point) - np.asarray(pose.position))
+    axis = int(np.argmax(np.abs(offset) - np.asarray(size) / 2))
+    if abs(offset[axis]) < 1e-6:
+        raise InvalidArgument(
+            "get_face_normal(point)", f"it is midway between two faces of {name!r}", "a point nearer to one of them"
+        )
+    return [float(v) for v in pose.rotation[:, axis] * np.sign(offset[axis])]
 
 
 @skill("query")
@@ -196,6 +223,39 @@ def turn_point(control: Control, point: Position, pivot: Position, axis: Directi
     r = np.asarray(point) - np.asarray(pivot)
     turned = r * math.cos(angle) + np.cross(k, r) * math.sin(angle) + k * (k @ r) * (1 - math.cos(angle))
     return [float(v) for v in np.asarray(pivot) + turned]
+
+
+@skill("geometry")
+def hand_axis(
+    control: Control, orientation: Orientation, axis: Literal["pointing", "closing"] = "pointing"
+) -> Direction:
+    """Unit vector (base frame) along which a hand of this orientation points, or its fingers close."""
+    return [float(v) for v in Pose((0.0, 0.0, 0.0), tuple(orientation)).rotation[:, 2 if axis == "pointing" else 1]]
+
+
+@skill("geometry")
+def angle_about(control: Control, axis: Direction, start: Direction, end: Direction) -> float:
+    """Angle (rad, -pi to pi, right-handed) about axis from direction start to end; parts along axis do not count.
+    angle_about([0, 0, 1], [0, 1, 0], d) is the yaw at which the fingers of top_orientation close along d."""
+    k = np.asarray(_unit("angle_about(axis)", axis))
+    across = []
+    for argument, direction in (("start", start), ("end", end)):
+        unit = np.asarray(_unit(f"angle_about({argument})", direction))
+        across.append(unit - k * (k @ unit))
+        if np.linalg.norm(across[-1]) < 1e-6:
+            raise InvalidArgument(f"angle_about({argument})", "it is parallel to the axis", "a direction across it")
+    return math.atan2(float(k @ np.cross(across[0], across[1])), float(across[0] @ across[1]))
+
+
+@skill("geometry")
+def arc_path(
+    control: Control, position: Position, orientation: Orientation, pivot: Position, axis: Direction, angle: Angle
+) -> Path:
+    """Path, about every 4 degrees and without its start, of a hand carried by angle (rad, right-handed) on a circle
+    about the axis (base frame) through pivot, turning with it."""
+    count = max(_ARC_POSES, math.floor(abs(angle) / _ARC_STEP + 1e-9))
+    turned = _turned(position, orientation, pivot, _unit("arc_path(axis)", axis), angle, count)
+    return [list(pose) for pose in turned]
 
 
 # -- motion ----------------------------------------------------------------------------------------------------------
@@ -341,11 +401,17 @@ def _unit(where: str, direction: list[float]) -> list[float]:
 
 
 def _turned(
-    position: Sequence[float], orientation: Sequence[float], pivot: Sequence[float], axis: list[float], angle: float
+    position: Sequence[float],
+    orientation: Sequence[float],
+    pivot: Sequence[float],
+    axis: list[float],
+    angle: float,
+    count: int | None = None,
 ) -> Waypoints:
-    """Poses on the way of a hand that is turned by ``angle`` (rad) about an axis, fine enough for straight pieces."""
+    """Poses on the way of a hand that is turned by ``angle`` (rad) about a unit axis: ``count``, or as many as straight
+    pieces need."""
     path: Waypoints = []
-    count = max(1, math.ceil(abs(angle) / _TURNING_STEP))
+    count = count or max(1, math.ceil(abs(angle) / _TURNING_STEP))
     for number in range(1, count + 1):
         part = quaternion_from_axis_angle(axis, angle * number / count)
         moved = Pose((0.0, 0.0, 0.0), part).apply(np.asarray(position) - np.asarray(pivot)) + np.asarray(pivot)

@@ -76,6 +76,12 @@ def test_a_reversed_arc_goes_the_other_way_but_still_probes_the_right_way():
     ast.parse(reversed_.text)
 
 
+def test_a_reversed_arc_path_goes_the_other_way():
+    code = "def f(angle):\n    follow_path(arc_path(p, o, q, z, angle))\n    return arc_path(p, o, q, z, angle=angle)\n"
+    [reversed_] = arc_reversed([Taught("template", Key("open", ("jar",)), code)], random.Random(0))
+    assert reversed_.text.count("-angle") == 2
+
+
 def test_a_lesioned_copy_needs_an_empty_book_and_a_known_lesion(tmp_path):
     with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
         feedback = book.record_feedback("swing it", "ana", subtask="OPEN(jar)")

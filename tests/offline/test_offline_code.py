@@ -224,9 +224,16 @@ def imagined(template, graph):
         return imagine(Entry(template, "OPEN(old)"), graph, ("crate",), imagination)
 
 
+SAMPLED = """pts = []
+    for k in range(1, 13):
+        a = turn * math.radians(60) * k / 12
+        pts.append([turn_point(grip, hinge, [0, 0, -1], -a), turn_orientation(hand, [0, 0, -1], -a)])"""
+
+
 @pytest.mark.process
-def test_a_template_written_by_somebody_else_is_read_by_what_it_does():
-    foreign = '''
+@pytest.mark.parametrize("arc", [SAMPLED, "pts = arc_path(grip, hand, hinge, [0, 0, 1], turn * math.radians(60))"])
+def test_a_template_written_by_somebody_else_is_read_by_what_it_does(arc):
+    foreign = f'''
 import math
 
 
@@ -241,10 +248,7 @@ def swing(door="old door", handle="old handle"):
     move_to([grip[0] - 0.1, grip[1], grip[2]], hand)
     move_straight(grip, hand)
     close_gripper()
-    pts = []
-    for k in range(1, 13):
-        a = turn * math.radians(60) * k / 12
-        pts.append([turn_point(grip, hinge, [0, 0, -1], -a), turn_orientation(hand, [0, 0, -1], -a)])
+    {arc}
     follow_path(pts)
     open_gripper()
 '''

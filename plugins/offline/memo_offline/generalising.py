@@ -98,7 +98,7 @@ class _Function:
     def manner(self) -> str:
         """The manner in a word or two, derived from the functions that the code calls."""
         called = {n.func.id for n in ast.walk(self._tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
-        if {"turn_point", "arc"} & called:
+        if {"turn_point", "arc", "arc_path"} & called:
             return "an arc"
         if "rotate_gripper" in called:
             return "turning"
