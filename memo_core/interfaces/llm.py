@@ -35,12 +35,14 @@ class Message:
 
 @attrs.frozen
 class Usage:
-    """What a call cost. ``cost`` in US dollars, None when unknown."""
+    """What a call cost. ``cost`` in US dollars, None when unknown; ``cached_tokens``: how many of the prompt tokens the
+    provider read from its cache."""
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost: float | None = None
     latency_s: float = 0.0
+    cached_tokens: int = 0
 
 
 @attrs.frozen

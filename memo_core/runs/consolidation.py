@@ -39,7 +39,8 @@ class Spending:
     def note(self, event: Event) -> None:
         if not isinstance(event, ModelCalled):
             return
-        self.spent = self.spent.plus(Usage(event.prompt_tokens, event.completion_tokens, event.cost))
+        usage = Usage(event.prompt_tokens, event.completion_tokens, event.cost, event.latency_s, event.cached_tokens)
+        self.spent = self.spent.plus(usage)
         self.not_understood += event.not_understood
 
     def record(self) -> dict[str, Any]:
@@ -48,6 +49,7 @@ class Spending:
         return {
             "calls": spent.calls,
             "prompt_tokens": spent.prompt_tokens,
+            "cached_tokens": spent.cached_tokens,
             "completion_tokens": spent.completion_tokens,
             "cost": spent.known_cost,
         }

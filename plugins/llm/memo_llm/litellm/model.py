@@ -31,6 +31,8 @@ from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile", "xinference", "docker_model_runner")
+# Providers of Claude, which caches marked messages only. For Gemini litellm would make a paid cache of them.
+_MARKED = ("anthropic", "azure_ai", "bedrock", "databricks", "openrouter", "vertex_ai")
 _REJECTED = (400, 415, 422, 501)  # what servers say to a field that they do not know
 _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clients insist on one
 
@@ -116,7 +118,9 @@ class LiteLLMModel(LanguageModel):
         """US dollars; None if the price is unknown."""
         settings = self._settings
         if settings.prompt_price is not None and settings.completion_price is not None:
-            dollars = usage.prompt_tokens * settings.prompt_price + usage.completion_tokens * settings.completion_price
+            cached_price = settings.prompt_price if settings.cached_price is None else settings.cached_price
+            dollars = (usage.prompt_tokens - usage.cached_tokens) * settings.prompt_price
+            dollars += usage.cached_tokens * cached_price + usage.completion_tokens * settings.completion_price
             return dollars / 1e6
         if self._provider in _LOCAL:
             return 0.0
@@ -143,7 +147,8 @@ class LiteLLMModel(LanguageModel):
         raw = spoken.usage
         asked = getattr(raw, "prompt_tokens", 0) or _about(sum(len(message.text) for message in request.messages))
         said = getattr(raw, "completion_tokens", 0) or _about(len(spoken.words))
-        usage = Usage(max(1, asked), said, None, took)
+        cached = getattr(getattr(raw, "prompt_tokens_details", None), "cached_tokens", 0) or 0
+        usage = Usage(max(1, asked), said, None, took, min(cached, max(1, asked)))
         return attrs.evolve(usage, cost=self._cost(usage, raw))
 
     # -- answering -----------------------------------------------------------------------------------------------------
@@ -255,7 +260,7 @@ class LiteLLMModel(LanguageModel):
         settings = self._settings
         given: dict[str, Any] = {
             "model": settings.model,
-            "messages": messages_of(request, schema_in_words=not manner.schema),
+            "messages": messages_of(request, not manner.schema, self._needs_cache_marks),
             "stream": manner.stream,
             "timeout": settings.timeout_s,
             "num_retries": 0,
@@ -300,6 +305,12 @@ class LiteLLMModel(LanguageModel):
     # -- what went wrong -----------------------------------------------------------------------------------------------
     def _model(self) -> str:
         return self.name.partition("/")[2]
+
+    @property
+    def _needs_cache_marks(self) -> bool:
+        """Whether the provider caches only what is marked."""
+        claude = self._provider in _MARKED and "claude" in self._model()
+        return claude and bool(self._litellm.utils.supports_prompt_caching(self._model(), self._provider))
 
     def _where(self) -> str:
         return f"{self._provider} at {self._settings.api_base}" if self._settings.api_base else self._provider
