@@ -111,7 +111,7 @@ def answered(reply: Reply, stream: bool = False, **settings) -> tuple[Usage, Wir
         model = LiteLLMModel(LiteLLMSettings(**given))
         model.open()
         answer = model.answer(QUESTION, on_text=(lambda piece: None) if stream else None)
-        assert answer.text == "hello"
+        assert answer.text == "hello" and "usage" not in model.unsupported()
         assert not stream or wire.asked[0].body.get("stream") or "stream" in wire.asked[0].path.lower()
         return answer.usage, wire
 

@@ -26,7 +26,7 @@ from memo_llm.litellm.call_errors import problem_of
 from memo_llm.litellm.connection import Line
 from memo_llm.litellm.conversion import Spoken, ending_note, messages_of, read_stream, read_whole, response_format
 from memo_llm.litellm.library import quiet_litellm, warm_up
-from memo_llm.litellm.server_errors import end_reason, error_in, refusal_in
+from memo_llm.litellm.server_errors import counts_tokens, end_reason, error_in, refusal_in
 from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut
@@ -34,6 +34,11 @@ _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile", "xin
 # Providers of Claude, which caches marked messages only. For Gemini litellm would make a paid cache of them.
 _MARKED = ("anthropic", "azure_ai", "bedrock", "databricks", "openrouter", "vertex_ai")
 _REJECTED = (400, 415, 422, 501)  # what servers say to a field that they do not know
+_UNSUPPORTED = {  # options that a server turned out not to have, for people
+    "schema": "the server rejects it, so the form of an answer is described in words",
+    "stream": "the server answers whole, or does not end its streams properly",
+    "usage": "the server does not count tokens, so they are estimated",
+}
 _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clients insist on one
 
 
@@ -61,7 +66,7 @@ class LiteLLMModel(LanguageModel):
         self._redact = Redactor()
         self._turns = threading.BoundedSemaphore(settings.max_concurrent)
         self._reached = False  # whether the server ever answered
-        self._refused: set[str] = set()  # of a manner's fields: what this server does not take
+        self._refused: set[str] = set()  # of a manner's fields: what this server does not take; and "usage"
 
     # -- opening -------------------------------------------------------------------------------------------------------
     def open(self) -> None:
@@ -113,6 +118,9 @@ class LiteLLMModel(LanguageModel):
         if self._cost(Usage(1, 1), None) is not None:
             return ""
         return f"litellm's list has no price of {self.name}; set llm.prompt_price and llm.completion_price"
+
+    def expected_cost(self, usage: Usage) -> float | None:
+        return self._cost(usage, None)
 
     def _cost(self, usage: Usage, raw: Any) -> float | None:
         """US dollars; None if the price is unknown."""
@@ -234,6 +242,8 @@ class LiteLLMModel(LanguageModel):
             if manner == manners[-1] or line.status not in _REJECTED or spoken.words:
                 raise problem
         took = time.monotonic() - started
+        if not counts_tokens(line.begins, line.ends):
+            self._refused.add("usage")
         text = self._redact(spoken.words)
         note = self._redact(ending_note(spoken, end_reason(line.ends), self._settings.max_answer_tokens))
         return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name, note=note)
@@ -244,7 +254,7 @@ class LiteLLMModel(LanguageModel):
             request.response_schema is not None
             and self._settings.schema == "auto"
             and "schema" not in self._refused
-            and "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
+            and self._may_take_schemas
         )
         count = streaming and "count" not in self._refused
         return tuple(
@@ -252,6 +262,21 @@ class LiteLLMModel(LanguageModel):
             for with_schema in ((True, False) if schema else (False,))
             for with_count in ((True, False) if count else (False,))
         )
+
+    @property
+    def _may_take_schemas(self) -> bool:
+        """Whether litellm sends schemas to the provider."""
+        return "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
+
+    def unsupported(self) -> dict[str, str]:
+        found = {name: reason for name, reason in _UNSUPPORTED.items() if name in self._refused}
+        if self._settings.schema == "off":
+            found["schema"] = "llm.schema is off"
+        elif not self._may_take_schemas:
+            found["schema"] = f"litellm sends none to {self._provider}"
+        if not self._settings.stream:
+            found["stream"] = "llm.stream is false"
+        return found
 
     def _ask(
         self, request: Request, manner: _Manner, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None
