@@ -56,6 +56,7 @@ class ModelCalled(Event):
     not_understood: tuple[str, ...] = ()
     note: str = ""  # how the answer came about, where that is not by asking
     problem: str = ""  # why there is no answer; the tokens are then what the call cost all the same
+    cached_tokens: int = 0  # of the prompt tokens, read from the provider's cache
 
 
 @attrs.frozen
@@ -164,6 +165,7 @@ class RunEnded(Event):
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost: float | None = None
+    cached_tokens: int = 0
 
 
 @attrs.frozen

@@ -31,6 +31,7 @@ COMMANDS = {
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",
     "prompts": "The texts that are sent to language models.",
+    "llm": "Whether the language model works, and what an experiment costs.",
     "budget": "What the runs that share a ledger have spent on language models.",
     "robot": "A real robot: check it, move it slowly, take it out of an error.",
     "doctor": "What works on this machine, and what would make the rest work.",

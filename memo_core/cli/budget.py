@@ -30,7 +30,7 @@ def command(
     if json:
         print_json({"runs": [{"run": run} | _numbers(spent) for run, spent in runs], "total": _numbers(total)})
         return
-    columns = ("run", "calls", "tokens asked", "answered", "dollars", "unpriced", "unfinished")
+    columns = ("run", "calls", "tokens asked", "cached", "answered", "dollars", "unpriced", "unfinished")
     print_table(columns, [(run, *_cells(spent)) for run, spent in runs] + [("together", *_cells(total))])
 
 
@@ -42,4 +42,5 @@ def _numbers(spent: Any) -> dict[str, Any]:
 
 def _cells(spent: Any) -> tuple[Any, ...]:
     cost = f"{spent.cost:.4f}"
-    return spent.calls, spent.prompt_tokens, spent.completion_tokens, cost, spent.unpriced, spent.unfinished
+    tokens = spent.prompt_tokens, spent.cached_tokens, spent.completion_tokens
+    return spent.calls, *tokens, cost, spent.unpriced, spent.unfinished

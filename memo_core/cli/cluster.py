@@ -16,6 +16,7 @@ from memo_core.cli.options import Book, ConfigFile, Json, Overrides, load
 from memo_core.cli.output import note, print_json, progress_bar
 from memo_core.cli.signal_handling import INTERRUPTED, stopping
 from memo_core.errors import InvalidArgument, MemoError, Stopped
+from memo_core.llm.spending import prompt_words
 from memo_core.text.terminal import console
 
 if TYPE_CHECKING:
@@ -233,7 +234,8 @@ def _watch(
 def _said_of(spending: Spending) -> str:
     spent = spending.spent
     cost = "" if spent.known_cost is None else f", {spent.known_cost:.4f} USD"
-    return f"{spent.calls} calls, {spent.prompt_tokens} + {spent.completion_tokens} tokens{cost}"
+    asked = prompt_words(spent.prompt_tokens, spent.cached_tokens)
+    return f"{spent.calls} calls, {asked} + {spent.completion_tokens} tokens{cost}"
 
 
 @contextmanager

@@ -27,6 +27,7 @@ from memo_core.events import (
     SubtaskEnded,
     SubtaskStarted,
 )
+from memo_core.llm.spending import prompt_words
 from memo_core.skillbook.model.entries import headline
 from memo_core.text import terminal
 
@@ -101,7 +102,8 @@ class Narrator:
     def _on_ModelCalled(self, event: ModelCalled) -> None:
         words = f"  {event.phase}: {event.model}, {event.latency_s:.2f} s"
         if event.prompt_tokens:
-            words += f", {event.prompt_tokens} + {event.completion_tokens} tokens"
+            asked = prompt_words(event.prompt_tokens, event.cached_tokens)
+            words += f", {asked} + {event.completion_tokens} tokens"
         if event.cost:
             words += f", ${event.cost:.4f}"
         if event.problem:

@@ -210,11 +210,11 @@ def retry(
     def ignore(event: Any) -> None:
         """What became of each is said when it is done."""
 
-    choice = experiment.choice("llm")
+    llm = experiment.create("llm")
     with (
         stopping() as stop,
         book_of(experiment, book, read_only=False) as opened,
-        calls_without_a_run(experiment, choice, ignore, stop, "retry") as calls,
+        calls_without_a_run(experiment, llm, ignore, stop, "retry") as calls,
     ):
         robot, reasks = experiment.create("robot"), experiment.section("run").reasks
         ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)

@@ -320,6 +320,7 @@ def _row(trial: Trial, summary: dict[str, Any], lesson: LessonServed, place: Pla
     at_once = executed_in(effects) == len(subtasks) == len(set(subtasks))
     kept = ("reason", "ended", "corrections", "planning_remarks", "wall_s", "robot_s", "calls")
     tokens = {name: summary[name] for name in ("prompt_tokens", "completion_tokens", "cost")}
+    tokens["cached_tokens"] = summary.get("cached_tokens", 0)  # a run of an older version has none
     return (
         _about(trial, place)
         | {"success": bool(summary["success"]), "first_programs": bool(summary["success"]) and at_once}

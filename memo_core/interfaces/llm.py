@@ -35,12 +35,14 @@ class Message:
 
 @attrs.frozen
 class Usage:
-    """What a call cost. ``cost`` in US dollars, None when unknown."""
+    """Cost of a call. ``cost`` in US dollars, None when unknown; ``cached_tokens``: how many of the prompt tokens the
+    provider read from its cache."""
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost: float | None = None
     latency_s: float = 0.0
+    cached_tokens: int = 0
 
 
 @attrs.frozen
@@ -115,6 +117,15 @@ class LanguageModel(ABC):
         """Why the cost of calls will not be known, and the remedy; empty if it will be known. Called after ``open`` by
         runs with a limit in dollars."""
         return ""
+
+    def expected_cost(self, usage: Usage) -> float | None:
+        """US dollars that a call with these tokens would cost; None if unknown. Called after ``open``."""
+        return None
+
+    def unsupported(self) -> dict[str, str]:
+        """What is known by now not to be used, each with the reason: ``schema`` (the form of an answer is described in
+        words), ``stream`` (answers arrive whole), ``usage`` (tokens are estimated). For reports only."""
+        return {}
 
 
 Cause = Literal["", "access", "quota", "unreachable", "busy", "timeout", "refusal", "length"]

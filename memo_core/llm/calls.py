@@ -246,6 +246,7 @@ class ModelCalls:
             not_understood=answer.not_understood if answer else (),
             note=answer.note if answer else "",
             problem=self._problem(result),
+            cached_tokens=spent.cached_tokens,
         )
 
     def _pause(self, seconds: float) -> None:

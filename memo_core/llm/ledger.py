@@ -26,14 +26,16 @@ _SCHEMA = """
 CREATE TABLE IF NOT EXISTS calls (
     id INTEGER PRIMARY KEY, begun REAL NOT NULL, ended REAL, run TEXT NOT NULL, phase TEXT NOT NULL,
     model TEXT NOT NULL, prompt_tokens INTEGER NOT NULL, completion_tokens INTEGER NOT NULL DEFAULT 0, cost REAL,
-    entry INTEGER
+    entry INTEGER, cached_tokens INTEGER NOT NULL DEFAULT 0
 )
 """
 _SUMS = """
 SELECT count(*), coalesce(sum(prompt_tokens), 0), coalesce(sum(completion_tokens), 0), coalesce(sum(cost), 0.0),
-       coalesce(sum(cost IS NULL AND ended IS NOT NULL AND prompt_tokens > 0), 0), coalesce(sum(ended IS NULL), 0)
+       coalesce(sum(cost IS NULL AND ended IS NOT NULL AND prompt_tokens > 0), 0), coalesce(sum(ended IS NULL), 0),
+       coalesce(sum(cached_tokens), 0)
 FROM calls
 """
+_ADDED = {"entry": "INTEGER", "cached_tokens": "INTEGER NOT NULL DEFAULT 0"}  # columns that older ledgers lack
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -65,7 +67,7 @@ class Ledger:
                 connection = sqlite3.connect(self.path, _WAIT_S, isolation_level=None, check_same_thread=False)
                 connection.execute("PRAGMA synchronous=FULL")
                 connection.execute(_SCHEMA)
-                _add_missing_column(connection)
+                _add_missing_columns(connection)
             except (OSError, *_UNREADABLE) as error:
                 raise LedgerError(self.path, str(error)) from error
             self._connection = connection
@@ -139,19 +141,24 @@ class Ledger:
                     self.close()
 
 
-def _add_missing_column(connection: sqlite3.Connection) -> None:
-    """Ledgers of older versions do not know the entries of calls."""
+def _add_missing_columns(connection: sqlite3.Connection) -> None:
+    """Ledgers of older versions know neither the entries of calls nor cached tokens."""
     connection.execute("BEGIN IMMEDIATE")
-    if "entry" not in [column[1] for column in connection.execute("PRAGMA table_info(calls)")]:
-        connection.execute("ALTER TABLE calls ADD COLUMN entry INTEGER")
+    for name in _ADDED.keys() - _columns(connection):
+        connection.execute(f"ALTER TABLE calls ADD COLUMN {name} {_ADDED[name]}")
     connection.execute("COMMIT")
+
+
+def _columns(connection: sqlite3.Connection) -> set[str]:
+    return {column[1] for column in connection.execute("PRAGMA table_info(calls)")}
 
 
 def _end(connection: sqlite3.Connection, line: int, usage: Usage | None) -> None:
     usage = usage or Usage()
     connection.execute(
-        "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ? WHERE id = ?",
-        (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, line),
+        "UPDATE calls SET ended = ?, prompt_tokens = ?, completion_tokens = ?, cost = ?, cached_tokens = ? "
+        "WHERE id = ?",
+        (time.time(), usage.prompt_tokens, usage.completion_tokens, usage.cost, usage.cached_tokens, line),
     )
 
 
@@ -162,12 +169,14 @@ def _sums(connection: sqlite3.Connection) -> Spent:
 def read_ledger(path: Path) -> tuple[list[tuple[str, Spent]], Spent]:
     """Spending per run, in the order of their first calls, and in total. Read-only. Raises ``LedgerError``, also for
     another kind of file."""
-    by_run = f"{_SUMS.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
     try:
         address = f"{resolved(path).as_uri()}?mode=ro"
         with contextlib.closing(sqlite3.connect(address, _WAIT_S, isolation_level=None, uri=True)) as connection:
             connection.execute("BEGIN")  # both queries see the same calls
-            runs = [(run, Spent(*sums)) for run, *sums in connection.execute(by_run)]
-            return runs, _sums(connection)
+            columns = _columns(connection)
+            sums = _SUMS if not columns or "cached_tokens" in columns else _SUMS.replace("sum(cached_tokens)", "0")
+            by_run = f"{sums.replace('SELECT', 'SELECT run,', 1)} GROUP BY run ORDER BY min(id)"
+            runs = [(run, Spent(*one)) for run, *one in connection.execute(by_run)]
+            return runs, Spent(*connection.execute(sums).fetchone())
     except _UNREADABLE as error:
         raise LedgerError(path, f"it is not a ledger, or cannot be read ({error})") from error

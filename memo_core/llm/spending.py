@@ -10,7 +10,8 @@ from memo_core.interfaces.llm import Usage
 @attrs.frozen
 class Spent:
     """Sums over calls. ``cost`` (US dollars) covers calls with a known price; ``unpriced`` counts the others, and
-    ``unfinished`` those without a recorded end (whose prompt tokens are estimates)."""
+    ``unfinished`` those without a recorded end (whose prompt tokens are estimates). ``cached_tokens`` are part of
+    ``prompt_tokens``."""
 
     calls: int = 0
     prompt_tokens: int = 0
@@ -18,6 +19,7 @@ class Spent:
     cost: float = 0.0
     unpriced: int = 0
     unfinished: int = 0
+    cached_tokens: int = 0
 
     @property
     def tokens(self) -> int:
@@ -39,6 +41,7 @@ class Spent:
             completion_tokens=self.completion_tokens + usage.completion_tokens,
             cost=self.cost + (usage.cost or 0.0),
             unpriced=self.unpriced + (usage.cost is None and usage.prompt_tokens > 0),
+            cached_tokens=self.cached_tokens + usage.cached_tokens,
         )
 
     def said(self) -> str:
@@ -46,3 +49,8 @@ class Spent:
         words = f"{self.tokens} tokens and ${self.cost:.4f} in {self.calls} call{'s' * (self.calls != 1)}"
         words += f", {self.unpriced} of unknown price" if self.unpriced else ""
         return words + (f", {self.unfinished} unfinished" if self.unfinished else "")
+
+
+def prompt_words(prompt_tokens: int, cached_tokens: int) -> str:
+    """Prompt tokens for people, with those read from a cache, if any: ``867 (600 cached)``."""
+    return f"{prompt_tokens} ({cached_tokens} cached)" if cached_tokens else str(prompt_tokens)

@@ -10,7 +10,7 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.events import Event
-from memo_core.interfaces.llm import LanguageModel, LanguageModelError
+from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.readers import Unreadable, read_template
 from memo_core.maintenance.rebuilding import AnswersOfBook, Rebuilding, Rebuilt
 from memo_core.policy.consolidation import Clustering
@@ -22,16 +22,6 @@ from memo_core.runs.factories import book_of, prompts_of
 from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Feedback
-
-
-@attrs.frozen(eq=False)
-class _Opened:
-    """The components that ``calls_without_a_run`` needs."""
-
-    model: LanguageModel
-
-    def create(self) -> LanguageModel:
-        return self.model
 
 
 def rebuild_book(
@@ -83,7 +73,7 @@ def _replay(
     after: Callable[[Feedback], None],
 ) -> None:
     model = AnswersOfBook(experiment.choice("llm").create(), source)
-    with calls_without_a_run(experiment, _Opened(model), _ignore, stop, "rebuild") as calls:
+    with calls_without_a_run(experiment, model, _ignore, stop, "rebuild") as calls:
         robot, reasks = experiment.create("robot"), experiment.section("run").reasks
         ask = asking_without_a_run(calls, prompts_of(experiment), robot, reasks, experiment.seed)
 
@@ -108,7 +98,7 @@ def _condense(
     settings = experiment.section("clustering")
     choice: Any = settings.llm if settings.llm is not None else experiment.choice("llm")
     model = AnswersOfBook(choice.create(), source)
-    with calls_without_a_run(experiment, _Opened(model), _ignore, stop, "rebuild") as calls:
+    with calls_without_a_run(experiment, model, _ignore, stop, "rebuild") as calls:
         clustering = Clustering(target, calls, calls.model, settings, prompts_of(experiment), _ignore, experiment.seed)
         rebuilding.condense(clustering, model, when)
 

@@ -39,7 +39,8 @@ class Spending:
     def note(self, event: Event) -> None:
         if not isinstance(event, ModelCalled):
             return
-        self.spent = self.spent.plus(Usage(event.prompt_tokens, event.completion_tokens, event.cost))
+        usage = Usage(event.prompt_tokens, event.completion_tokens, event.cost, event.latency_s, event.cached_tokens)
+        self.spent = self.spent.plus(usage)
         self.not_understood += event.not_understood
 
     def record(self) -> dict[str, Any]:
@@ -48,6 +49,7 @@ class Spending:
         return {
             "calls": spent.calls,
             "prompt_tokens": spent.prompt_tokens,
+            "cached_tokens": spent.cached_tokens,
             "completion_tokens": spent.completion_tokens,
             "cost": spent.known_cost,
         }
@@ -64,16 +66,16 @@ def check_method(experiment: Experiment) -> None:
 @contextmanager
 def calls_without_a_run(
     experiment: Experiment,
-    choice: Any,
+    llm: LanguageModel,
     emit: Callable[[Event], None],
     stop: StopSwitch,
     what: str,
     keep: Path | None = None,
+    on_text: Callable[[str, str], None] | None = None,
 ) -> Iterator[ModelCalls]:
-    """Model calls of a command that is not a run: the chosen model, opened, within the limits of the ``run`` section;
-    ``what`` names the command in a study's ledger. ``keep``: a new folder for questions and answers. Raises
-    ``MemoError`` if something cannot be opened."""
-    llm: LanguageModel = choice.create()
+    """Model calls of a command that is not a run: ``llm``, opened here, within the limits of the ``run`` section;
+    ``what`` names the command in a study's ledger. ``keep``: a new folder for questions and answers; ``on_text`` as for
+    ``ModelCalls``. Raises ``MemoError`` if something cannot be opened."""
     folder = RunFolder(keep, option="--keep") if keep is not None else None
     log = RunLog(keep)
     run = experiment.section("run")
@@ -88,7 +90,7 @@ def calls_without_a_run(
     try:
         budget.open(llm)
         log.begin({"run": what}, {})
-        yield ModelCalls(llm, stop, log, emitted, budget, Retrying(run.retries, run.retry_wait_s))
+        yield ModelCalls(llm, stop, log, emitted, budget, Retrying(run.retries, run.retry_wait_s), on_text)
     finally:
         budget.wait(LATE_CALLS_S)
         budget.close()
@@ -110,7 +112,7 @@ def clustering_of(
     """The clustering of an open book. Raises as ``calls_without_a_run``."""
     settings: ClusteringSettings = experiment.section("clustering")
     choice = settings.llm if settings.llm is not None else experiment.choice("llm")
-    with calls_without_a_run(experiment, choice, emit, stop, "cluster", keep) as calls:
+    with calls_without_a_run(experiment, choice.create(), emit, stop, "cluster", keep) as calls:
         yield Clustering(book, calls, calls.model, settings, prompts_of(experiment), emit, experiment.seed)
 
 

@@ -76,6 +76,7 @@ class RunReport:
     parts: int = 1  # more than one when it was resumed
     error: RunError | None = None  # by which it could not be carried out: then it is neither success nor failure
     resumable: bool = False  # it was cut off; `memo run --resume FOLDER` goes on
+    cached_tokens: int = 0  # of the prompt tokens, read from the provider's cache
 
     @property
     def success(self) -> bool:
@@ -113,6 +114,7 @@ class RunReport:
             "sim_s": round(self.sim_s, 3),
             "robot_s": round(self.result.robot_s, 3),
             "prompt_tokens": self.prompt_tokens,
+            "cached_tokens": self.cached_tokens,
             "completion_tokens": self.completion_tokens,
             "cost": self.cost,
             "calls": self.calls,
@@ -441,6 +443,7 @@ class _Run:
             parts=self.log.part,
             error=ended.error,
             resumable=resumable,
+            cached_tokens=spent.cached_tokens,
         )
 
     # -- in the worker thread ------------------------------------------------------------------------------------------
@@ -544,4 +547,5 @@ def _run_ended(report: RunReport) -> RunEnded:
         prompt_tokens=report.prompt_tokens,
         completion_tokens=report.completion_tokens,
         cost=report.cost,
+        cached_tokens=report.cached_tokens,
     )

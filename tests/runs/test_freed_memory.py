@@ -59,6 +59,6 @@ def test_a_clustering_gives_it_back(monkeypatch):
     given = []
     monkeypatch.setattr(clustering, "give_back_freed_memory", lambda: given.append(True))
     experiment = load_experiment(Registry(), None, ("llm=offline",), SECTIONS)
-    with clustering.calls_without_a_run(experiment, experiment.choice("llm"), print, StopSwitch(), "cluster"):
+    with clustering.calls_without_a_run(experiment, experiment.create("llm"), print, StopSwitch(), "cluster"):
         assert not given
     assert given

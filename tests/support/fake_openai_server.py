@@ -29,6 +29,7 @@ class Reply:
     drip_s: float = 0.0  # between two bytes of the body, or two pieces of a stream
     cut_after: int | None = None  # bytes of the body, or pieces of a stream, then the connection is cut
     counts: bool = True  # whether it says how many tokens were used
+    cached: int = 0  # of the prompt tokens, as it says
     streams: bool = True  # whether it heeds "stream"
     done: bool = True  # whether a stream ends with its end mark
     last: bytes = b""  # what a stream sends after its pieces
@@ -164,7 +165,7 @@ class Wire:
         events += [_chunk(asked, {"refusal": reply.refusal}, None)] if reply.refusal else []
         events += [_chunk(asked, {}, reply.finish)] if reply.finish else []
         if reply.counts and (asked.body.get("stream_options") or {}).get("include_usage"):
-            events.append({**_chunk(asked, {}, None), "choices": [], "usage": _usage(asked, reply.text)})
+            events.append({**_chunk(asked, {}, None), "choices": [], "usage": _usage(asked, reply)})
         lines = [f"data: {json.dumps(event)}\n\n".encode() for event in events]
         self._in_pieces(handler, reply, [*lines, reply.last, b"data: [DONE]\n\n" if reply.done else b""])
 
@@ -191,9 +192,10 @@ class _HungUp(Exception):
     pass
 
 
-def _usage(asked: Asked, text: str) -> dict[str, int]:
-    prompt, completion = sum(len(words) for words in asked.texts) // 3, len(text) // 3 + 1
-    return {"prompt_tokens": prompt, "completion_tokens": completion, "total_tokens": prompt + completion}
+def _usage(asked: Asked, reply: Reply) -> dict[str, Any]:
+    prompt, completion = sum(len(words) for words in asked.texts) // 3, len(reply.text) // 3 + 1
+    usage = {"prompt_tokens": prompt, "completion_tokens": completion, "total_tokens": prompt + completion}
+    return usage | ({"prompt_tokens_details": {"cached_tokens": reply.cached}} if reply.cached else {})
 
 
 def _completion(asked: Asked, reply: Reply) -> bytes:
@@ -206,7 +208,7 @@ def _completion(asked: Asked, reply: Reply) -> bytes:
         "choices": [{"index": 0, "finish_reason": reply.finish, "message": message}],
     }
     if reply.counts:
-        whole["usage"] = _usage(asked, reply.text)
+        whole["usage"] = _usage(asked, reply)
     return json.dumps(whole).encode()
 
 

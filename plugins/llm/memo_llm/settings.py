@@ -95,6 +95,14 @@ class LiteLLMSettings:
     completion_price: float | None = attrs.field(
         default=None, validator=_not_negative, metadata={"help": "US dollars a million tokens; default: litellm's list"}
     )
+    cached_price: float | None = attrs.field(
+        default=None,
+        validator=_not_negative,
+        metadata={
+            "help": "US dollars a million prompt tokens read from the provider's cache; default: litellm's list, or "
+            "prompt_price where that is set"
+        },
+    )
     options: dict[str, Any] = attrs.field(
         factory=dict,
         validator=_free_options,
@@ -104,3 +112,6 @@ class LiteLLMSettings:
     def __attrs_post_init__(self) -> None:
         if (self.prompt_price is None) != (self.completion_price is None):
             raise InvalidArgument("prompt_price", "one price without the other", "prompt_price and completion_price")
+        if self.cached_price is not None and self.prompt_price is None:
+            expected = "cached_price with prompt_price and completion_price"
+            raise InvalidArgument("cached_price", "a price of cached tokens without the other prices", expected)

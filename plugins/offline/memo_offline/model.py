@@ -32,6 +32,12 @@ class OfflineModel(LanguageModel):
         self._opened = False
         self._imagination.close()
 
+    def expected_cost(self, usage: Usage) -> float:
+        return 0.0
+
+    def unsupported(self) -> dict[str, str]:
+        return {"stream": "its answers are there at once", "usage": "it has no tokens: four characters count as one"}
+
     def answer(
         self,
         request: Request,

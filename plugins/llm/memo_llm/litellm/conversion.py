@@ -15,10 +15,14 @@ Finish = Literal["stop", "length", "refusal"]
 _FINISHES: dict[str, Finish] = {"length": "length", "max_tokens": "length", "content_filter": "refusal"}
 
 
-def messages_of(request: Request, schema_in_words: bool) -> list[dict[str, Any]]:
+def messages_of(request: Request, schema_in_words: bool, cache_marks: bool = False) -> list[dict[str, Any]]:
     """Messages in OpenAI's format, with inline images. ``schema_in_words`` describes the required form of the answer in
-    the last message, if the server does not get the schema."""
-    given = [{"role": message.role, "content": _content(message)} for message in request.messages]
+    the last message, if the server does not get the schema. ``cache_marks`` asks the provider to cache the system
+    message, which is the same in all questions of a phase."""
+    given: list[dict[str, Any]] = [
+        {"role": message.role, "content": _content(message, cache_marks and message.role == "system")}
+        for message in request.messages
+    ]
     if schema_in_words and request.response_schema is not None:
         words = (
             "Answer with one JSON object and nothing else. It must fit this JSON Schema:\n"
@@ -34,10 +38,12 @@ def response_format(request: Request) -> dict[str, Any]:
     return {"type": "json_schema", "json_schema": schema}
 
 
-def _content(message: Message) -> str | list[dict[str, Any]]:
-    if not message.images:
+def _content(message: Message, marked: bool) -> str | list[dict[str, Any]]:
+    if not message.images and not marked:
         return message.text
     parts: list[dict[str, Any]] = [{"type": "text", "text": message.text}]
+    if marked:
+        parts[0]["cache_control"] = {"type": "ephemeral"}
     for image in message.images:
         data = base64.b64encode(image.data).decode("ascii")
         parts.append({"type": "image_url", "image_url": {"url": f"data:{image.media_type};base64,{data}"}})

@@ -26,12 +26,19 @@ from memo_llm.litellm.call_errors import problem_of
 from memo_llm.litellm.connection import Line
 from memo_llm.litellm.conversion import Spoken, ending_note, messages_of, read_stream, read_whole, response_format
 from memo_llm.litellm.library import quiet_litellm, warm_up
-from memo_llm.litellm.server_errors import end_reason, error_in, refusal_in
+from memo_llm.litellm.server_errors import counts_tokens, end_reason, error_in, refusal_in
 from memo_llm.settings import LiteLLMSettings
 
 _POLL_S = 0.02  # how soon a call that nobody wants any more is cut
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile", "xinference", "docker_model_runner")
+# Providers of Claude, which caches marked messages only. For Gemini litellm would make a paid cache of them.
+_MARKED = ("anthropic", "azure_ai", "bedrock", "databricks", "openrouter", "vertex_ai")
 _REJECTED = (400, 415, 422, 501)  # what servers say to a field that they do not know
+_UNSUPPORTED = {  # options that a server turned out not to have, for people
+    "schema": "the server rejects it, so the form of an answer is described in words",
+    "stream": "the server answers whole, or does not end its streams properly",
+    "usage": "the server does not count tokens, so they are estimated",
+}
 _NO_KEY = "none"  # what a server of one's own is sent where no key is set; clients insist on one
 
 
@@ -59,7 +66,7 @@ class LiteLLMModel(LanguageModel):
         self._redact = Redactor()
         self._turns = threading.BoundedSemaphore(settings.max_concurrent)
         self._reached = False  # whether the server ever answered
-        self._refused: set[str] = set()  # of a manner's fields: what this server does not take
+        self._refused: set[str] = set()  # of a manner's fields: what this server does not take; and "usage"
 
     # -- opening -------------------------------------------------------------------------------------------------------
     def open(self) -> None:
@@ -112,11 +119,16 @@ class LiteLLMModel(LanguageModel):
             return ""
         return f"litellm's list has no price of {self.name}; set llm.prompt_price and llm.completion_price"
 
+    def expected_cost(self, usage: Usage) -> float | None:
+        return self._cost(usage, None)
+
     def _cost(self, usage: Usage, raw: Any) -> float | None:
         """US dollars; None if the price is unknown."""
         settings = self._settings
         if settings.prompt_price is not None and settings.completion_price is not None:
-            dollars = usage.prompt_tokens * settings.prompt_price + usage.completion_tokens * settings.completion_price
+            cached_price = settings.prompt_price if settings.cached_price is None else settings.cached_price
+            dollars = (usage.prompt_tokens - usage.cached_tokens) * settings.prompt_price
+            dollars += usage.cached_tokens * cached_price + usage.completion_tokens * settings.completion_price
             return dollars / 1e6
         if self._provider in _LOCAL:
             return 0.0
@@ -143,7 +155,8 @@ class LiteLLMModel(LanguageModel):
         raw = spoken.usage
         asked = getattr(raw, "prompt_tokens", 0) or _about(sum(len(message.text) for message in request.messages))
         said = getattr(raw, "completion_tokens", 0) or _about(len(spoken.words))
-        usage = Usage(max(1, asked), said, None, took)
+        cached = getattr(getattr(raw, "prompt_tokens_details", None), "cached_tokens", 0) or 0
+        usage = Usage(max(1, asked), said, None, took, min(cached, max(1, asked)))
         return attrs.evolve(usage, cost=self._cost(usage, raw))
 
     # -- answering -----------------------------------------------------------------------------------------------------
@@ -229,6 +242,8 @@ class LiteLLMModel(LanguageModel):
             if manner == manners[-1] or line.status not in _REJECTED or spoken.words:
                 raise problem
         took = time.monotonic() - started
+        if not counts_tokens(line.begins, line.ends):
+            self._refused.add("usage")
         text = self._redact(spoken.words)
         note = self._redact(ending_note(spoken, end_reason(line.ends), self._settings.max_answer_tokens))
         return Answer(text, spoken.ended, self._usage(request, spoken, took), spoken.model or self.name, note=note)
@@ -239,7 +254,7 @@ class LiteLLMModel(LanguageModel):
             request.response_schema is not None
             and self._settings.schema == "auto"
             and "schema" not in self._refused
-            and "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
+            and self._may_take_schemas
         )
         count = streaming and "count" not in self._refused
         return tuple(
@@ -248,6 +263,21 @@ class LiteLLMModel(LanguageModel):
             for with_count in ((True, False) if count else (False,))
         )
 
+    @property
+    def _may_take_schemas(self) -> bool:
+        """Whether litellm sends schemas to the provider."""
+        return "response_format" in (self._litellm.get_supported_openai_params(self._model(), self._provider) or ())
+
+    def unsupported(self) -> dict[str, str]:
+        found = {name: reason for name, reason in _UNSUPPORTED.items() if name in self._refused}
+        if self._settings.schema == "off":
+            found["schema"] = "llm.schema is off"
+        elif not self._may_take_schemas:
+            found["schema"] = f"litellm sends none to {self._provider}"
+        if not self._settings.stream:
+            found["stream"] = "llm.stream is false"
+        return found
+
     def _ask(
         self, request: Request, manner: _Manner, line: Line, spoken: Spoken, on_piece: Callable[[str], None] | None
     ) -> Exception | None:
@@ -255,7 +285,7 @@ class LiteLLMModel(LanguageModel):
         settings = self._settings
         given: dict[str, Any] = {
             "model": settings.model,
-            "messages": messages_of(request, schema_in_words=not manner.schema),
+            "messages": messages_of(request, not manner.schema, self._needs_cache_marks),
             "stream": manner.stream,
             "timeout": settings.timeout_s,
             "num_retries": 0,
@@ -300,6 +330,12 @@ class LiteLLMModel(LanguageModel):
     # -- what went wrong -----------------------------------------------------------------------------------------------
     def _model(self) -> str:
         return self.name.partition("/")[2]
+
+    @property
+    def _needs_cache_marks(self) -> bool:
+        """Whether the provider caches only what is marked."""
+        claude = self._provider in _MARKED and "claude" in self._model()
+        return claude and bool(self._litellm.utils.supports_prompt_caching(self._model(), self._provider))
 
     def _where(self) -> str:
         return f"{self._provider} at {self._settings.api_base}" if self._settings.api_base else self._provider

@@ -1,5 +1,5 @@
 """Reading from a response what litellm drops: the server's error (in a body of JSON, in an event of a stream, on a
-page), why an answer ended, and the words of a refusal."""
+page), why an answer ended, the words of a refusal, and whether tokens were counted."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ _STATUSES = {
 }
 _OVERLOADED = re.compile(r"\b(overloaded|(over|at) capacity|temporarily unavailable|try again later)\b", re.IGNORECASE)
 _ENDED = re.compile(rb'"(?:finish_?reason|block_?reason|stop_?reason|done_?reason)"\s*:\s*"([\w-]+)"', re.IGNORECASE)
+_COUNT = re.compile(rb'"(?:(?:prompt|input)_?tokens?(?:_?count)?|prompt_eval_count)"\s*:\s*\d', re.IGNORECASE)
 _REFUSAL = re.compile(rb'"refusal"\s*:\s*("(?:[^"\\]|\\.)*")')
 _WAIT = re.compile(r"(\d+(?:\.\d+)?)s")
 
@@ -77,6 +78,11 @@ def end_reason(end: bytes) -> str:
     """The reason why an answer ended, as the provider calls it, from the end of a response; "" if it names none."""
     reasons = _ENDED.findall(end)
     return reasons[-1].decode() if reasons else ""
+
+
+def counts_tokens(begin: bytes, end: bytes) -> bool:
+    """Whether a response says how many tokens the question had; if it does not, litellm estimates them."""
+    return _COUNT.search(begin) is not None or _COUNT.search(end) is not None
 
 
 def refusal_in(end: bytes) -> str:

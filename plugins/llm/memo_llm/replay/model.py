@@ -8,7 +8,7 @@ from pathlib import Path
 
 import attrs
 
-from memo_core.plugin import Answer, LanguageModel, LanguageModelError, Redactor, Request
+from memo_core.plugin import Answer, LanguageModel, LanguageModelError, Redactor, Request, Usage
 from memo_llm.replay.differences import describe
 from memo_llm.replay.matching import Answers, Match
 from memo_llm.replay.recording import Call, RecordingFile, read_recording
@@ -44,6 +44,12 @@ class Recorder(LanguageModel):
 
     def unpriced(self) -> str:
         return self._inner.unpriced()
+
+    def expected_cost(self, usage: Usage) -> float | None:
+        return self._inner.expected_cost(usage)
+
+    def unsupported(self) -> dict[str, str]:
+        return self._inner.unsupported()
 
     def answer(
         self,
