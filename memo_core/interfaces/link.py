@@ -42,6 +42,11 @@ class Link(ABC):
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:
+        """Prepare a link; touches no device.
+
+        Args:
+            description: the arm and its gripper.
+        """
         self.description = description
         self._stop = Flag()
 

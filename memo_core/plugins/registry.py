@@ -136,6 +136,7 @@ class Registry:
         )
 
     def names(self, kind: str) -> tuple[str, ...]:
+        """Names of the backends of a kind, sorted; ``kind`` and errors as in ``backends``."""
         return tuple(backend.name for backend in self.backends(kind))
 
     def get(self, kind: str, name: str) -> Backend:

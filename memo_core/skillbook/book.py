@@ -213,7 +213,11 @@ class Skillbook:
             return feedback_by_id(connection, feedback_id)
 
     def pending_feedback(self, parked: bool = False) -> list[Feedback]:
-        """Feedback from which no entry was made yet, oldest first; with ``parked`` also feedback that was set aside."""
+        """Feedback from which no entry was made yet, oldest first.
+
+        Args:
+            parked: whether feedback that was set aside (``park``) is included.
+        """
         statuses = ("pending", "parked") if parked else ("pending",)
         with self.database.read() as connection:
             return queries.feedback_where(connection, _F.status.in_(statuses))
@@ -370,7 +374,14 @@ class Skillbook:
             return tuple(queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None)))
 
     def read_backs(self, feedback_id: int | None = None) -> list[KeptReadBack]:
-        """The reactions to notes that were read back, edited or removed, oldest first, for one feedback or for all."""
+        """Reactions to notes that were read back, edited or removed, oldest first.
+
+        Args:
+            feedback_id: only reactions to notes made from this feedback; None: all.
+
+        Returns:
+            The reactions; empty for unknown feedback.
+        """
         with self.database.read() as connection:
             return kept_read_backs(self.database, connection, None if feedback_id is None else [feedback_id])
 
