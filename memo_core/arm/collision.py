@@ -181,6 +181,15 @@ class RobotShape:
     """The robot's collision shapes, read once; ``checker`` combines them with a scene."""
 
     def __init__(self, description: RobotDescription, kinematics: Kinematics) -> None:
+        """Read the collision shapes of a robot's URDF; meshes are replaced by their convex hulls.
+
+        Args:
+            description: the arm and its gripper.
+            kinematics: kinematics of the same robot.
+
+        Raises:
+            InvalidArgument: if a collision mesh cannot be read, or the fingers cannot be coupled.
+        """
         import pinocchio as pin
 
         self.description = description
@@ -246,7 +255,15 @@ class RobotShape:
         return {link: np.concatenate(points) for link, points in found.items()}
 
     def configuration(self, joints: Array, width: float) -> Array:
-        """Pinocchio's configuration vector for arm joints (n,) and an opening (m)."""
+        """Pinocchio's configuration vector.
+
+        Args:
+            joints: arm joint positions (n,), rad (m for a slide).
+            width: opening of the gripper (m).
+
+        Returns:
+            Configuration of arm and finger joints, shape (model.nq,).
+        """
         import pinocchio as pin
 
         q = pin.neutral(self.kinematics.model)
@@ -299,8 +316,18 @@ class RobotShape:
         carried: Iterable[str] = (),
         touched: Iterable[str] = (),
     ) -> Checker:
-        """A collision checker for this scene. ``carried``: node ids that move with the hand (a door it holds);
-        ``touched``: node ids that the fingers and a held object may touch in any mode."""
+        """Make a collision checker for one scene.
+
+        Args:
+            obstacles: solid boxes in the base frame (``obstacles_of``).
+            width: opening of the gripper (m).
+            held: object between the fingers; None: none.
+            carried: ids of scene nodes that move with the hand, such as a door that it holds.
+            touched: ids of scene nodes that the fingers and a held object may touch in any mode.
+
+        Returns:
+            The checker.
+        """
         return Checker(self, obstacles, width, held, frozenset(carried), frozenset(touched))
 
 
@@ -316,6 +343,7 @@ class Checker:
         carried: frozenset[str],
         touched: frozenset[str],
     ) -> None:
+        """Combine the robot's shapes with a scene; the arguments are those of ``RobotShape.checker``."""
         import coal
         import pinocchio as pin
 
@@ -386,12 +414,23 @@ class Checker:
         return data
 
     def leave(self, joints: Array) -> None:
-        """Allow leaving the present configuration: pairs that touch there may penetrate slightly deeper, everywhere."""
+        """Allow leaving a configuration.
+
+        Pairs that touch there may penetrate slightly deeper, everywhere and in every mode.
+
+        Args:
+            joints: arm joint positions (n,), rad (m for a slide).
+        """
         self._relieve(joints, *self._results)
 
     def near(self, joints: Array) -> None:
-        """Allow a motion with clearance to end at this configuration: pairs that are close there may be as close
-        everywhere."""
+        """Allow a motion with clearance to end at a configuration.
+
+        Pairs that are close there may be as close everywhere.
+
+        Args:
+            joints: arm joint positions (n,), rad (m for a slide).
+        """
         self._relieve(joints, "clear")
 
     def _relieve(self, joints: Array, *modes: Mode) -> None:
@@ -407,7 +446,11 @@ class Checker:
                     request.security_margin = min(request.security_margin, distance - _START_RELIEF)
 
     def carry(self, motion: Array) -> None:
-        """Move the carried objects by a rigid motion (4, 4) from their observed poses."""
+        """Move the carried objects.
+
+        Args:
+            motion: rigid motion from their observed poses, base frame, homogeneous matrix (4, 4).
+        """
         import pinocchio as pin
 
         for number, matrix in self._carried:
@@ -418,13 +461,30 @@ class Checker:
         return bool(self._carried)
 
     def collides(self, joints: Array, mode: Mode) -> bool:
-        """For one configuration (n,)."""
+        """Whether a configuration has a contact.
+
+        Args:
+            joints: arm joint positions (n,), rad (m for a slide).
+            mode: margins to apply; ``clear`` keeps a distance, ``free`` allows for the tolerance of perception,
+                ``contact`` lets the fingers touch.
+
+        Returns:
+            True if any pair of shapes is nearer than its margin allows.
+        """
         self._shape.kinematics.poll()
         self._q[self._shape.arm_index] = joints
         return self._compute(self._model, self._data, self._geometry, self._results[mode], self._q, True)
 
     def hit(self, joints: Array, mode: Mode) -> Hit | None:
-        """The deepest contact there would be, or None."""
+        """The deepest contact of a configuration; slower than ``collides``.
+
+        Args:
+            joints: arm joint positions (n,), rad (m for a slide).
+            mode: as in ``collides``.
+
+        Returns:
+            The contact, or None if there is none.
+        """
         import pinocchio as pin
 
         self._shape.kinematics.poll()

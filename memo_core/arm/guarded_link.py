@@ -25,6 +25,16 @@ class GuardedLink(Link):
     ``limits.kept_by(robot)``."""
 
     def __init__(self, inner: Link, robot: RobotDescription, limits: SafetyLimits) -> None:
+        """Wrap a link; no device is touched.
+
+        Args:
+            inner: the driver's link, not open; it is opened and closed with this one.
+            robot: the unrestricted description.
+            limits: limits to enforce.
+
+        Raises:
+            InvalidArgument: if the limits leave a joint no range, or exclude the home posture.
+        """
         super().__init__(limits.kept_by(robot))
         self._inner = inner
         self._limits = limits
@@ -75,12 +85,23 @@ class GuardedLink(Link):
 
     # -- commands ------------------------------------------------------------------------------------------------------
     def check(self, skill: str, targets: Array) -> None:
+        """Check a motion against the limits before anything moves; the arguments are those of ``Link.check``.
+
+        Raises:
+            MotionError: with cause ``workspace`` if a target is beyond the limits, or too fast to reach.
+        """
         rows = np.asarray(targets, dtype=float).T
         problem = self._wrong(rows) or self._too_fast(np.column_stack([self._inner.joint_targets(), rows]))
         if problem:
             raise MotionError(skill, f"refused by this robot's safety limits: {problem}", cause="workspace")
 
     def send(self, targets: Array) -> None:
+        """Check a command against the limits and send it; the argument is that of ``Link.send``.
+
+        Raises:
+            MotionError: if a limit ends the motion, the arm at rest: cause ``workspace`` for the target, ``force`` for
+                the measured force.
+        """
         row = np.asarray(targets, dtype=float)
         problem = self._wrong(row[:, None]) or self._too_fast(np.column_stack([self._last, row]))
         if problem:

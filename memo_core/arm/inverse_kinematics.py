@@ -37,17 +37,35 @@ class Kinematics(ForwardKinematics):
     """
 
     def __init__(self, description: RobotDescription, poll: Callable[[], None] = lambda: None) -> None:
+        """Build the kinematics of an arm.
+
+        Args:
+            description: the arm.
+            poll: called every few milliseconds during a search; what it raises ends the search.
+
+        Raises:
+            InvalidArgument: if the URDF cannot be read, or does not fit the description.
+        """
         super().__init__(description)
         self.poll = poll
 
     def solve(
         self, seeds: Array, rotation: Array, position: Array, iterations: int = 25, margin: float = 0.01
     ) -> Solutions:
-        """Damped least squares from every seed (n, N) to its own goal (3, 3, N), (3, N), inside the joint limits.
+        """Damped least squares from every seed to its own goal, inside the joint limits.
 
-        Steps are Levenberg-Marquardt's with the damping of Sugihara (2011), which vanishes with the error, clipped to
-        the joint limits drawn in by ``margin`` (rad); the minimal-norm step leaves the
-        redundant degree of freedom where the seed had it.
+        Steps are Levenberg-Marquardt's with the damping of Sugihara (2011), which vanishes with the error; the
+        minimal-norm step leaves the redundant degree of freedom where the seed had it.
+
+        Args:
+            seeds: joint positions to start from (n, N), rad (m for a slide).
+            rotation: goal rotation matrices of the tool frame, base frame, (3, 3, N) or broadcastable to it.
+            position: goal positions of the tool frame (m, base frame), (3, N) or broadcastable to it.
+            iterations: most steps.
+            margin: distance kept from the joint limits (rad, m for a slide).
+
+        Returns:
+            The last joint positions of every seed with their errors, solved or not.
         """
         lower, upper = self.lower + margin, self.upper - margin
         seeds = np.asarray(seeds, dtype=float)
@@ -81,8 +99,15 @@ class Kinematics(ForwardKinematics):
         return Solutions(joints, place_error, turn_error, solved)
 
     def samples(self, count: int, moving: slice = slice(None)) -> Array:
-        """Configurations spread evenly over the joint limits, shape (n, count); always the same ones (Halton).
-        ``moving``: only these joints are spread, the others stand in the middle."""
+        """Configurations spread evenly over the joint limits (Halton sequence); always the same ones.
+
+        Args:
+            count: number of configurations.
+            moving: joints that are spread; the others stand in the middle of their limits.
+
+        Returns:
+            Joint positions, shape (n, count), rad (m for a slide).
+        """
         primes = (2, 3, 5, 7, 11, 13, 17, 19, 23)
         unit = np.full((self.count, count), 0.5)
         for number, i in enumerate(range(self.count)[moving]):
@@ -90,7 +115,16 @@ class Kinematics(ForwardKinematics):
         return self.lower[:, None] + unit * (self.upper - self.lower)[:, None]
 
     def inverse(self, pose: Pose, seeds: Array | None = None, samples: int = 300) -> Array:
-        """Distinct configurations (n, K) that reach ``pose``, from ``seeds`` (n, N) and ``samples`` spread seeds."""
+        """Distinct configurations that reach a pose.
+
+        Args:
+            pose: goal of the tool frame, base frame.
+            seeds: joint positions to start from (n, N), rad (m for a slide), in addition to the samples; None: none.
+            samples: number of spread configurations to start from.
+
+        Returns:
+            Joint positions, shape (n, K); K is 0 if none was found.
+        """
         start = self.samples(samples)
         if seeds is not None:
             start = np.concatenate([seeds, start], axis=1)

@@ -30,8 +30,19 @@ class LinkCheckpoint:
 
     @classmethod
     def unpacked(cls, checkpoint: bytes, robot: RobotDescription, hand: int = 0) -> LinkCheckpoint:
-        """``hand``: how many numbers the gripper's state has. Raises ``InvalidArgument`` for bytes that are not a
-        checkpoint of such a link of this robot."""
+        """Read a checkpoint that ``packed`` wrote.
+
+        Args:
+            checkpoint: bytes of the checkpoint.
+            robot: robot that the checkpoint is for; the number of its joints is checked.
+            hand: number of values in the state of the link's gripper; 0 if the simulator moves the gripper.
+
+        Returns:
+            The checkpoint. ``felt`` and ``world`` are not checked here.
+
+        Raises:
+            InvalidArgument: if the bytes are not a checkpoint, or the number of joints or of ``hand`` values differs.
+        """
         try:
             state = json.loads(checkpoint)
             targets, world = np.array(state["targets"], dtype=float), b85decode(state["world"])

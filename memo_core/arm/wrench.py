@@ -23,6 +23,11 @@ class ToolDynamics:
     """Tool placement, Jacobian and inverse dynamics of one configuration, quick enough for every control period."""
 
     def __init__(self, kinematics: Kinematics) -> None:
+        """Prepare the dynamics; armatures are those of the robot's description.
+
+        Args:
+            kinematics: kinematics of the arm; its model is copied.
+        """
         import pinocchio as pin
 
         description = kinematics.description
@@ -41,7 +46,14 @@ class ToolDynamics:
         self._neutral = pin.neutral(model)
 
     def jacobian(self, joints: Array) -> Array:
-        """Of the tool's origin in base axes, linear over angular, shape (6, n), for joints (n,)."""
+        """Jacobian of the tool's origin.
+
+        Args:
+            joints: joint positions (n,), rad (m for a slide).
+
+        Returns:
+            Linear over angular rows in base axes, shape (6, n).
+        """
         pin = self._pin
         q = self._full(joints)
         whole = pin.computeFrameJacobian(
@@ -50,20 +62,45 @@ class ToolDynamics:
         return np.asarray(whole)[:, self._speeds]
 
     def placement(self, joints: Array) -> tuple[Array, Array]:
-        """Rotation (3, 3) and position (3,) of the tool in the base frame."""
+        """Pose of the tool in the base frame.
+
+        Args:
+            joints: joint positions (n,), rad (m for a slide).
+
+        Returns:
+            Rotation matrix (3, 3) and position (3,), m.
+        """
         pin = self._pin
         pin.framesForwardKinematics(self._model, self._data, self._full(joints))
         found = self._data.oMf[self._frame]
         return found.rotation.copy(), found.translation.copy()
 
     def torques(self, joints: Array, velocities: Array, accelerations: Array) -> Array:
-        """Joint torques (n,) that make the free arm move like this (Nm), gravity included."""
+        """Torques with which the free arm makes a motion, gravity included.
+
+        Args:
+            joints: joint positions (n,), rad (m for a slide).
+            velocities: joint velocities (n,), rad/s.
+            accelerations: joint accelerations (n,), rad/s2.
+
+        Returns:
+            Joint torques (n,), Nm (N for a slide).
+        """
         speed, change = np.zeros(self._model.nv), np.zeros(self._model.nv)
         speed[self._speeds], change[self._speeds] = velocities, accelerations
         return self._pin.rnea(self._model, self._data, self._full(joints), speed, change)[self._speeds]
 
     def accelerations(self, joints: Array, velocities: Array, torques: Array) -> Array:
-        """Joint accelerations (n,) of the free arm under actuator torques (n,) (Nm), the fingers held."""
+        """Accelerations of the free arm under torques, the fingers held.
+
+        Args:
+            joints: joint positions (n,), rad (m for a slide).
+            velocities: joint velocities (n,), rad/s.
+            torques: torques of the actuators (n,), Nm (N for a slide).
+
+        Returns:
+            Joint accelerations (n,), rad/s2.
+        """
         mass = self._pin.crba(self._model, self._data, self._full(joints))[np.ix_(self._speeds, self._speeds)]
         mass = np.triu(mass) + np.triu(mass, 1).T
         rest = self.torques(joints, velocities, np.zeros_like(joints))
@@ -79,6 +116,12 @@ class WrenchEstimate:
     """The estimate over time. ``state`` and ``recall`` make it part of a checkpoint."""
 
     def __init__(self, kinematics: Kinematics, period: float) -> None:
+        """Start without a measurement.
+
+        Args:
+            kinematics: kinematics of the arm.
+            period: time between two calls of ``at`` while the arm is in use (s), its control period.
+        """
         self._dynamics = ToolDynamics(kinematics)
         self._period = period
         self._share = 1.0 - np.exp(-period / _FILTER)
@@ -86,8 +129,21 @@ class WrenchEstimate:
         self._wrench = np.zeros(6)
 
     def at(self, time: float, joints: Array, velocities: Array, accelerations: Array, torques: Array) -> Array:
-        """Force (N) over torque (Nm) on the tool at its centre, base axes, shape (6,). An arm with fewer than six
-        joints feels forces only. Asked again after a pause, the filter starts anew."""
+        """Estimate the contact wrench from one measurement, filtered over time.
+
+        A call within half a period of the last one returns that one's estimate; after a pause the filter starts anew.
+
+        Args:
+            time: time of the measurement (s).
+            joints: joint positions (n,), rad (m for a slide).
+            velocities: joint velocities (n,), rad/s.
+            accelerations: joint accelerations (n,), rad/s2, of the moment at which the torques are read.
+            torques: torques of the actuators (n,), Nm (N for a slide).
+
+        Returns:
+            Force (N), then torque (Nm), that the environment exerts on the tool at its centre, base axes, shape (6,).
+                The torque is 0 for an arm with fewer than six joints.
+        """
         since = np.inf if self._time is None else time - self._time
         if 0.0 <= since < self._period / 2:
             return self._wrench.copy()
@@ -108,7 +164,14 @@ class WrenchEstimate:
         return [*self._wrench.tolist(), *([] if self._time is None else [self._time])]
 
     def recall(self, state: list[float]) -> None:
-        """Raises ``ValueError`` for numbers that are not a state."""
+        """Restore an estimate.
+
+        Args:
+            state: result of ``state``.
+
+        Raises:
+            ValueError: if the count of numbers is wrong.
+        """
         if len(state) not in (6, 7):
             raise ValueError(f"{len(state)} numbers")
         self._wrench = np.array(state[:6])

@@ -121,23 +121,63 @@ class Experiment:
     notices: tuple[str, ...] = ()  # what the author of the file should know though it works, one sentence each
 
     def choice(self, kind: str) -> Choice:
-        """The backend of a kind. Raises ``NoDefaultBackend`` if neither the file nor the plugins determine it."""
+        """The backend of a kind with its settings.
+
+        Args:
+            kind: kind of backend, such as ``simulator``; not ``skills``, of which there may be several (``skills``).
+
+        Returns:
+            The backend that the file names, otherwise the default of the installed plugins.
+
+        Raises:
+            NoDefaultBackend: if the file names none and the installed plugins have no unique default.
+            AmbiguousBackend: if the default is declared by two plugins.
+            UnknownName: if there is no such kind.
+        """
         if kind in self.choices:
             return self.choices[kind]
         raise self.undecided.get(kind) or UnknownName("kind of backend", kind, (*SINGLE_KINDS, *DRIVERS))
 
     def create(self, kind: str) -> Any:
-        """Make the backend of a kind (unopened). Raises as ``choice`` and ``Choice.create``."""
+        """Make the backend of a kind, unopened.
+
+        Args:
+            kind: as in ``choice``.
+
+        Returns:
+            What the backend's factory returns.
+
+        Raises:
+            MemoError: as ``choice`` and ``Choice.create``.
+        """
         return self.choice(kind).create()
 
     def section(self, name: str) -> Any:
-        """The settings of a section that belongs to no backend. Raises ``UnknownName``."""
+        """The settings of a section that belongs to no backend.
+
+        Args:
+            name: name of a section that ``load_experiment`` was called with, such as ``retrieval``.
+
+        Returns:
+            An instance of the section's attrs class, with its defaults for all that the file leaves out.
+
+        Raises:
+            UnknownName: if the experiment was loaded without this section, or the name is that of a backend's section.
+        """
         if name not in self.sections:
             raise UnknownName("section", name, tuple(self.sections))
         return self.sections[name]
 
     def unread(self, reader: str, decided: Sequence[Unread]) -> tuple[str, ...]:
-        """A sentence for each value that a file or an option sets and that ``reader`` does not read."""
+        """Sentences about values that a file or an option sets although a command does not read them.
+
+        Args:
+            reader: the command in the sentences, such as ``a study``.
+            decided: values that this command decides otherwise; their paths are paths of ``values``.
+
+        Returns:
+            One sentence for each of them that is set and differs from ``unless``.
+        """
         shown = {one.path: one for one in self.values}
         return tuple(
             f"{shown[one.path].origin}: {one.path} is not read by {reader}: {one.instead}"

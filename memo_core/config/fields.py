@@ -56,7 +56,13 @@ class Checker:
     """Checks the values of one merged experiment; ``issues`` grows with what is wrong."""
 
     def __init__(self, merged: Merged, known_secrets: dict[str, str]) -> None:
-        """``known_secrets`` are the environment's secrets, value to variable name; none may be written in a file."""
+        """Start without issues.
+
+        Args:
+            merged: the experiment's merged layers, with the origin of each value.
+            known_secrets: secrets in the environment, value -> variable name; a value in a file that contains a secret
+                of 8 or more characters is an issue.
+        """
         self._merged = merged
         self._secrets = {value: name for value, name in known_secrets.items() if len(value) >= 8}
         self.issues: list[Issue] = []
@@ -67,8 +73,21 @@ class Checker:
         self.issues.append(Issue(origin or self._merged.origin(path), dotted(path), problem))
 
     def section(self, cls: type, values: Any, path: Path_, owner: str, secrets: tuple[str, ...] = ()) -> Any:
-        """An instance of ``cls`` from plain ``values``, or None if there are errors. ``owner`` names the owner of the
-        keys in messages; ``secrets`` names the environment variables that hold its secrets."""
+        """Build the settings of one section, adding every error found to ``issues``.
+
+        Args:
+            cls: attrs class of the settings; its fields are the section's keys.
+            values: the section as plain values, key -> value; anything but a dict is an error.
+            path: keys that lead to the section, for errors.
+            owner: owner of the keys in messages, such as ``section 'retrieval'``.
+            secrets: names of the environment variables that hold the owner's secrets, for messages only.
+
+        Returns:
+            An instance of ``cls``, or None if there are errors.
+
+        Raises:
+            TypeError: if an annotation of ``cls`` is not supported.
+        """
         if not isinstance(values, dict):
             keys = field_types(cls)
             example = next((key for key, wanted in keys.items() if wanted is type(values)), "")
@@ -107,7 +126,22 @@ class Checker:
         return self._build(cls, arguments, path)
 
     def value(self, value: Any, wanted: Any, path: Path_) -> Any:
-        """``value`` as the type ``wanted``. Reports an error and raises if it does not fit."""
+        """Convert a plain value to a type, adding an error to ``issues`` if it does not fit.
+
+        An int is accepted as a float, text as a ``Path`` or as the value of an enum, and a list as a tuple or set.
+        Numbers and booleans are read from text only if it comes from an environment variable.
+
+        Args:
+            value: value as read from a file.
+            wanted: type annotation: a scalar, enum, ``Literal``, union, sequence, mapping or attrs class.
+            path: keys and indices that lead to the value, for errors.
+
+        Returns:
+            The converted value.
+
+        Raises:
+            _Wrong: if the value does not fit; the error is in ``issues`` already.
+        """
         if typing.get_origin(wanted) is Annotated:
             wanted = typing.get_args(wanted)[0]
         if isinstance(value, str):

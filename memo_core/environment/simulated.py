@@ -48,7 +48,17 @@ class SimulatedEnvironment(TaskEnvironment):
         link: Callable[[Simulator, RobotDescription], Link] | None = None,
         control: ControlFactory | None = None,
     ) -> None:
-        """``simulator`` and ``perception`` come unopened. ``link`` and ``control`` default to ``memo_core.arm``."""
+        """Prepare the environment; nothing is opened or built.
+
+        Args:
+            task: task whose scene is built.
+            seed: seed of the scene's and perception's random generators.
+            simulator: simulator, not open.
+            robot: the arm and its gripper.
+            perception: perception backend, not open.
+            link: factory of the robot's link, called with the built simulator and ``robot``; None: ``memo_core.arm``'s.
+            control: factory of the control; None: ``memo_core.arm``'s.
+        """
         super().__init__(task, seed, robot, perception, control)
         self.simulator = simulator
         self._make_link = link or _arm_link
@@ -92,8 +102,17 @@ class SimulatedEnvironment(TaskEnvironment):
         self.simulator.view()
 
     def conclude(self, verdict: str) -> Outcome | None:
-        """The result of the success check once everything has come to rest, also after a stop. ``verdict`` (what a
-        person said) does not matter."""
+        """Let the task's ``settle`` time pass, also after a stop, and run the success check.
+
+        Args:
+            verdict: a person's verdict; not used here.
+
+        Returns:
+            The check's verdict with its reason.
+
+        Raises:
+            TaskCodeError: if the task's code fails.
+        """
         for _ in range(round(self.task.settle / self.simulator.control_period)):
             self.simulator.tick()
         return self.check()
@@ -103,24 +122,61 @@ class SimulatedEnvironment(TaskEnvironment):
         return outcome_of(self.task, self.simulator, self.monitors, self.description)
 
     def check_subtask(self, subtask: str) -> Outcome | None:
-        """The result of the task's check of a subtask for the present state; None if it has none."""
+        """Check whether a subtask is done in the present state.
+
+        Args:
+            subtask: the subtask as planned, such as ``OPEN(microwave)``.
+
+        Returns:
+            The verdict with its reason; None if the task has no check for this subtask.
+
+        Raises:
+            TaskCodeError: if the task's check fails or returns anything else.
+        """
         return subtask_outcome_of(self.task, subtask, self.simulator, self.description)
 
     def settle(self, seconds: float = 0.5) -> None:
-        """Simulate without commands until released objects have come to rest. Raises ``Stopped``."""
+        """Simulate without new commands, so that released objects come to rest.
+
+        Args:
+            seconds: simulated time to let pass (s).
+
+        Raises:
+            Stopped: if the stop is latched.
+        """
         end = self.time() + seconds
         while self.time() < end - 1e-9:
             self.link.check_stop("settling")
             self.simulator.tick()
 
     def step(self, targets: Array | None = None) -> None:
-        """Let one control period pass with the arm commanded to joint ``targets`` (rad), shape (n,); without any, the
-        last ones are held. Raises ``Stopped``."""
+        """Command the arm for one control period and let it pass.
+
+        Args:
+            targets: joint positions (n,), rad (m for a slide); None repeats the last ones.
+
+        Raises:
+            Stopped: if the stop is latched.
+            InvalidArgument: for targets that the link cannot follow.
+        """
         self.link.send(self.link.joint_targets() if targets is None else np.asarray(targets, dtype=float))
 
     def render(self, camera: str | None = None, width: int | None = None, height: int | None = None) -> np.ndarray:
-        """An image from one of the scene's cameras, by default the first: RGB, uint8, shape (H, W, 3). Raises
-        ``UnknownName`` for an unknown camera, ``BackendUnavailable`` where no renderer works."""
+        """Render a colour image.
+
+        Args:
+            camera: name of a camera of the scene; None: its first.
+            width: in pixels; None: the camera's ``resolution``.
+            height: in pixels; None: the camera's ``resolution``.
+
+        Returns:
+            RGB, uint8, shape (H, W, 3).
+
+        Raises:
+            UnknownName: if the scene has no such camera.
+            InvalidArgument: for a size that cannot be rendered.
+            BackendUnavailable: if no renderer works.
+        """
         cameras = tuple(one.name for one in self.description.cameras)
         name = camera if camera is not None else next(iter(cameras), "")
         if name not in cameras:
@@ -141,8 +197,14 @@ class SimulatedEnvironment(TaskEnvironment):
         return json.dumps(state).encode()
 
     def restore(self, checkpoint: bytes) -> None:
-        """Back to a checkpoint of the same task and seed: what follows is bit-exactly what followed then. Raises
-        ``InvalidArgument`` for another world's checkpoint."""
+        """Restore a checkpoint; the simulation then continues bit-exactly as it did after it.
+
+        Args:
+            checkpoint: bytes that ``checkpoint`` returned for the same task and seed.
+
+        Raises:
+            InvalidArgument: for other bytes, or a checkpoint of another task, seed or set of monitors.
+        """
         try:
             state = json.loads(checkpoint)
             owner, watched = (state["task"], state["seed"]), state["monitors"]
@@ -167,8 +229,11 @@ class SimulatedEnvironment(TaskEnvironment):
 
     # -- what a person in the room sees --------------------------------------------------------------------------------
     def start_watching(self, seen: tuple[Sighting, ...] = ()) -> None:
-        """Begin a new list of sightings: one now and then one every ``GLANCE_PERIOD_S``; ``seen``: continue after
-        these."""
+        """Begin a new list of sightings: one now, then one every ``GLANCE_PERIOD_S`` of simulated time.
+
+        Args:
+            seen: earlier sightings to continue after; the next one is then due one period after the last of them.
+        """
         if self._sightings is None:
             self.simulator.add_tick_listener(self._glance)
         self._sightings = list(seen)

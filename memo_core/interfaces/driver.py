@@ -25,7 +25,14 @@ class GripperDriver(ABC):
 
     @abstractmethod
     def open(self, gripper: GripperDescription) -> None:
-        """Connect, and check that it is the gripper described. Moves nothing. Raises ``BackendUnavailable``."""
+        """Connect, and check that the device is the gripper described; nothing moves.
+
+        Args:
+            gripper: description of the gripper.
+
+        Raises:
+            BackendUnavailable: if it cannot be reached or is not the gripper described.
+        """
 
     @abstractmethod
     def close(self) -> None:

@@ -42,6 +42,11 @@ class Link(ABC):
     servo_lag: tuple[float, ...] = ()  # s by which each joint's servo lags behind moving targets; empty: not at all
 
     def __init__(self, description: RobotDescription) -> None:
+        """Prepare a link; touches no device.
+
+        Args:
+            description: the arm and its gripper.
+        """
         self.description = description
         self._stop = Flag()
 
@@ -74,7 +79,14 @@ class Link(ABC):
         return self._stop.is_set()
 
     def check_stop(self, where: str = "") -> None:
-        """Raise ``Stopped`` if the stop is latched."""
+        """Raise ``Stopped`` if the stop is latched.
+
+        Args:
+            where: activity that the stop interrupts, for the message, such as ``settling``.
+
+        Raises:
+            Stopped: if the stop is latched.
+        """
         if self._stop.is_set():
             raise Stopped(where)
 
@@ -113,10 +125,11 @@ class Link(ABC):
 
         Args:
             skill: name of the skill that the error is for.
-            targets: joint positions (T, n), rad, one row for each control period.
+            targets: joint positions (T, n), rad (m for a slide), one row for each control period. The motion starts
+                from ``joint_targets()``; the first row is due one control period later.
 
         Raises:
-            MotionError: if the link would refuse one of the targets during the motion.
+            MotionError: if the link would refuse one of the targets during the motion, for example for its speed.
         """
 
     @abstractmethod
@@ -165,4 +178,11 @@ class Link(ABC):
 
     @abstractmethod
     def restore(self, checkpoint: bytes) -> None:
-        """Back to a checkpoint; only where ``can_restore``."""
+        """Restore the world and the link to a checkpoint; called only where ``can_restore``.
+
+        Args:
+            checkpoint: bytes that ``checkpoint`` returned for the same scene and robot.
+
+        Raises:
+            InvalidArgument: if the bytes are not such a checkpoint.
+        """

@@ -40,18 +40,29 @@ class Perception(ABC):
     def close(self) -> None: ...
 
     def use_model(self, ask: Ask) -> None:
-        """Called before ``start`` wherever there is a language model: ``ask`` puts a question to the experiment's,
-        within the budget of the run, and raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``. The default
-        has no use for it."""
+        """Receive access to the language model, if there is one; called before ``start``. By default ignored.
+
+        Args:
+            ask: answers a request within the run's budget; raises ``LanguageModelError``, ``BudgetExceeded`` or
+                ``Stopped``.
+        """
 
     def show_looks(self, show: Callable[[dict[str, bytes]], None]) -> None:
-        """Called before ``start`` where pictures are kept: ``show`` is to be given, after every look (not glance), what
-        was seen drawn over each camera's picture, name -> PNG. The default has no pictures."""
+        """Receive a recorder of pictures; called before ``start`` if pictures are stored. By default ignored.
+
+        Args:
+            show: to be called after every ``look`` (not ``glance``) with what was seen, drawn over each camera's
+                picture: camera -> PNG.
+        """
 
     def correct_names(self, corrections: tuple[NameCorrection, ...]) -> None:
-        """What people said of names, oldest first: for all later looks and glances, in addition to what was given
-        before. A backend that names things itself applies it (``memo_core.scene.name_corrections.corrected``). The
-        default names nothing itself."""
+        """Receive corrections of names that people gave, for all later looks and glances. By default ignored.
+
+        A backend that names objects itself applies them (``memo_core.scene.name_corrections.corrected``).
+
+        Args:
+            corrections: the corrections, oldest first, in addition to those of earlier calls.
+        """
 
     @abstractmethod
     def start(self, context: PerceptionContext) -> None: ...

@@ -64,15 +64,34 @@ class WorldState(ABC):
 
     @abstractmethod
     def contacts(self, body: str | None = None) -> tuple[Contact, ...]:
-        """Present contacts of one body, children included, or of all. Raises ``KeyError`` for an unknown body."""
+        """Present contacts.
+
+        Args:
+            body: name of a body, whose children are included; None: all bodies.
+
+        Returns:
+            The contacts, in no particular order.
+
+        Raises:
+            KeyError: if there is no such body.
+        """
 
     def family(self, body: str) -> frozenset[str]:
         """Names of a body and of its children, which are parts of the same thing."""
         return frozenset((body,))
 
     def pressing(self, body: str) -> float:
-        """Normal force (N) of the robot link that presses hardest on a body (children included), summed over that
-        link's contacts; 0 if no link touches it."""
+        """Normal force of the robot link that presses hardest on a body.
+
+        Args:
+            body: name of a body; its children are included.
+
+        Returns:
+            Sum over that link's contacts with the body (N); 0 if no link touches it.
+
+        Raises:
+            KeyError: if there is no such body.
+        """
         links: dict[str, float] = {}
         for contact in self.contacts(body):
             for name in (contact.first, contact.second):
@@ -115,8 +134,14 @@ class Simulator(WorldState):
         """Idempotent."""
 
     def shorten_tick(self, seconds: float) -> None:
-        """Before ``build``: let a tick take ``seconds`` where it would take longer. Raises ``InvalidArgument`` for a
-        simulator that cannot."""
+        """Shorten the control period to at most a duration; called before ``build``.
+
+        Args:
+            seconds: longest control period allowed (s).
+
+        Raises:
+            InvalidArgument: if the control period is longer and this simulator cannot change it.
+        """
         if self.control_period > seconds * (1 + 1e-9):
             given = f"has a control period of {1000 * self.control_period:g} ms, and cannot change it"
             raise InvalidArgument("simulator", given, f"{1000 * seconds:g} ms or less for this robot driver")
@@ -198,7 +223,11 @@ class Simulator(WorldState):
 
     @abstractmethod
     def add_tick_listener(self, listener: Callable[[], None]) -> None:
-        """Called after every tick. Must be quick: it runs in the physics loop."""
+        """Call a function after every tick.
+
+        Args:
+            listener: must be quick, since it runs in the physics loop.
+        """
 
     @abstractmethod
     def remove_tick_listener(self, listener: Callable[[], None]) -> None: ...
@@ -237,7 +266,15 @@ class Simulator(WorldState):
 
     @abstractmethod
     def restore(self, checkpoint: bytes) -> None:
-        """Raises ``InvalidArgument`` when the bytes are not a checkpoint of this scene and robot."""
+        """Return to a checkpoint, so that the simulation continues bit-exactly as it did after it.
+
+        Args:
+            checkpoint: bytes that ``checkpoint`` returned for the same scene and robot, in the same kind of simulator;
+                it holds physics, targets, latches, mechanisms and time.
+
+        Raises:
+            InvalidArgument: if the bytes are not such a checkpoint, or are damaged.
+        """
 
     # -- pictures ------------------------------------------------------------------------------------------------------
     @abstractmethod

@@ -23,7 +23,11 @@ class Monitor(ABC):
 
     @abstractmethod
     def update(self, world: WorldState) -> None:
-        """Called after every tick; must be quick."""
+        """Observe the state after a tick; must be quick.
+
+        Args:
+            world: true state of the simulation, poses in the robot's base frame.
+        """
 
     @abstractmethod
     def memory(self) -> dict[str, Any]:
@@ -63,7 +67,14 @@ class Task(ABC):
 
     @abstractmethod
     def scene(self, rng: np.random.Generator) -> SceneDescription:
-        """The scene, randomised by ``rng`` only."""
+        """Describe the scene of one episode.
+
+        Args:
+            rng: only source of randomness, so that equal seeds give equal scenes.
+
+        Returns:
+            The scene, poses in the robot's base frame.
+        """
 
     def monitors(self) -> tuple[Monitor, ...]:
         return ()

@@ -146,20 +146,47 @@ class Teacher(ABC):
 
     @abstractmethod
     def judge(self, episode: Episode) -> Verdict:
-        """Whether a subtask worked."""
+        """Judge whether a subtask worked.
+
+        Args:
+            episode: the subtask, and what was seen from its start to its end.
+
+        Returns:
+            ``approve``, ``correct`` with words, or ``silent``.
+        """
 
     def interrupted(self, episode: Episode) -> Verdict:
-        """Asked right after somebody pressed stop; by default the same as ``judge``."""
+        """Judge a subtask right after a person pressed stop; by default as ``judge``.
+
+        Args:
+            episode: the subtask up to the stop.
+
+        Returns:
+            As ``judge``.
+        """
         return self.judge(episode)
 
     def judge_task(self, episode: TaskEpisode) -> Verdict:
-        """Asked when the planner says that the whole task is done. ``correct`` ("you forgot the napkin") is feedback
-        like any other. Silent by default."""
+        """Judge the whole task; called when the planner says that it is done.
+
+        Args:
+            episode: the task, its subtasks, and what was seen.
+
+        Returns:
+            As ``judge``; the words of ``correct`` ("you forgot the napkin") are feedback. ``silent`` by default.
+        """
         return Verdict("silent")
 
     def judge_plan(self, proposal: Proposal) -> Verdict:
-        """Asked before a planned subtask begins. ``correct`` ("open the door first") is feedback on the plan;
-        ``approve`` and ``silent`` let the robot begin. Silent by default."""
+        """Judge a planned subtask before it begins.
+
+        Args:
+            proposal: the planned subtask.
+
+        Returns:
+            ``approve`` or ``silent`` let the robot begin; the words of ``correct`` ("open the door first") are feedback
+                on the plan. ``silent`` by default.
+        """
         return Verdict("silent")
 
     @property
@@ -168,7 +195,14 @@ class Teacher(ABC):
         return False
 
     def read_back(self, noted: Noted) -> ReadBack:
-        """Show a person the notes made of their words, to accept, reword or strike them. Accepts by default."""
+        """Show a person the notes made from their words; called only if ``reads_back``.
+
+        Args:
+            noted: the words and the notes.
+
+        Returns:
+            The person's reaction: notes accepted, reworded or struck. Accepted by default.
+        """
         return ReadBack("accepted")
 
     @property
@@ -177,24 +211,49 @@ class Teacher(ABC):
         return False
 
     def permit(self, program: Program) -> Verdict:
-        """Asked before each program when a person has to release programs for a real robot. ``approve`` lets it run.
-        ``correct`` ("do not come near the lamp") is feedback on it and ``silent`` gives up the subtask; neither runs
-        it. Silent by default."""
+        """Release a program before it moves a real robot; called before each program if people have to release them.
+
+        Args:
+            program: the program.
+
+        Returns:
+            ``approve`` runs it. ``correct`` ("do not come near the lamp") is feedback on it, and ``silent`` gives up
+                the subtask; neither runs it. ``silent`` by default.
+        """
         return Verdict("silent")
 
     def put_back(self, episode: Episode) -> bool:
-        """Asked if the environment cannot restore the scene (hardware): put the objects back as they were in
-        ``episode.before``. Returns True when that was done. False by default."""
+        """Put the objects back; called if the environment cannot restore the scene (hardware).
+
+        Args:
+            episode: ``episode.before`` shows where they were.
+
+        Returns:
+            True once it is done; False by default.
+        """
         return False
 
     def set_up(self, arrangement: Arrangement) -> bool:
-        """Asked before each trial of an evaluation on a real robot: arrange the scene and leave the workspace. Returns
-        True when that was done; the evaluation pauses otherwise. False by default."""
+        """Arrange the scene and leave the workspace; called before each trial of an evaluation on a real robot.
+
+        Args:
+            arrangement: the scene to arrange.
+
+        Returns:
+            True once it is done; otherwise the evaluation pauses. False by default.
+        """
         return False
 
     def confirm(self, episode: Episode) -> bool:
-        """Asked if a run on hardware was interrupted and it is unknown what the robot did last. Returns True when a
-        person has looked and the robot may continue from the present scene. False by default."""
+        """Confirm that a run on hardware may continue; called if it was interrupted and the robot's last action is
+        unknown.
+
+        Args:
+            episode: the interrupted subtask.
+
+        Returns:
+            True if a person has looked and the robot may continue from the present scene; False by default.
+        """
         return False
 
     def state(self) -> str:
@@ -203,4 +262,8 @@ class Teacher(ABC):
         return ""
 
     def restore(self, state: str) -> None:
-        """Restore the result of ``state``."""
+        """Restore the teacher for a resumed run.
+
+        Args:
+            state: result of ``state``.
+        """

@@ -22,7 +22,11 @@ class VectorStore(ABC):
 
     @abstractmethod
     def reset(self, dimension: int) -> None:
-        """Remove all vectors and set the dimension of those to come."""
+        """Remove all vectors.
+
+        Args:
+            dimension: dimension of the vectors that will be added.
+        """
 
     @abstractmethod
     def add(self, ids: Sequence[int], vectors: np.ndarray) -> None:

@@ -66,7 +66,17 @@ class Prompt:
 
     @classmethod
     def read(cls, messages: Iterable[Message]) -> Prompt:
-        """Read a request's messages. Raises ``UnreadablePrompt`` when none of system and user has a title."""
+        """Take a request's messages apart.
+
+        Args:
+            messages: messages of a request; those of the assistant are ignored.
+
+        Returns:
+            The title and the text under each heading.
+
+        Raises:
+            UnreadablePrompt: if no system or user message has a title (``# ...``).
+        """
         text = "\n".join(message.text for message in messages if message.role != "assistant")
         title, sections, heading, fenced = "", {}, "", False
         body: list[str] = []
@@ -99,7 +109,17 @@ class Prompt:
         raise UnreadablePrompt(f"cannot tell from the title {self.title!r} what is asked for")
 
     def section(self, *words: str) -> str:
-        """The text under the heading that begins with one of ``words``. Raises ``UnreadablePrompt`` naming it."""
+        """Text under a heading.
+
+        Args:
+            words: beginnings of the heading, in lower case; the first that matches is used.
+
+        Returns:
+            The section's text.
+
+        Raises:
+            UnreadablePrompt: if no heading matches; names the section.
+        """
         for word in words:
             for heading, text in self.sections.items():
                 if heading.startswith(word):
@@ -116,15 +136,26 @@ class Prompt:
         return read_subtask(self.section("subtask"))
 
     def bullets(self, *words: str) -> list[str]:
+        """Items of a section's bullet list, without ``none`` and ``nothing``; ``words`` as in ``section``."""
         lines = [line[2:].strip() for line in self.section(*words).splitlines() if line.startswith("- ")]
         return [line for line in lines if line.lower() not in ("none", "nothing")]
 
     def quoted(self, *words: str) -> str:
-        """A section's text, without the marks of a quotation."""
+        """Text of a section without quotation marks (``>``); ``words`` and errors as in ``section``."""
         return "\n".join(re.sub(r"^> ?", "", line) for line in self.section(*words).splitlines()).strip()
 
     def entries(self, *words: str) -> list[PromptEntry]:
-        """Bulleted entries with their keys, best first; what is said of one stands in brackets in the line below it."""
+        """Bulleted entries of a section with their keys, best first.
+
+        Args:
+            words: beginnings of the heading, as in ``section``.
+
+        Returns:
+            The entries; ``hint`` is set for those with the remark "only a hint" in the line below.
+
+        Raises:
+            UnreadablePrompt: if there is no such section.
+        """
         found: list[PromptEntry] = []
         for line in self.section(*words).splitlines():
             if line.startswith("- ") and line[2:].strip().lower() not in ("none", "nothing"):
@@ -140,11 +171,15 @@ class Prompt:
         return [PromptEntry(block.group(2).strip("\n"), block.group(1) or "") for block in blocks]
 
     def code(self, *words: str) -> str:
-        """The first code block of a section. Raises ``UnreadablePrompt``."""
+        """First code block of a section (Python, if one is marked so); ``words`` as in ``section``. Raises
+        ``UnreadablePrompt`` if there is none.
+        """
         return self._codes(*words)[0]
 
     def last_code(self, *words: str) -> str:
-        """The last Python block of a section. Raises ``UnreadablePrompt``."""
+        """Last code block of a section (Python, if one is marked so); ``words`` as in ``section``. Raises
+        ``UnreadablePrompt`` if there is none.
+        """
         return self._codes(*words)[-1]
 
     def _codes(self, *words: str) -> list[str]:

@@ -93,7 +93,11 @@ class Registry:
     """The backends of all working plugins, the problems of the others, and the event listeners."""
 
     def __init__(self, entry_points: Iterable[EntryPoint] | None = None) -> None:
-        """Loads the given entry points, or those installed. Never raises because of a plugin."""
+        """Load plugins. A plugin that cannot be loaded is kept in ``plugins`` with its error; nothing is raised.
+
+        Args:
+            entry_points: entry points to load; None: those installed in MEMO's entry-point group.
+        """
         damaged: list[tuple[str, str]] = []
         found: list[Any] = list(entry_points or ())
         if entry_points is None:
@@ -114,7 +118,17 @@ class Registry:
 
     # -- backends ------------------------------------------------------------------------------------------------------
     def backends(self, kind: str) -> tuple[Backend, ...]:
-        """The backends of a kind that can be selected, by name. Raises ``UnknownName`` for an unknown kind."""
+        """The backends of a kind that can be selected.
+
+        Args:
+            kind: one of ``KINDS``, such as ``simulator``.
+
+        Returns:
+            Backends sorted by name, without names that two plugins declare.
+
+        Raises:
+            UnknownName: if there is no such kind.
+        """
         if kind not in KINDS:
             raise UnknownName("kind of backend", kind, KINDS)
         return tuple(
@@ -122,10 +136,24 @@ class Registry:
         )
 
     def names(self, kind: str) -> tuple[str, ...]:
+        """Names of the backends of a kind, sorted; ``kind`` and errors as in ``backends``."""
         return tuple(backend.name for backend in self.backends(kind))
 
     def get(self, kind: str, name: str) -> Backend:
-        """The one backend of that kind and name, or former name. Raises ``UnknownBackend`` or ``AmbiguousBackend``."""
+        """Find a backend by its name.
+
+        Args:
+            kind: one of ``KINDS``.
+            name: the backend's name or a former name (``aliases``).
+
+        Returns:
+            The backend; its present name may differ from ``name``.
+
+        Raises:
+            UnknownName: if there is no such kind.
+            UnknownBackend: if no working plugin declares the name.
+            AmbiguousBackend: if more than one plugin declares it.
+        """
         available = self.names(kind)
         owners = self._declared.get((kind, name), [])
         if len(owners) > 1:
@@ -150,8 +178,19 @@ class Registry:
         return uninstalled({plugin.distribution for plugin in self.plugins})
 
     def default(self, kind: str) -> Backend:
-        """The backend used when an experiment names none: the only one of its kind, or the only one declared
-        ``default``. Raises ``NoDefaultBackend`` or ``AmbiguousBackend``."""
+        """The backend used when an experiment names none.
+
+        Args:
+            kind: one of ``KINDS``.
+
+        Returns:
+            The only backend of its kind, or the only one declared ``default``.
+
+        Raises:
+            UnknownName: if there is no such kind.
+            NoDefaultBackend: if no backend, or more than one, qualifies.
+            AmbiguousBackend: instead, if two plugins declare the same name of this kind, which might be the default.
+        """
         candidates, contested = self.backends(kind), self._contested(kind)
         only = len(candidates) == 1 and not contested
         chosen = candidates if only else tuple(backend for backend in candidates if backend.default)
@@ -167,7 +206,11 @@ class Registry:
         return [owner for key in self.ambiguous if key[0] == kind for owner in self._declared[key]]
 
     def plugin_of(self, backend: Backend) -> Plugin:
-        """The plugin that declares a backend."""
+        """The plugin that declares a backend.
+
+        Raises:
+            UnknownName: if the backend is not from this registry.
+        """
         for plugin, declared in self._declared.get((backend.kind, backend.name), []):
             if declared is backend:
                 return plugin
@@ -193,14 +236,29 @@ class Registry:
 
     # -- events --------------------------------------------------------------------------------------------------------
     def listen(self, listener: Callable[[Event], None], name: str) -> Callable[[], None]:
-        """Call ``listener`` with every event from now on; returns a function that ends it."""
+        """Call a function with every event from now on, in the thread that emits it.
+
+        The emitter waits for the listener. A listener that raises is detached and reported as a ``Problem``.
+
+        Args:
+            listener: called with each event.
+            name: name in reports of problems, without ``#``; it need not be unique.
+
+        Returns:
+            A function that detaches the listener; further calls have no effect.
+        """
         attached = f"{name}#{id(listener)}"
         self._attach(_Listener(listener), attached)
         return lambda: self._detach(attached)
 
     def emit(self, event: Event) -> None:
-        """Send an event, stamped with the time if it has none, to everyone who listens, in this thread. A listener that
-        raises is detached and reported as a ``Problem`` to those that remain."""
+        """Pass an event to all listeners, in this thread.
+
+        A listener that raises is detached, and a ``Problem`` is emitted to the remaining ones, as for a slow listener.
+
+        Args:
+            event: event; a ``time`` of 0 is replaced by the present time.
+        """
         if not event.time:
             event = attrs.evolve(event, time=time.time())
         problems = []

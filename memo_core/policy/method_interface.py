@@ -22,8 +22,18 @@ class Method(ABC):
 
     @abstractmethod
     def run(self, session: Session) -> RunResult:
-        """Do the task. Called in a worker thread; returns when the task is done or given up. Raises ``Stopped`` only
-        when the run is to end, and a ``MemoError`` for errors that a person can act on."""
+        """Do the task, in a worker thread; returns when the task is done or given up.
+
+        Args:
+            session: access to the environment, the teacher, the book and the stop switch.
+
+        Returns:
+            The outcome of the task and of its subtasks.
+
+        Raises:
+            Stopped: only if the run is to end.
+            MemoError: for an error that a person can act on.
+        """
 
 
 class LanguageMethod(Method):

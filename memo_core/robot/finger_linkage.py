@@ -24,6 +24,16 @@ class FingerLinkage:
     """The finger joints of a parallel gripper. Raises ``InvalidArgument`` for fingers that cannot be coupled."""
 
     def __init__(self, urdf: Urdf, gripper: GripperDescription) -> None:
+        """Measure the opening along the range of the driven joint.
+
+        Args:
+            urdf: the robot's URDF.
+            gripper: description with the finger joints, the driven one first, and the pads.
+
+        Raises:
+            InvalidArgument: if the fingers cannot be coupled, the driven joint has no limits, or the pads do not part
+                steadily over its range.
+        """
         self.names = gripper.finger_joints
         joints = [urdf.joint(name) for name in self.names]
         self.multipliers, self.offsets = self._couple(urdf)
@@ -106,7 +116,7 @@ class FingerLinkage:
         return float(self._opening[-1])
 
     def positions_at(self, driver: float) -> dict[str, float]:
-        """All finger joints' positions (rad or m) when the driven one stands there."""
+        """Positions of all finger joints by name (rad or m) for a position of the driven joint (rad or m)."""
         return {
             name: multiplier * driver + offset
             for name, multiplier, offset in zip(self.names, self.multipliers, self.offsets, strict=True)
@@ -117,17 +127,24 @@ class FingerLinkage:
         return float(np.interp(opening, self._opening, self._driver))
 
     def positions(self, opening: float) -> Array:
-        """Of all finger joints (rad or m) at an opening (m), shape (k,), in the order of the description."""
+        """Positions of all finger joints (rad or m) at an opening (m), shape (k,), in the order of the description."""
         return np.array(list(self.positions_at(self.driver(opening)).values()))
 
     def opening(self, driver: float) -> float:
-        """m at a position of the driven joint; beyond its limits those of the nearest end."""
+        """Opening (m) at a position of the driven joint (rad or m); beyond its limits, that of the nearer limit."""
         if self._driver[0] > self._driver[-1]:
             return float(np.interp(-driver, -self._driver, self._opening))
         return float(np.interp(driver, self._driver, self._opening))
 
     def lever(self, driver: float) -> float:
-        """m (or 1) of opening per rad (or m) of the driven joint there, positive where growing positions open."""
+        """Derivative of the opening with respect to the driven joint, m/rad for a hinge, m/m for a slide.
+
+        Args:
+            driver: position of the driven joint (rad or m).
+
+        Returns:
+            The derivative there, positive where growing positions open; beyond the limits, that of the nearer limit.
+        """
         step = 1e-3 * abs(float(self._driver[-1] - self._driver[0]))
         low, high = sorted((float(self._driver[0]), float(self._driver[-1])))
         first, second = max(low, driver - step), min(high, driver + step)

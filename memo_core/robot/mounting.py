@@ -81,7 +81,18 @@ class Mounting:
     mount_radius: float = attrs.field(default=0.08, validator=[ge(0.01), le(0.5)], metadata={"help": "its radius, m"})
 
     def applied(self, robot: RobotDescription) -> RobotDescription:
-        """The robot so mounted; the same where nothing is set. Raises ``InvalidArgument``."""
+        """Mount a robot.
+
+        Args:
+            robot: robot in its usual pose, not mounted yet.
+
+        Returns:
+            The robot with its base moved and a post behind it; ``robot`` itself if position, rotation and
+                ``mount_length`` are zero.
+
+        Raises:
+            InvalidArgument: if the robot is mounted already.
+        """
         if not any(self.base_position) and not any(self.base_rpy) and self.mount_length == 0:
             return robot
         return mounted(robot, self.base_position, self.base_rpy, self.mount_length, self.mount_radius)

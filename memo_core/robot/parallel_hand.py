@@ -36,7 +36,14 @@ class ParallelHand:
     pad_friction: float = 1.0
 
     def gripper(self, prefix: str = "hand_") -> GripperDescription:
-        """The description of this hand, as ``with_parallel_hand`` adds it."""
+        """Description of this hand, for the URDF that ``text`` returns with the same prefix.
+
+        Args:
+            prefix: beginning of the names of the hand's links and joints.
+
+        Returns:
+            A parallel gripper with the finger joints ``PREFIX`` + ``finger_joint1`` and ``finger_joint2``.
+        """
         return GripperDescription(
             finger_joints=(f"{prefix}finger_joint1", f"{prefix}finger_joint2"),
             pads=(f"{prefix}finger1", f"{prefix}finger2"),
@@ -50,12 +57,20 @@ class ParallelHand:
         )
 
     def allowed_contacts(self, prefix: str = "hand_") -> tuple[tuple[str, str], ...]:
-        """Pairs of its links that may touch."""
+        """Pairs of links of this hand that may touch; ``prefix`` as in ``gripper``."""
         return ((f"{prefix}finger1", f"{prefix}finger2"),)
 
     def text(self, flange: str, prefix: str = "hand_", mount: Vector = (0.0, 0.0, 0.0)) -> str:
-        """Links and joints, to be put before ``</robot>``. ``mount``: roll, pitch, yaw of the hand in the flange's
-        frame. The links are ``PREFIX`` + ``palm``, ``tool``, ``finger1`` and ``finger2``."""
+        """URDF of the hand, to be put before ``</robot>`` in the arm's.
+
+        Args:
+            flange: name of the arm's link that the hand is fixed to.
+            prefix: beginning of the names of its links and joints.
+            mount: roll, pitch, yaw of the hand in the flange's frame (rad).
+
+        Returns:
+            Links ``PREFIX`` + ``palm``, ``tool``, ``finger1`` and ``finger2`` with their materials and joints.
+        """
         palm, tool = f"{prefix}palm", f"{prefix}tool"
         deep = self.length - self.palm_distance
         body = Solid("box", (self.thickness, self.width, deep), (0, 0, deep / 2), colour="memo_hand_black")

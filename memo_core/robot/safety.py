@@ -39,8 +39,17 @@ class SafetyLimits:
     )
 
     def kept_by(self, robot: RobotDescription) -> RobotDescription:
-        """The robot as planners see it. Raises ``InvalidArgument`` where the margin leaves a joint nothing, or its home
-        posture is within the margin."""
+        """The robot as planners see it, slightly more restricted than what the link enforces.
+
+        Args:
+            robot: the unrestricted description.
+
+        Returns:
+            The description with narrower joint limits, and tool speed and contact force within the limits.
+
+        Raises:
+            InvalidArgument: if the margin leaves a joint no range, or the home posture is within the margin.
+        """
         margin = self.joint_margin + _PLANNED_MARGIN
         joints = []
         for number, joint in enumerate(robot.joints):

@@ -21,7 +21,14 @@ class VacuumHand:
     friction: float = 1.5  # of the cup
 
     def gripper(self, prefix: str = "hand_") -> GripperDescription:
-        """The description of this hand, as ``text`` adds it."""
+        """Description of this hand, for the URDF that ``text`` returns with the same prefix.
+
+        Args:
+            prefix: beginning of the names of the hand's links.
+
+        Returns:
+            A vacuum gripper without finger joints, whose pad is the link ``PREFIX`` + ``cup``.
+        """
         return GripperDescription(
             kind="vacuum",
             pads=(f"{prefix}cup",),
@@ -36,11 +43,20 @@ class VacuumHand:
         )
 
     def allowed_contacts(self, prefix: str = "hand_") -> tuple[tuple[str, str], ...]:
-        """None: its links are rigidly one."""
+        """Pairs of the hand's links that may touch: none, since they are fixed to each other."""
         return ()
 
     def text(self, flange: str, prefix: str = "hand_", mount: Vector = (0.0, 0.0, 0.0)) -> str:
-        """Links and joints, to be put before ``</robot>``: ``PREFIX`` + ``palm``, ``cup`` and ``tool``."""
+        """URDF of the hand, to be put before ``</robot>`` in the arm's.
+
+        Args:
+            flange: name of the arm's link that the hand is fixed to.
+            prefix: beginning of the names of its links and joints.
+            mount: roll, pitch, yaw of the hand in the flange's frame (rad).
+
+        Returns:
+            Links ``PREFIX`` + ``palm``, ``cup`` and ``tool`` with their materials and fixed joints.
+        """
         palm, cup, tool = f"{prefix}palm", f"{prefix}cup", f"{prefix}tool"
         half = self.length / 2
         body = Solid("cylinder", (self.body_radius, half), (0.0, 0.0, half / 2), colour="memo_hand_black")

@@ -35,6 +35,12 @@ class Checker:
     time."""
 
     def __init__(self, skills: Iterable[Skill], limits: Limits) -> None:
+        """Prepare the checks; the process starts with ``open`` or the first ``check``.
+
+        Args:
+            skills: skills that code may call; only their names and parameters are passed on.
+            limits: limits on the time (``seconds_between_calls``) and memory of a check.
+        """
         self._limits = limits
         shapes = [attrs.asdict(_shape(skill)) for skill in skills]
         self._greeting = {"skills": shapes, "seconds": limits.seconds_between_calls, "memory": limits.memory}
@@ -53,8 +59,19 @@ class Checker:
             self._kill()
 
     def check(self, code: str, stopped: Callable[[], bool] = lambda: False) -> Checked:
-        """Check and rewrite ``code`` under the sandbox's limits on time and memory; exceeding them is a finding. Raises
-        ``Stopped`` within milliseconds after ``stopped`` becomes true."""
+        """Check generated code and rewrite it for the interpreter, without running it.
+
+        Args:
+            code: the program, any text.
+            stopped: reads the latched stop; polled every few milliseconds.
+
+        Returns:
+            The rewritten source with its line numbers; or findings: syntax errors, constructs outside the subset,
+                unknown names, skills called with wrong arguments, or a check that exceeds its time or memory.
+
+        Raises:
+            Stopped: within milliseconds after ``stopped`` becomes true.
+        """
         with self._lock:
             try:
                 # Twice: a process that was killed between two programs is not this program's fault.

@@ -77,6 +77,12 @@ class Sandbox:
     """Checks and runs code against a skill library. ``run`` may be called from any thread; one run needs one worker."""
 
     def __init__(self, skills: dict[str, Skill], limits: Limits = Limits()) -> None:
+        """Prepare a sandbox; workers start with ``open`` or when they are needed.
+
+        Args:
+            skills: skills that code may call, by name.
+            limits: limits on time, memory, output and calls.
+        """
         self.skills = dict(skills)
         self.limits = limits
         self._workers = WorkerPool(limits)
@@ -105,8 +111,15 @@ class Sandbox:
         return text.format(memory_mib=self.limits.memory >> 20, **attrs.asdict(self.limits)).rstrip("\n")
 
     def check(self, code: str) -> list[Finding]:
-        """Find, without running anything, what will not work: syntax errors, constructs outside the subset, unknown
-        names, skills called with wrong arguments."""
+        """Find what will not work, without running anything.
+
+        Args:
+            code: the program.
+
+        Returns:
+            Findings with their lines: syntax errors, constructs outside the subset, unknown names, skills called with
+                wrong arguments; empty if the code can run.
+        """
         return list(self._prepare(code).findings)
 
     def run(
@@ -121,13 +134,29 @@ class Sandbox:
         clock: Callable[[], float] | None = None,
         wall_seconds: float | None = None,
     ) -> Execution:
-        """Check the code, then run it until its end, an error, a limit or a stop. ``stopped`` reads the latched stop;
-        it is called before and after every skill call and, from another thread, every few milliseconds while the code
-        computes. ``on_call`` receives every finished call, ``on_print`` every piece of output; ``clock`` (s) is the
-        robot's clock and the code's ``time.time()``; ``wall_seconds`` is the remainder of a longer limit, if less than
-        this sandbox's own. A ``SkillError`` or a wrong argument is raised in the code; any other error of a
-        skill (of the robot, the simulator, a backend or the task, or a bug in MEMO) and what ``on_call`` or
-        ``on_print`` raises kill the worker and are raised here."""
+        """Check code, then run it until its end, an error, a limit or a stop.
+
+        A ``SkillError`` or a wrong argument is raised in the code. Any other error of a skill (of the robot, the
+        simulator, a backend or the task, or a bug in MEMO) kills the worker and is raised here, as is what ``on_call``
+        or ``on_print`` raises.
+
+        Args:
+            code: the program; with findings (``check``) it is not run.
+            control: the robot that skills act on.
+            stopped: reads the latched stop; called before and after every skill call and, from another thread, every
+                few milliseconds while the code computes.
+            workspace: where motions may go.
+            on_call: called with every finished skill call, also one that raised in the code.
+            on_print: called with every piece of printed text.
+            clock: the robot's clock (s), which the code's ``time.time()`` reads; None: the sum of waiting times.
+            wall_seconds: remainder of a longer limit (s); it shortens this sandbox's own but leaves at least 1 s.
+
+        Returns:
+            How the code ended, what it printed and called, and its error or findings.
+
+        Raises:
+            MemoError: for an error of a skill that is not the code's.
+        """
         if stopped():
             return Execution("stopped", error="stopped before the code began", kind="stop")
         try:

@@ -27,15 +27,27 @@ class Workspace:
 
     @classmethod
     def around(cls, reach: float, table_height: float) -> Workspace:
-        """The space that an arm with this ``reach`` (m) can use above a table at ``table_height`` (m, base frame), plus
-        a margin: close to its limit the arm's own error says more precisely what cannot be reached."""
+        """Workspace of an arm above a table, with a margin, since near its limits the arm's own error is more precise.
+
+        Args:
+            reach: the arm's reach from the base (m).
+            table_height: z of the table's top (m, base frame).
+
+        Returns:
+            A workspace centred on the base, from 5 cm below the table's top.
+        """
         side = reach + MARGIN_M
         return cls((-side, -side, table_height - 0.05), (side, side, side + 0.4), side + 0.35)
 
     def refuse(self, skill: Skill, arguments: dict[str, Any]) -> None:
-        """Raise ``MotionError`` (cause ``workspace``) when a motion's position or path leaves the workspace.
+        """Check a skill call; skills that only compute or query may use any point.
 
-        ``arguments`` are those checked by ``Skill.bind``. Skills that only compute or query may use any point.
+        Args:
+            skill: skill to be called.
+            arguments: its arguments by name, as ``Skill.bind`` returns them.
+
+        Raises:
+            MotionError: with cause ``workspace`` if a position or a waypoint of a motion is outside.
         """
         if skill.kind != "motion":
             return

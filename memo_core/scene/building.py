@@ -103,7 +103,8 @@ def default_table(height: float) -> Body:
         height: z of the table's top (m, base frame).
 
     Returns:
-        A fixed body with a top of 1.6 x 1.6 m centred at (0.45, 0), and legs down to the floor that do not collide.
+        A fixed body called ``table``: a top of 1.6 x 1.6 x 0.04 m whose upper face is centred at (0.45, 0, ``height``)
+            (m, base frame), and four legs to ``FLOOR_DEPTH`` below that face, which do not collide.
     """
     legs = FLOOR_DEPTH - 0.04
     grey = (0.55, 0.56, 0.58, 1.0)

@@ -197,7 +197,7 @@ class SceneDescription:
             stack.extend((child, body) for child in reversed(body.bodies))
 
     def body(self, name: str) -> Body:
-        """The body with this name. Raises ``KeyError``."""
+        """The body with this name. Raises ``KeyError`` if there is none."""
         for body, _ in self.walk():
             if body.name == name:
                 return body

@@ -93,8 +93,17 @@ class SceneGraph:
     time: float = 0.0
 
     def node(self, name: str) -> Node:
-        """By label, or else by id (case and spaces do not matter): people correct labels, and ids stay. Raises
-        ``UnknownName`` with what is there."""
+        """Find a node by its label, or else by its id; people correct labels, and ids stay.
+
+        Args:
+            name: label or id; case, spaces, ``_`` and ``/`` do not matter.
+
+        Returns:
+            The first node with this label, otherwise with this id.
+
+        Raises:
+            UnknownName: if there is no such node; lists the labels that exist.
+        """
         wanted = _plain(name)
         for node in self.nodes:
             if wanted == _plain(node.label):

@@ -107,8 +107,14 @@ class Mechanisms:
         return {"locks": [b.memory() for b in self._locks], "springs": [c.memory() for c in self._springs]}
 
     def recall(self, memory: dict[str, Any]) -> None:
-        """Restore a state that ``memory`` returned, and set the joints accordingly. Raises ``InvalidArgument`` for the
-        memory of other mechanisms."""
+        """Restore a state, and set the joints accordingly.
+
+        Args:
+            memory: result of ``memory`` for the same scene.
+
+        Raises:
+            InvalidArgument: if it is the memory of other mechanisms.
+        """
         try:
             for bolt, kept in zip(self._locks, memory["locks"], strict=True):
                 bolt.recall(kept)

@@ -57,7 +57,7 @@ class NameCorrection:
         return attrs.evolve(self, id="", label=plain_label(self.label))
 
     def is_about(self, node: Node) -> bool:
-        """Whether it holds for a node as perception named it."""
+        """Whether the correction applies to a node, named as perception names it."""
         if self.id:
             return self.id == node.id and plain_label(node.label) == plain_label(self.label)
         if plain_label(node.label) != self.label or node.kind != self.kind:

@@ -49,7 +49,7 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
-        """From a homogeneous matrix, shape (4, 4)."""
+        """Pose of a homogeneous matrix, shape (4, 4), translation in m."""
         return cls(tuple(matrix[:3, 3]), quaternion_from_rotation(matrix[:3, :3]))
 
     @classmethod
@@ -87,11 +87,18 @@ class Pose:
         return Pose(tuple(-(self.rotation.T @ np.asarray(self.position))), (w, -x, -y, -z))
 
     def apply(self, points: npt.ArrayLike) -> Array:
-        """Points of this frame, shape (..., 3), in the parent frame."""
+        """Transform points from this frame to its parent's.
+
+        Args:
+            points: points in this frame (m), shape (..., 3).
+
+        Returns:
+            The points in the parent frame, of the same shape.
+        """
         return np.asarray(points, dtype=float) @ self.rotation.T + np.asarray(self.position)
 
     def distance(self, other: Pose) -> tuple[float, float]:
-        """(metres, radians of rotation) between two poses."""
+        """Distance (m) and angle of rotation (rad, 0 to pi) between this pose and another in the same frame."""
         offset = np.asarray(self.position) - np.asarray(other.position)
         return float(np.linalg.norm(offset)), quaternion_angle(self.orientation, other.orientation)
 

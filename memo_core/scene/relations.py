@@ -100,7 +100,8 @@ def support(
             same container.
 
     Returns:
-        At most one relation per object or heap, to the highest node that it lies on or else to ``TABLE``.
+        At most one relation per object or heap, from its id: to the highest object or fixture that it lies on, else to
+            ``TABLE`` if it is in no container and its underside is within ``TOUCHING_M`` of the table's top.
     """
     holder = {relation.subject: relation.object for relation in inside}
     found = []

@@ -65,6 +65,15 @@ class Skillbook:
         settings: RetrievalSettings | None = None,
         read_only: bool = False,
     ) -> None:
+        """Prepare a book; nothing is opened.
+
+        Args:
+            url: database URL, or path of an SQLite file; ``sqlite://`` is an empty book in memory.
+            embedder: embeds keys and texts; may be shared, and is left open. None: no retrieval and no search.
+            store: vector store for this book only, closed with it; None: all vectors are compared.
+            settings: retrieval settings; None: the defaults.
+            read_only: whether every write raises ``ReadOnlyBook``.
+        """
         self.settings = settings or RetrievalSettings()
         self.database = Database(url, read_only)
         self._store = store
@@ -125,12 +134,30 @@ class Skillbook:
 
     # -- effects of runs -----------------------------------------------------------------------------------------------
     def effect_of(self, run: str, entry: int, note: str = "") -> AbstractContextManager[None]:
-        """Mark writes within the block as the effect of this entry of a run's log; the mark is committed in the same
-        transaction, with ``note`` (which must not contain people's words)."""
+        """Mark this thread's writes within a ``with`` block as the effect of an entry of a run's log.
+
+        Each write commits the mark in its own transaction; only the newest mark of a run is stored.
+
+        Args:
+            run: name of the run.
+            entry: number of the entry in the run's log.
+            note: text that ``effect_note`` returns; it must not contain people's words.
+
+        Returns:
+            The context manager.
+        """
         return self.database.marked(run, entry, note)
 
     def effect_note(self, run: str, entry: int) -> str | None:
-        """The note of the last effect of a run, if it is this entry's; None: the entry wrote nothing."""
+        """Note of a run's newest effect, if an entry of its log had that effect (``effect_of``).
+
+        Args:
+            run: name of the run.
+            entry: number of the entry in the run's log.
+
+        Returns:
+            The note; None if the entry wrote nothing, a later entry wrote since, or the book does not know the run.
+        """
         _R = tables.run_effects.c
         with self.database.read() as connection:
             if not self.database.has(connection, tables.run_effects):
@@ -155,27 +182,55 @@ class Skillbook:
     ) -> int:
         """Store what a person said, verbatim; it is on disk when this returns. Call it before any model is asked.
 
-        An approval (``kind="approval"``) may have no words. ``kept_only`` is a reason why no entry is to be made of it,
-        for example a method without memory: then it is never pending, and only rebuilding a book reads it. Returns the
-        feedback's id. Raises ``InvalidArgument``, ``ReadOnlyBook``.
+        Args:
+            words: the person's words; an approval may have none.
+            who: name or pseudonym, by which ``forget`` finds the words.
+            task: instruction of the task.
+            subtask: the subtask as planned; empty if the words are about the whole task.
+            scene: label of the scene.
+            scene_graph: scene graph as text (``scene_table``).
+            code: robot code that the words are about.
+            run: name of the run.
+            kind: ``correction`` or ``approval``.
+            when: seconds since the epoch; None: now.
+            kept_only: reason why no entry is to be made of it, such as a method without memory; such feedback is never
+                pending. Empty: entries are to be made.
+
+        Returns:
+            Id of the feedback.
+
+        Raises:
+            InvalidArgument: for a correction without words, or an empty ``who``.
+            ReadOnlyBook: if the book is open read-only.
         """
         about = {"task": task, "subtask": subtask, "scene": scene, "scene_graph": scene_graph, "code": code, "run": run}
         with self.database.write() as connection:
             return insert_feedback(self.database, connection, words, who, kind, when, kept_only, **about)
 
     def feedback(self, feedback_id: int) -> Feedback:
-        """Raises ``UnknownName``."""
+        """The feedback with this id. Raises ``UnknownName`` if there is none."""
         with self.database.read() as connection:
             return feedback_by_id(connection, feedback_id)
 
     def pending_feedback(self, parked: bool = False) -> list[Feedback]:
-        """Feedback from which no entry was made yet, oldest first; with ``parked`` also feedback that was set aside."""
+        """Feedback from which no entry was made yet, oldest first.
+
+        Args:
+            parked: whether feedback that was set aside (``park``) is included.
+        """
         statuses = ("pending", "parked") if parked else ("pending",)
         with self.database.read() as connection:
             return queries.feedback_where(connection, _F.status.in_(statuses))
 
     def feedback_of_run(self, run: str) -> list[Feedback]:
-        """Everything that was said in one run, oldest first."""
+        """Feedback given in one run, oldest first.
+
+        Args:
+            run: name of the run, as in ``record_feedback``.
+
+        Returns:
+            All feedback of the run, whatever its status; empty if the book has none, also for an unknown run.
+        """
         with self.database.read() as connection:
             return queries.feedback_where(connection, _F.run == run)
 
@@ -186,7 +241,12 @@ class Skillbook:
             return said_names(connection)
 
     def park(self, feedback_id: int, reason: str) -> None:
-        """Set aside feedback that could not be processed; it is stored and shown with the reason."""
+        """Set aside feedback that could not be processed; it stays stored and is shown with the reason.
+
+        Raises:
+            UnknownName: if there is no such feedback.
+            ReadOnlyBook: if the book is open read-only.
+        """
         with self.database.write() as connection:
             set_status(connection, feedback_id, "parked", reason)
 
@@ -194,7 +254,23 @@ class Skillbook:
     def add_lessons(
         self, feedback_id: int, key: Key | str, corrections: Sequence[str], general: Sequence[str] = (), scene: str = ""
     ) -> tuple[Entry, ...]:
-        """``add_notes`` with all corrections under ``key``. Raises ``NotAKey`` as well."""
+        """Store corrections under one key and general statements, as ``add_notes`` does.
+
+        Args:
+            feedback_id: feedback that they were made from.
+            key: key of all corrections, or its text, such as ``OPEN(microwave)``.
+            corrections: texts of the corrections.
+            general: texts of statements that hold everywhere.
+            scene: label of the scene.
+
+        Returns:
+            The entries of this feedback.
+
+        Raises:
+            NotAKey: if ``key`` is a text that is not a subtask.
+            UnknownName: if there is no such feedback.
+            ReadOnlyBook: if the book is open read-only.
+        """
         wanted = as_key(key)
         notes = [Note(wanted, text) for text in corrections] + [Note(GLOBAL_KEY, text) for text in general]
         return self.add_notes(feedback_id, notes, scene)
@@ -202,15 +278,34 @@ class Skillbook:
     def add_notes(self, feedback_id: int, notes: Sequence[Note], scene: str = "") -> tuple[Entry, ...]:
         """Store what one feedback taught, all or nothing, each note under its own key, and mark it processed.
 
-        A second call for the same feedback changes nothing and returns what the first one stored; the same words under
-        the same key are stored once. Raises ``UnknownName`` (feedback), ``ReadOnlyBook``.
+        A second call for the same feedback changes nothing. The same words under the same key are stored once.
+
+        Args:
+            feedback_id: feedback that the notes were made from.
+            notes: notes with their keys; those under ``GLOBAL_KEY`` become general statements.
+            scene: label of the scene.
+
+        Returns:
+            The entries stored by this call, or by the first one for this feedback.
+
+        Raises:
+            UnknownName: if there is no such feedback.
+            ReadOnlyBook: if the book is open read-only.
         """
         with self.database.write() as connection:
             return add_notes(self.database, connection, feedback_id, notes, scene)
 
     def prepare(self, progress: Callable[[float], None] = lambda share: None) -> None:
-        """Embed in advance what the first retrieval would: keys and texts. ``progress`` is called with the share that
-        is done; results are kept if interrupted. Needs the embedder."""
+        """Embed all keys and texts in advance, which the first retrieval would do otherwise.
+
+        If interrupted, what was embedded so far is stored.
+
+        Args:
+            progress: called with the share of texts that are embedded, 0 to 1.
+
+        Raises:
+            SkillbookError: if the book was opened without an embedder.
+        """
         key_vectors, vectors = self.key_vectors(), self.text_vectors()
         with self.database.read() as connection:
             rows = queries.valid_entry_rows(connection)
@@ -227,20 +322,49 @@ class Skillbook:
     def add_template(
         self, feedback_id: int, key: Key | str, code: str, scene: str = "", derived_from: Iterable[int] = ()
     ) -> Entry:
-        """Store the documented function made from approved code; ``feedback_id`` is the recorded approval.
+        """Store the documented function made from approved code, and mark the approval processed.
 
-        ``derived_from``: further feedback that the code is based on, so that it survives when only the approving person
-        is forgotten. A second call for the same approval changes nothing and returns the first template."""
+        A second call for the same approval changes nothing. Code that equals the present version under the key gets the
+        approval as a further source.
+
+        Args:
+            feedback_id: the recorded approval.
+            key: key of the template, or its text.
+            code: Python code that defines the function.
+            scene: label of the scene.
+            derived_from: further feedback that the code is based on; the template survives when only the approving
+                person is forgotten.
+
+        Returns:
+            The template.
+
+        Raises:
+            NotAKey: if ``key`` is a text that is not a subtask.
+            InvalidArgument: if the code is empty.
+            UnknownName: if there is no such feedback.
+            ReadOnlyBook: if the book is open read-only.
+        """
         wanted = as_key(key)
         with self.database.write() as connection:
             return add_template(self.database, connection, feedback_id, wanted, code, scene, derived_from)
 
     def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
-        """Store and apply, as one revision, a person's reactions to the notes that were made of a feedback and read
-        back to them. Returns the active entries of the feedback afterwards. ``who`` is by default the person who gave
-        the feedback. An earlier reaction to a note is not changed, so the call may be repeated after a crash. Raises
-        ``UnknownName`` (feedback, entry), ``InvalidArgument`` (an entry that was not made of that feedback),
-        ``ReadOnlyBook``.
+        """Store and apply, as one revision, a person's reactions to the notes made from one feedback.
+
+        An earlier reaction to a note is not changed, so that the call may be repeated after a crash.
+
+        Args:
+            feedback_id: feedback that the notes were made from.
+            said: reactions, each to one entry.
+            who: who reacted; empty: the person who gave the feedback.
+
+        Returns:
+            The active entries of the feedback afterwards.
+
+        Raises:
+            UnknownName: if there is no such feedback or entry.
+            InvalidArgument: if an entry was not made from that feedback.
+            ReadOnlyBook: if the book is open read-only.
         """
         feedback = self.feedback(feedback_id)
         with self.database.write() as connection:
@@ -250,33 +374,73 @@ class Skillbook:
             return tuple(queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None)))
 
     def read_backs(self, feedback_id: int | None = None) -> list[KeptReadBack]:
-        """The reactions to notes that were read back, edited or removed, oldest first, for one feedback or for all."""
+        """Reactions to notes that were read back, edited or removed, oldest first.
+
+        Args:
+            feedback_id: only reactions to notes made from this feedback; None: all.
+
+        Returns:
+            The reactions; empty for unknown feedback.
+        """
         with self.database.read() as connection:
             return kept_read_backs(self.database, connection, None if feedback_id is None else [feedback_id])
 
     def edit(self, entry_id: int, text: str, who: str) -> Entry:
-        """Replace an entry's text by a revision. Returns the entry that is active now. ``who`` can withdraw it.
+        """Replace an entry's text by a revision, which can be rolled back.
 
-        Raises ``UnknownName``, ``InvalidArgument`` (empty, superseded, a template that is no function),
-        ``ReadOnlyBook``.
+        Args:
+            entry_id: entry to replace.
+            text: new text; if it equals the present one, nothing changes.
+            who: person whose words the new text is, who can withdraw it.
+
+        Returns:
+            The entry that is active now.
+
+        Raises:
+            UnknownName: if there is no such entry.
+            InvalidArgument: if the text is empty or too long, the entry is superseded, a template's text is not a
+                function, or ``who`` is empty.
+            ReadOnlyBook: if the book is open read-only.
         """
         with self.database.write() as connection:
             added = edit(self.database, connection, entry_in(connection, entry_id), text, checked_name(who))
         return self.entry(added if added is not None else entry_id)
 
     def remove(self, entry_id: int, who: str) -> int:
-        """Retire an entry by a revision, which can be rolled back. Returns its number. Raises ``UnknownName``,
-        ``InvalidArgument`` (it is superseded already), ``ReadOnlyBook``."""
+        """Retire an entry by a revision, which can be rolled back.
+
+        Args:
+            entry_id: entry to retire.
+            who: person who removes it.
+
+        Returns:
+            Number of the revision.
+
+        Raises:
+            UnknownName: if there is no such entry.
+            InvalidArgument: if the entry is superseded already, or ``who`` is empty.
+            ReadOnlyBook: if the book is open read-only.
+        """
         with self.database.write() as connection:
             remove(self.database, connection, entry_in(connection, entry_id), checked_name(who))
         return int(self.entry(entry_id).superseded_by or 0)
 
     def note_use(self, entry_ids: Iterable[int], success: bool, subtask: Key | str | None = None) -> None:
-        """Count that entries were served for code that ran and, with ``success``, that the code was approved. With
-        ``subtask``, the subtask of the code, it is also counted for that key: an entry that was served for another key
-        and corrected there is withheld there (``memo_core.skillbook.retrieval.negative_transfer``), and a key's own
-        template is replaced by an older version once that has the better record
-        (``memo_core.skillbook.writing.templates``)."""
+        """Count a use of entries that were retrieved for code that ran.
+
+        With a subtask the use also counts for its key. An entry that was retrieved for another key and corrected there
+        is withheld there (``memo_core.skillbook.retrieval.negative_transfer``), and a key's own template is replaced by
+        an older version that has the better record (``memo_core.skillbook.writing.templates``).
+
+        Args:
+            entry_ids: ids of the entries; unknown ids are ignored.
+            success: whether the code was approved.
+            subtask: subtask of the code; None: count for the entries only.
+
+        Raises:
+            NotAKey: if ``subtask`` is a text that is not a subtask.
+            ReadOnlyBook: if the book is open read-only.
+        """
         ids = sorted(set(entry_ids))
         if not ids:
             return
@@ -292,16 +456,28 @@ class Skillbook:
                 self.database.next_generation(connection)
 
     def sources(self, entry_ids: Iterable[int]) -> list[int]:
-        """The feedback that entries derive from, by id."""
+        """Ids of the feedback that any of these entries derives from, ascending; unknown entries are ignored."""
         with self.database.read() as connection:
             of = tables.sources.c.entry.in_(sorted(set(entry_ids)))
             return sorted(set(queries.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
 
     # -- asking --------------------------------------------------------------------------------------------------------
     def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
-        """Retrieve entries for a subtask (``memo_core.skillbook.retrieval.retriever``). ``context`` holds what the
-        scene shows about it: ``SubtaskContext.of(key, scene)``. With ``clustered`` false, notes are read as they were
-        before clustering. Raises ``SkillbookError``, ``NotAKey``."""
+        """Retrieve entries for a subtask (``memo_core.skillbook.retrieval.retriever``).
+
+        Args:
+            subtask: subtask as planned, as a key or its text.
+            context: what the scene shows of its objects, from ``SubtaskContext.of(key, scene)``; None: not known.
+            clustered: False reads notes as they were before clustering.
+
+        Returns:
+            The entries with their scores, without those withheld because they did harm (``settings.notice_harm``).
+
+        Raises:
+            NotAKey: if ``subtask`` is a text that is not a subtask.
+            SkillbookError: if the book cannot be read, or was opened without an embedder.
+            BackendUnavailable: if embedder or vector store cannot be used.
+        """
 
         if not clustered and (unclustered := self._without_clustering()) is not None:
             return unclustered.retrieve(subtask, context)
@@ -313,7 +489,18 @@ class Skillbook:
         return self._without_harm(found) if self.settings.notice_harm else found
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
-        """Valid entries whose text is most similar to ``text``, with the cosine, best first."""
+        """Find the active entries whose texts are most similar to a text.
+
+        Args:
+            text: any text.
+            count: most results.
+
+        Returns:
+            Entries with the cosine of the two texts, most similar first.
+
+        Raises:
+            SkillbookError: if the book was opened without an embedder.
+        """
         if self.vectors is None:
             raise SkillbookError(self.url, "was opened without an embedder", "configure one to search")
         entries = self.entries()
@@ -326,8 +513,20 @@ class Skillbook:
     def entries(
         self, kind: str | None = None, key: Key | str | None = None, who: str | None = None, superseded: bool = False
     ) -> list[Entry]:
-        """Entries in the order they were stored, optionally of one kind, under one key, from one person, or with those
-        that were superseded."""
+        """Entries in the order they were stored.
+
+        Args:
+            kind: only ``correction``, ``general`` or ``template`` entries; None: all kinds.
+            key: only entries under this key; None: all keys.
+            who: only entries that derive from this person's words; None: all people.
+            superseded: whether superseded entries are included.
+
+        Returns:
+            The entries that meet all conditions.
+
+        Raises:
+            NotAKey: if ``key`` is a text that is not a subtask.
+        """
         conditions: list[sa.ColumnElement[bool]] = [] if superseded else [_E.superseded_by.is_(None)]
         if kind is not None:
             conditions.append(_E.kind == kind)
@@ -345,7 +544,7 @@ class Skillbook:
             return queries.entries_where(connection, *conditions)
 
     def entry(self, entry_id: int) -> Entry:
-        """Raises ``UnknownName``."""
+        """The entry with this id, active or superseded. Raises ``UnknownName`` if there is none."""
         with self.database.read() as connection:
             return entry_in(connection, entry_id)
 
@@ -364,8 +563,15 @@ class Skillbook:
 
     # -- the right to withdraw: where else words may lie ---------------------------------------------------------------
     def note_place(self, kind: PlaceKind, path: Path) -> None:
-        """Register a file or folder that contains words of this book, so that ``forget`` covers it. Raises
-        ``ReadOnlyBook``."""
+        """Register a file or folder that contains words of this book, so that ``forget`` covers it.
+
+        Args:
+            kind: ``run``, ``recording``, ``export``, ``backup`` or ``book``; decides how words are removed there.
+            path: its path, stored as an absolute path.
+
+        Raises:
+            ReadOnlyBook: if the book is open read-only.
+        """
         with self.database.write() as connection:
             note_place(self.database, connection, kind, path)
 
@@ -376,10 +582,23 @@ class Skillbook:
 
     # -- the right to withdraw -----------------------------------------------------------------------------------------
     def forget(self, who: str, also: Iterable[Path] = ()) -> Forgotten:
-        """Remove a person's words and what derives only from them: from the book, its free pages and log, from the
-        registered places (``note_place``), and from ``also``, further folders or files.
+        """Remove a person's words and the entries that derive only from them, for good.
 
-        Raises ``UnknownName`` when the book has nothing from that person.
+        They are removed from the book, its free pages and its log, and from the registered places (``note_place``):
+        backups are deleted, books forget the person too, and other files are rewritten without the words. A place that
+        cannot be cleaned is reported in ``unreached``.
+
+        Args:
+            who: the person's name exactly as in ``people()``; other spellings are reported, not removed.
+            also: further files or folders, cleaned like the folder of a run; they are rewritten, not deleted.
+
+        Returns:
+            Counts of what was removed from the book, paths of rewritten and deleted files, and places where words may
+                remain.
+
+        Raises:
+            UnknownName: if the book has nothing from that person; then ``also`` is not touched either.
+            ReadOnlyBook: if the book is open read-only.
         """
         known = self.people()
         if who not in known:

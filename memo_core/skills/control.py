@@ -37,14 +37,33 @@ class Control(ABC):
 
     @abstractmethod
     def open_gripper(self, width: float | None) -> float:
-        """Open to ``width`` (m; None: fully); returns the width reached (m). Raises ``InvalidArgument`` for a width
-        that this gripper does not have.
+        """Open or close the fingers to an opening, and wait until they are at rest.
+
+        Args:
+            width: distance between the pads (m), 0 to the gripper's stroke; None: the stroke. Of a vacuum gripper, 0
+                turns the suction on and the stroke turns it off.
+
+        Returns:
+            Opening reached (m); it differs from ``width`` if something blocks the fingers.
+
+        Raises:
+            InvalidArgument: for a width that this gripper does not have; nothing moves.
+            Stopped: if the stop is latched, before or during the motion.
         """
 
     @abstractmethod
     def close_gripper(self, force: float | None) -> float:
-        """Close with ``force`` (N; None: the strongest) until something is held or the fingers meet; returns the width
-        reached (m). Raises ``InvalidArgument`` for a force that this gripper does not have.
+        """Close the gripper until it holds something or the fingers meet, and wait until it is at rest.
+
+        Args:
+            force: gripping force (N), within the gripper's ``min_force`` and ``max_force``; None: ``max_force``.
+
+        Returns:
+            Opening reached (m).
+
+        Raises:
+            InvalidArgument: for a force that this gripper does not have; nothing moves.
+            Stopped: if the stop is latched, before or during the motion.
         """
 
     # -- motion: all raise MotionError before anything moves when the goal cannot be reached ---------------------------
@@ -130,8 +149,19 @@ class Control(ABC):
         raise _unfelt(skill)
 
     def press(self, direction: list[float], force: float, seconds: float) -> float:
-        """Press in place with ``force`` (N) along ``direction`` for ``seconds``; returns the mean force (N). Raises
-        ``InvalidArgument`` and ``MotionError`` as ``press_along`` does.
+        """Press in place.
+
+        Args:
+            direction: unit vector of the pressing, base frame.
+            force: pressing force (N).
+            seconds: how long to press (s).
+
+        Returns:
+            Mean force along ``direction`` (N).
+
+        Raises:
+            InvalidArgument: as ``press_along``.
+            MotionError: as ``press_along``.
         """
         raise _unfelt("press")
 
@@ -167,7 +197,11 @@ class Control(ABC):
         return b""
 
     def restore(self, state: bytes) -> None:
-        """Back to what ``state`` gave."""
+        """Restore what the control remembers to a checkpoint.
+
+        Args:
+            state: result of ``state``.
+        """
 
 
 def _unfelt(skill: str) -> MotionError:

@@ -30,8 +30,16 @@ class Redactor:
 
     @classmethod
     def of_environment(cls, names: Iterable[str] = (), environment: Mapping[str, str] | None = None) -> Redactor:
-        """Redacts the values of the variables ``names`` and of all whose name says that they hold a secret
-        (``…KEY``, ``…TOKEN``, ``…SECRET``, ``…PASSWORD``), as they are now."""
+        """A redactor for the secrets in environment variables, with their present values.
+
+        Args:
+            names: variables to redact, besides all whose names end like a secret's (``...KEY``, ``...TOKEN``,
+                ``...SECRET``, ``...PASSWORD``, ``...CREDENTIAL``). Values shorter than ``SHORTEST`` are not redacted.
+            environment: the variables; None: those of this process.
+
+        Returns:
+            The redactor.
+        """
         environment = os.environ if environment is None else environment
         named = {*names, *(name for name in environment if _SECRET_VARIABLE.search(name))}
         found = {}
@@ -49,7 +57,14 @@ class Redactor:
         return _PASSWORD_IN_URL.sub("[password]", text) if "://" in text else text
 
     def pieces(self, receive: Callable[[str], None]) -> PieceRedactor:
-        """For streamed text, where a secret may be split over two pieces."""
+        """A redactor for streamed text, where a secret may be split over two pieces.
+
+        Args:
+            receive: called with each redacted piece.
+
+        Returns:
+            The redactor, to be called with each piece and ended with ``end``.
+        """
         return PieceRedactor(self, receive)
 
 

@@ -110,7 +110,7 @@ class Urdf:
     joints: tuple[UrdfJoint, ...]
 
     def joint(self, name: str) -> UrdfJoint:
-        """Raises ``InvalidArgument`` naming the joints there are."""
+        """The joint with this name. Raises ``InvalidArgument``, which names the existing joints, if there is none."""
         for joint in self.joints:
             if joint.name == name:
                 return joint

@@ -45,7 +45,17 @@ class Key:
 
     @classmethod
     def parse(cls, text: str) -> Key:
-        """Read ``OPEN(microwave)``, ``place(the cube, cabinet)``, ``Pick up (cup)``. Raises ``NotAKey``."""
+        """Read a subtask.
+
+        Args:
+            text: such as ``OPEN(microwave)``, ``place(the cube, cabinet)`` or ``Pick up (cup)``.
+
+        Returns:
+            The key in normal spelling.
+
+        Raises:
+            NotAKey: if the text is not a subtask.
+        """
         stripped = text.strip(" `*.;\t\r\n")
         opening = stripped.find("(")
         if opening < 0 or not stripped.endswith(")"):
@@ -57,7 +67,19 @@ class Key:
 
     @classmethod
     def make(cls, action: str, *objects: str, source: str | None = None) -> Key:
-        """A key from an action and its objects in any spelling. Raises ``NotAKey``."""
+        """A key from an action and its objects in any spelling.
+
+        Args:
+            action: one to four words.
+            objects: at least one; the last of several is the destination.
+            source: text to show in the error; None: one made from action and objects.
+
+        Returns:
+            The key in normal spelling.
+
+        Raises:
+            NotAKey: if the action or an object is missing, malformed or too long, or there are too many objects.
+        """
         text = source if source is not None else f"{action}({', '.join(objects)})"
         if len(text) > _MAX_TEXT:
             raise NotAKey(text, f"it is longer than {_MAX_TEXT} characters")

@@ -26,10 +26,17 @@ class SubtaskContext:
 
     @classmethod
     def of(cls, subtask: Key, scene: SceneGraph) -> SubtaskContext:
-        """From a look at the scene. Things that the scene does not show are passed over.
+        """Context of a subtask from an observed scene.
 
-        A name that is no node's is taken for the node whose label has all its words, for the one whose label is
-        within it (``PLAN(put the cup on the shelf)`` is about cup and shelf), else for none.
+        A name that is no node's stands for the node whose label has all its words, otherwise for nodes whose labels are
+        within it (``PLAN(put the cup on the shelf)`` is about cup and shelf), otherwise for none.
+
+        Args:
+            subtask: subtask whose objects are looked up.
+            scene: scene graph of the last look.
+
+        Returns:
+            The context; objects that the scene does not show are left out (``structures``: None).
         """
         by_id = {node.id: node for node in scene.nodes}
         seen = [node for name in subtask.objects for node in _named(name, scene.nodes)]

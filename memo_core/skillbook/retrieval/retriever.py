@@ -82,6 +82,15 @@ class Retriever:
         settings: RetrievalSettings,
         store: VectorStore | None,
     ) -> None:
+        """Prepare retrieval; nothing is read.
+
+        Args:
+            database: the book's database, open when ``retrieve`` is called.
+            vectors: embeddings of texts.
+            key_vectors: embeddings of keys' actions and objects.
+            settings: retrieval settings.
+            store: vector store of the book's texts; None: all are compared.
+        """
         self._database = database
         self._vectors = vectors
         self._key_vectors = key_vectors
@@ -94,11 +103,14 @@ class Retriever:
         self._lock = threading.Lock()  # an abandoned retrieval may still be at work
 
     def retrieve(self, subtask: Key, context: SubtaskContext | None = None) -> Retrieval:
-        """Entries for a subtask.
+        """Retrieve entries for a subtask.
 
         Args:
             subtask: action and objects, as planned.
-            context: what the scene shows of the objects.
+            context: what the scene shows of the objects; None: not known.
+
+        Returns:
+            The entries with their scores, best first within each kind.
 
         Raises:
             SkillbookError: if the book cannot be read.

@@ -137,18 +137,28 @@ class RetrievalSettings:
 
     @classmethod
     def preset(cls, name: str) -> RetrievalSettings:
-        """What a preset says of retrieval, as ``retrieval: paper`` in a config. Raises ``UnknownName``."""
+        """Settings of a retrieval preset.
+
+        Args:
+            name: name of the preset, such as ``paper`` in ``retrieval: paper``.
+
+        Returns:
+            The settings; defaults for what the preset leaves out.
+
+        Raises:
+            UnknownName: if there is no such preset.
+        """
         known = preset_sections("retrieval")
         if name not in known:
             raise UnknownName("retrieval preset", name, tuple(known))
         return cls(**known[name])
 
     def limit(self, kind: str) -> int:
-        """Most entries of a kind that are served."""
+        """Largest number of entries retrieved of a kind (``correction``, ``template`` or ``general``)."""
         return {"correction": self.corrections, "template": self.templates, "general": self.general}[kind]
 
     def room(self, kind: str) -> int:
-        """As long as fewer entries of a kind pass the cut, others are served up to so many."""
+        """Number of entries of a kind, as in ``limit``, up to which entries below the cut are retrieved."""
         return min(self.fill, self.limit(kind))
 
     @property
