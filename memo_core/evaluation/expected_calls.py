@@ -1,4 +1,4 @@
-"""How many runs an experiment file asks for, and about how many questions to a language model they need."""
+"""Count the runs that an experiment file asks for, and estimate their questions to a language model."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class LanguageModel(ABC):
         return None
 
     def unsupported(self) -> dict[str, str]:
-        """What is known by now not to be used, each with the reason: ``schema`` (the form of an answer is described in
+        """Name what turned out not to be used, with reasons: ``schema`` (the form of an answer is described in
         words), ``stream`` (answers arrive whole), ``usage`` (tokens are estimated). For reports only."""
         return {}
 

@@ -55,7 +55,7 @@ class Asked:
 
 @attrs.frozen
 class ModelCheck:
-    """What was asked and what works. ``ended``: the error after which nothing more was asked; "" if everything was."""
+    """Questions, answers and abilities. ``ended``: the error after which nothing more was asked; "" without one."""
 
     model: str
     asked: tuple[Asked, ...]
