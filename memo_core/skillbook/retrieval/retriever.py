@@ -6,8 +6,7 @@
    one formula (``memo_core.skillbook.retrieval.score``); an entry whose action undoes the subtask's is in no other way
    a candidate.
 2. *Ranking.* For the best few dozen of each kind the score also counts how the things are built that they were taught
-   on; then the limit of the kind applies, and to templates a bound on their length (``template_choice``). Equal scores:
-   by the text's cosine, then confirmed uses, then recency.
+   on; then the limit of the kind applies. Equal scores: by the text's cosine, then confirmed uses, then recency.
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ from memo_core.skillbook.retrieval.result import ALIKE, Cut, Retrieval, Retrieve
 from memo_core.skillbook.retrieval.score import TIE, ScoreTerms, entry_score, key_score, may_be_retrieved
 from memo_core.skillbook.retrieval.settings import RetrievalSettings
 from memo_core.skillbook.retrieval.structural_similarity import BuiltAlike
-from memo_core.skillbook.retrieval.template_choice import with_room
 from memo_core.skillbook.retrieval.text_search import TextSearch
 from memo_core.skillbook.store import queries
 from memo_core.skillbook.store.database import Database
@@ -269,7 +267,6 @@ class Retriever:
         ranked = _ties_by_use(sorted(self._by_structure(best, query), key=_by_score))
         if kind == "template":
             ranked.sort(key=lambda one: one.entry.id in keys.failing)
-            ranked = with_room(ranked, self._settings)
         return _first(ranked, self._settings.limit(kind), last)
 
     def _by_structure(self, best: list[RetrievedEntry], query: _Query) -> list[RetrievedEntry]:
@@ -333,10 +330,10 @@ class Retriever:
                 nothing.append(_cut_key(keys, query.scores, row, sum(left.values()), rule))
             for kind in KINDS:
                 limit = self._settings.limit(kind)
-                full, bounded = len(retrieved[kind]) >= limit, kind == "template" and self._settings.template_characters
-                if left[kind] and passes and not undoes and (full or bounded):
-                    rule = f"beyond the first {limit} {kind}s" if full else "no room beside better or like templates"
-                    beyond[kind].append(_cut_key(keys, query.scores, row, left[kind], rule))
+                if left[kind] and passes and not undoes and len(retrieved[kind]) >= limit:
+                    beyond[kind].append(
+                        _cut_key(keys, query.scores, row, left[kind], f"beyond the first {limit} {kind}s")
+                    )
         return tuple(cut for some in (nothing, *beyond.values()) for cut in some[:_NEAR_MISSES])
 
 

@@ -27,11 +27,6 @@ def _count(instance: object, attribute: attrs.Attribute[int], value: int) -> Non
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 1000")
 
 
-def _length(instance: object, attribute: attrs.Attribute[int], value: int) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 or more")
-
-
 def _cosine(instance: object, attribute: attrs.Attribute[float], value: float) -> None:
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not -1 <= value <= 1:
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
@@ -113,15 +108,7 @@ class RetrievalSettings:
     general_floor: float = attrs.field(
         default=0.2, validator=_cosine, metadata={"help": "general statements less like the subtask are not served"}
     )
-    templates: int = attrs.field(default=6, validator=_count, metadata={"help": "most templates retrieved"})
-    template_characters: int = attrs.field(
-        default=12_000,
-        validator=_length,
-        metadata={
-            "help": "most characters of all templates together, the best is retrieved in any case; of templates that "
-            "differ in names, docstring and constants only, one is; 0: no bound, all of them"
-        },
-    )
+    templates: int = attrs.field(default=3, validator=_count, metadata={"help": "most templates served"})
     action_phrase: str = attrs.field(default=Wording().action, metadata={"help": "phrase for actions, one {}"})
     object_phrase: str = attrs.field(default=Wording().object, metadata={"help": "phrase for objects, one {}"})
     shipped_actions: bool = attrs.field(
