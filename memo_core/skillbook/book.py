@@ -33,6 +33,7 @@ from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
 from memo_core.skillbook.retrieval.retriever import Retrieval, RetrievalSettings, Retriever
+from memo_core.skillbook.retrieval.template_selection import select_templates
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database, SkillbookError
 from memo_core.skillbook.store.known_copies import Place, PlaceKind, drop_place, note_place, places_of
@@ -486,7 +487,8 @@ class Skillbook:
                 self.database, self.text_vectors(), self.key_vectors(), self.settings, self._store
             )
         found = self._retriever.retrieve(as_key(subtask), context)
-        return self._without_harm(found) if self.settings.notice_harm else found
+        found = self._without_harm(found) if self.settings.notice_harm else found
+        return select_templates(found, self.settings)
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Find the active entries whose texts are most similar to a text.

@@ -10,7 +10,7 @@ from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
 from tests.support.cluster_books import ARC, approve
 
-OTHER = ARC.replace("def ", "def other_")
+OTHER = ARC.replace("def ", "def other_").rstrip() + "\n    wait(1)\n"
 
 
 @pytest.fixture

@@ -67,7 +67,9 @@ class Cut:
 
     key: str
     score: float  # r
-    rule: str  # "opposite action", "below the cut 0.85", "beyond the first 20 corrections"
+    rule: (
+        str  # "opposite action", "below the cut 0.85", "beyond the first 20 corrections", "the same code as template 3"
+    )
     action_cosine: float = 0.0
     objects_cosine: float = 0.0
     entries: int = 0

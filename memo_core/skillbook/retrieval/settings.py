@@ -27,6 +27,12 @@ def _count(instance: object, attribute: attrs.Attribute[int], value: int) -> Non
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 1000")
 
 
+def _characters(instance: object, attribute: attrs.Attribute[int | None], value: int | None) -> None:
+    if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+        expected = "a whole number of at least 0, or null for no limit"
+        raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", expected)
+
+
 def _cosine(instance: object, attribute: attrs.Attribute[float], value: float) -> None:
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not -1 <= value <= 1:
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a number, -1 to 1")
@@ -108,7 +114,23 @@ class RetrievalSettings:
     general_floor: float = attrs.field(
         default=0.2, validator=_cosine, metadata={"help": "general statements less like the subtask are not served"}
     )
-    templates: int = attrs.field(default=3, validator=_count, metadata={"help": "most templates served"})
+    templates: int = attrs.field(
+        default=20, validator=_count, metadata={"help": "most templates served, whatever their likeness and length"}
+    )
+    template_reach: float = attrs.field(
+        default=0.15, validator=_share, metadata={"help": "templates are served whose score is so near the best one's"}
+    )
+    template_characters: int | None = attrs.field(
+        default=6000,
+        validator=_characters,
+        metadata={
+            "help": "characters of all templates served; the best is served whole even if longer; null: no limit"
+        },
+    )
+    fold_templates: bool = attrs.field(
+        default=True,
+        metadata={"help": "of templates that differ only in names, docstring and constants serve only the best"},
+    )
     action_phrase: str = attrs.field(default=Wording().action, metadata={"help": "phrase for actions, one {}"})
     object_phrase: str = attrs.field(default=Wording().object, metadata={"help": "phrase for objects, one {}"})
     shipped_actions: bool = attrs.field(
