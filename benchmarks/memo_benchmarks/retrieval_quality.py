@@ -27,7 +27,7 @@ from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings, as_text
 from memo_core.skillbook.writing.bulk_adding import Lesson
 
-PAPER = RetrievalSettings.preset("paper")
+PAPER = attrs.evolve(RetrievalSettings.preset("paper"), corrections=RetrievalSettings().corrections)  # the same k
 PLAIN = "cosine of key and text"
 OURS = "ours"
 BY_KEY = "r with our tables"

@@ -94,6 +94,21 @@ def test_code_that_does_something_else_is_another_code(other: str) -> None:
     assert code_shape(OPEN_OVEN) == code_shape(OPEN_FRIDGE) != code_shape(other)
 
 
+def test_the_papers_preset_retrieves_every_note_and_template_above_its_score() -> None:
+    paper = RetrievalSettings.preset("paper")
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), paper) as book:
+        for number in range(25):
+            feedback = book.record_feedback("", "ana", kind="approval", subtask=f"OPEN(box, place {number})")
+            key = f"OPEN(box, place {number})"
+            book.add_template(feedback, key, OPEN_FRIDGE + "    wait()\n" * 500)
+            book.add_lessons(book.record_feedback("no", "ana", subtask=key), key, [f"Note {number}."])
+        found = book.retrieve("OPEN(box, place 3)")
+        above = {one.key for one in found.corrections}
+    assert len(above) == 25 - sum(one.rule.startswith("below the cut") for one in found.cut) > 20
+    assert {one.key for one in found.templates} == above
+    assert min(one.score for one in found.served) >= paper.cut
+
+
 @pytest.mark.parametrize("wrong", [-1, 2.5, True, "much"])
 def test_a_number_of_characters_that_is_none_is_refused(wrong: object) -> None:
     with pytest.raises(InvalidArgument, match=r"retrieval\.template_characters"):
