@@ -26,7 +26,7 @@ def test_the_papers_method_is_one_word_and_switches_every_extension_off(tmp_path
     assert not any(getattr(teaching, field.name) for field in attrs.fields(TeachingSettings))
     assert experiment.section("run").max_feedback == 5 and experiment.section("run").repairs_from == "here"
     retrieval = experiment.section("retrieval")
-    assert (retrieval.cut, retrieval.corrections, retrieval.templates, retrieval.general) == (0.8, 1000, 1000, 10)
+    assert (retrieval.cut, retrieval.corrections, retrieval.general) == (0.8, 1000, 10)
     assert retrieval.template_characters is None and not retrieval.fold_templates
     assert not retrieval.shipped_actions and retrieval.wording.action == "{}"
 

@@ -11,6 +11,9 @@ from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.skillbook.model.action_relations import Actions, default_actions
 from memo_core.skillbook.vectors.key_vectors import Wording
 
+_TEMPLATES_RANKED = 20  # more than fit into any sensible number of characters
+_EVERY_TEMPLATE = 1000  # where no number of characters limits them: more than there are candidates
+
 
 def _positive(instance: object, attribute: attrs.Attribute[float], value: float) -> None:
     if not (isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < float("inf")):
@@ -115,7 +118,9 @@ class RetrievalSettings:
         default=0.2, validator=_cosine, metadata={"help": "general statements less like the subtask are not served"}
     )
     templates: int = attrs.field(
-        default=20, validator=_count, metadata={"help": "most templates served, whatever their likeness and length"}
+        default=3,
+        validator=_count,
+        metadata={"help": "templates below the cut are served as long as there are not so many in all; 0: no templates"},
     )
     template_reach: float = attrs.field(
         default=0.15, validator=_share, metadata={"help": "templates are served whose score is so near the best one's"}
@@ -163,12 +168,18 @@ class RetrievalSettings:
         return cls(**known[name])
 
     def limit(self, kind: str) -> int:
-        """Largest number of entries retrieved of a kind (``correction``, ``template`` or ``general``)."""
-        return {"correction": self.corrections, "template": self.templates, "general": self.general}[kind]
+        """Largest number of entries ranked of a kind (``correction``, ``template`` or ``general``); of templates, fewer
+        may be retrieved (``select_templates``)."""
+        templates = _TEMPLATES_RANKED if self.template_characters is not None else _EVERY_TEMPLATE
+        return {
+            "correction": self.corrections,
+            "template": templates if self.templates else 0,
+            "general": self.general,
+        }[kind]
 
     def room(self, kind: str) -> int:
         """Number of entries of a kind, as in ``limit``, up to which entries below the cut are retrieved."""
-        return min(self.fill, self.limit(kind))
+        return min(self.fill, self.templates if kind == "template" else self.limit(kind))
 
     @property
     def weights(self) -> tuple[float, float]:
