@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import attrs
 import pytest
 from memo_offline.model import OfflineModel
 
@@ -77,6 +78,7 @@ def test_related_templates_are_those_of_retrievals_rule(book) -> None:
     approve(book, "CLOSE(oven)", "def shut(name):\n    ...\n")
     approve(book, "WIPE(table)", "def wipe(name):\n    ...\n")
     related = [template.key for template in only_cluster(book).templates]
+    book.settings = attrs.evolve(book.settings, template_reach=1.0, template_characters=None, fold_templates=False)
     assert related == [served.key for served in book.retrieve("OPEN(oven)").templates]
     assert related[0] == "OPEN(oven door)" and "CLOSE(oven)" not in related
 

@@ -120,7 +120,7 @@ class RetrievalSettings:
     templates: int = attrs.field(
         default=3,
         validator=_count,
-        metadata={"help": "templates below the cut are served as long as there are not so many in all; 0: no templates"},
+        metadata={"help": "templates below the cut are served while there are not so many in all; 0: no templates"},
     )
     template_reach: float = attrs.field(
         default=0.15, validator=_share, metadata={"help": "templates are served whose score is so near the best one's"}
