@@ -1,4 +1,4 @@
-"""Which of the ranked templates are retrieved: those near the best, each code once, within a number of characters."""
+"""Templates are retrieved when they are near the best, each code once, within a number of characters."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import attrs
 
@@ -30,7 +30,7 @@ def _count(instance: object, attribute: attrs.Attribute[int], value: int) -> Non
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", "a whole number, 0 to 1000")
 
 
-def _characters(instance: object, attribute: attrs.Attribute[int | None], value: int | None) -> None:
+def _characters(instance: object, attribute: attrs.Attribute[Any], value: int | None) -> None:
     if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
         expected = "a whole number of at least 0, or null for no limit"
         raise InvalidArgument(f"retrieval.{attribute.name}", f"{value!r} is not right", expected)

@@ -1,5 +1,5 @@
-"""Which of the ranked templates are retrieved. A template is long, and one of little likeness misleads, so neither a
-number of them nor their order alone decides."""
+"""Selection of the ranked templates that are retrieved. A template is long, and one of little likeness misleads, so
+neither a number of them nor their order alone decides."""
 
 from __future__ import annotations
 
