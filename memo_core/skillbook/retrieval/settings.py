@@ -120,21 +120,23 @@ class RetrievalSettings:
     templates: int = attrs.field(
         default=3,
         validator=_count,
-        metadata={"help": "templates below the cut are served while there are not so many in all; 0: no templates"},
+        metadata={"help": "templates below the cut are retrieved while there are not so many in all; 0: no templates"},
     )
     template_reach: float = attrs.field(
-        default=0.15, validator=_share, metadata={"help": "templates are served whose score is so near the best one's"}
+        default=0.15,
+        validator=_share,
+        metadata={"help": "templates are retrieved whose score is so near the best one's"},
     )
     template_characters: int | None = attrs.field(
         default=6000,
         validator=_characters,
         metadata={
-            "help": "characters of all templates served; the best is served whole even if longer; null: no limit"
+            "help": "characters of all templates retrieved; the best is retrieved whole even if longer; null: no limit"
         },
     )
     fold_templates: bool = attrs.field(
         default=True,
-        metadata={"help": "of templates that differ only in names, docstring and constants serve only the best"},
+        metadata={"help": "of templates that differ only in names, docstring and constants retrieve only the best"},
     )
     action_phrase: str = attrs.field(default=Wording().action, metadata={"help": "phrase for actions, one {}"})
     object_phrase: str = attrs.field(default=Wording().object, metadata={"help": "phrase for objects, one {}"})
