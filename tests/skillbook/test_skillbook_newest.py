@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import attrs
 import pytest
 
 from memo_core.scene.graph import Node, Observation, SceneGraph
@@ -48,7 +49,8 @@ def test_what_each_person_said_last_is_served_among_fifty_notes(ranking: str) ->
 
 
 def test_the_paper_ranks_by_r_alone() -> None:
-    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), RetrievalSettings.preset("paper")) as book:
+    few = attrs.evolve(RetrievalSettings.preset("paper"), corrections=20)
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore(), few) as book:
         many(book)
         say(book, "person 0", 1000.0, LATEST)
         assert LATEST not in places(book.retrieve(KEY))
