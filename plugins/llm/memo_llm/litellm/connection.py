@@ -100,8 +100,10 @@ class Line:
 def traced_transport() -> Any:
     """An ``httpx`` transport for every connection that litellm makes: it reports to the ``Line`` of the calling thread
     and limits each step to the remaining time of the call. Connections are not reused: minutes of robot motion pass
-    between two questions, and a connection that was lost in the meantime would fail the next one. Proxies are those of
-    the environment (``HTTPS_PROXY``, ``NO_PROXY``), which httpx leaves to the transport when it is given one.
+    between two questions, and a connection that was lost in the meantime would fail the next one. Each request has a
+    pool of its own: Python may collect a dropped stream while another request holds its pool's lock, and closing the
+    stream takes the lock of the stream's pool. Proxies are those of the environment (``HTTPS_PROXY``, ``NO_PROXY``),
+    which httpx leaves to the transport when it is given one.
     """
     import httpx
     from litellm.llms.custom_httpx.http_handler import get_ssl_configuration
@@ -125,10 +127,6 @@ def traced_transport() -> Any:
             self._stream.close()
 
     class Traced(httpx.BaseTransport):
-        def __init__(self) -> None:
-            self._inner: dict[str, httpx.HTTPTransport] = {}
-            self._lock = threading.Lock()
-
         def handle_request(self, request: httpx.Request) -> httpx.Response:
             line: Line | None = getattr(_here, "line", None)
             if line is None:
@@ -151,9 +149,6 @@ def traced_transport() -> Any:
 
         def _towards(self, url: httpx.URL) -> httpx.HTTPTransport:
             proxy = "" if urllib.request.proxy_bypass(url.host) else urllib.request.getproxies().get(url.scheme, "")
-            with self._lock:
-                if proxy not in self._inner:
-                    self._inner[proxy] = httpx.HTTPTransport(verify=verify, limits=limits, proxy=proxy or None)
-                return self._inner[proxy]
+            return httpx.HTTPTransport(verify=verify, limits=limits, proxy=proxy or None)
 
     return Traced()
