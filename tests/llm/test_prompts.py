@@ -290,7 +290,7 @@ def test_a_mistake_after_the_mark_is_told_with_its_line(tmp_path):
 
 def test_functions_learnt_are_shown_with_their_calls():
     text = rendered("code")
-    assert "## Functions learnt\n```\nlift_lid(jar: str) -> None\n    Lift a lid.\n```\n- [OPEN(jar)] Lift" in text
+    assert "the subtask they did.\n```\nlift_lid(jar: str) -> None\n    Lift a lid.\n```\n- [OPEN(jar)] Lift" in text
     assert "## Functions learnt" not in rendered("code", functions=())
 
 
