@@ -85,6 +85,7 @@ class LanguageModel(ABC):
 
     name: str
     deterministic: bool = False  # the same request always has the same answer, in every process
+    calls_functions: bool = True  # whether its programs call functions of the skillbook that a prompt offers
 
     @abstractmethod
     def open(self) -> None: ...

@@ -41,6 +41,9 @@ class ClusteringSettings:
         metadata={"backend": "llm", "help": "language model that condenses, with its keys; default: the experiment's"},
     )
     join_keys: bool = attrs.field(default=True, metadata={"help": "keep near-identical keys under one of them"})
+    groups: bool = attrs.field(
+        default=True, metadata={"help": "make functions of templates of several keys, each program left as one call"}
+    )
     members: int = attrs.field(
         default=40, validator=_positive(2), metadata={"help": "most notes in one question; larger clusters are parted"}
     )

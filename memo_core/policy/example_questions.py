@@ -33,13 +33,13 @@ close_gripper()
 move_straight([x, y, z + 0.1])
 print(is_holding())
 """
-FAILED = 'move_to(get_position("brick"), side_orientation([0, 0, 1]))\nclose_gripper()\n'
+FAILED = 'move_to(get_position("brick"), side_orientation([-1, 0, 0]))\nclose_gripper()\n'
 SCENE = SceneGraph(
     (
         Node("brick", "brick", Pose((0.45, -0.2, 0.025)), (0.05, 0.05, 0.05), attributes=("red",)),
         Node("tile", "tile", Pose((0.5, 0.2, 0.01)), (0.1, 0.1, 0.02)),
     ),
-    (Relation("brick", "left of", "tile"),),
+    (Relation("brick", "right of", "tile"),),
     Observation(Pose((0.4, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0)), 0.08, False),
 )
 _COMMON: dict[str, Any] = {"task": "put the brick on the tile", "subtask": SUBTASK, "code": CODE, "done": []}

@@ -17,6 +17,7 @@ from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skills.skill import Skill
 
 
@@ -39,6 +40,7 @@ class Session:
     seed: int = 0
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
+    functions: FunctionUse = "call"
     prompts: Prompts = attrs.field(factory=Prompts)
     budget: Budget = attrs.field(factory=Budget)
     on_text: Callable[[str, str], None] | None = None  # called with (phase, piece) while an answer is written

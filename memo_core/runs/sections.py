@@ -11,6 +11,7 @@ from memo_core.llm.prompt_files import PromptSettings
 from memo_core.policy.consolidation import ClusteringSettings
 from memo_core.policy.settings import PolicySettings, RunSettings, TeachingSettings
 from memo_core.sandbox.limits import Limits
+from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 
 
@@ -25,6 +26,13 @@ class SkillbookSettings:
     cluster: Literal["off", "after-run"] = attrs.field(
         default="off",
         metadata={"help": "after-run: each run, also of a study, ends with condensing what changed (memo cluster)"},
+    )
+    functions: FunctionUse = attrs.field(
+        default="call",
+        metadata={
+            "help": "functions that memo cluster made of several templates: call them by name, show them as templates "
+            "(so does a model that cannot call them), or off: read the templates that they were made of"
+        },
     )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
 

@@ -15,7 +15,7 @@ from memo_core.errors import UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
-from memo_core.skillbook.consolidation.unclustered import copy_without_clustering, is_clustered
+from memo_core.skillbook.consolidation.unclustered import CLUSTERING, copy_without, has_changes
 from memo_core.skillbook.forgetting.in_database import forget_person, words_of
 from memo_core.skillbook.forgetting.in_files import BEYOND, BEYOND_SERVER, clean
 from memo_core.skillbook.model.entries import (
@@ -43,6 +43,7 @@ from memo_core.skillbook.vectors.text_vectors import TextVectors, batched
 from memo_core.skillbook.writing import templates
 from memo_core.skillbook.writing.adding import add_notes, add_template
 from memo_core.skillbook.writing.feedback import checked_name, feedback_by_id, insert_feedback, set_status
+from memo_core.skillbook.writing.functions import FUNCTIONS, check_call, functions_called
 from memo_core.skillbook.writing.revising import edit, kept_read_backs, read_back, remove
 
 _F, _E = tables.feedback.c, tables.entries.c
@@ -80,7 +81,7 @@ class Skillbook:
         self._store = store
         self.vectors = TextVectors(self.database, embedder) if embedder is not None else None
         self._retriever: Retriever | None = None
-        self._unclustered: tuple[int, Skillbook] | None = None  # of which generation
+        self._copies: dict[tuple[str, ...], tuple[int, Skillbook]] = {}  # by what they lack, with their generation
 
     @property
     def url(self) -> str:
@@ -114,9 +115,9 @@ class Skillbook:
     def close(self) -> None:
         """Idempotent. Writes nothing: every write that returned is on disk already."""
         self._retriever = None
-        if self._unclustered is not None:
-            self._unclustered[1].close()
-            self._unclustered = None
+        for _, copy in self._copies.values():
+            copy.close()
+        self._copies = {}
         if self._store is not None:
             self._store.close()
         self.database.close()
@@ -349,6 +350,44 @@ class Skillbook:
         with self.database.write() as connection:
             return add_template(self.database, connection, feedback_id, wanted, code, scene, derived_from)
 
+    def add_call(
+        self,
+        feedback_id: int,
+        key: Key | str,
+        call: str,
+        function: int,
+        scene: str = "",
+        derived_from: Iterable[int] = (),
+    ) -> Entry:
+        """Store an approved program that was one call of a function, and mark the approval processed.
+
+        A second call for the same approval changes nothing. A call that is active under the key already gets the
+        approval as a further source.
+
+        Args:
+            feedback_id: the recorded approval.
+            key: key of the call, or its text.
+            call: the call, with literal arguments.
+            function: entry of the function.
+            scene: label of the scene.
+            derived_from: further feedback that the program is based on.
+
+        Returns:
+            The call.
+
+        Raises:
+            NotAKey: if ``key`` is a text that is not a subtask.
+            UnknownName: if there is no such feedback or function.
+            InvalidArgument: if the function cannot be called so.
+            ReadOnlyBook: if the book is open read-only.
+        """
+        wanted = as_key(key)
+        with self.database.write() as connection:
+            called = entry_in(connection, function)
+            check_call(called.text, call)
+            more = (feedback_id, wanted, call, scene, derived_from)
+            return add_template(self.database, connection, *more, function=function)
+
     def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes made from one feedback.
 
@@ -463,13 +502,20 @@ class Skillbook:
             return sorted(set(queries.ids_of(connection.execute(sa.select(tables.sources.c.feedback).where(of)))))
 
     # -- asking --------------------------------------------------------------------------------------------------------
-    def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
+    def retrieve(
+        self,
+        subtask: Key | str,
+        context: SubtaskContext | None = None,
+        clustered: bool = True,
+        functions: bool = True,
+    ) -> Retrieval:
         """Retrieve entries for a subtask (``memo_core.skillbook.retrieval.retriever``).
 
         Args:
             subtask: subtask as planned, as a key or its text.
             context: what the scene shows of its objects, from ``SubtaskContext.of(key, scene)``; None: not known.
-            clustered: False reads notes as they were before clustering.
+            clustered: False reads notes and templates as they were before clustering.
+            functions: False reads the templates that functions were made of.
 
         Returns:
             The entries with their scores, without those withheld because they did harm (``settings.notice_harm``).
@@ -480,15 +526,19 @@ class Skillbook:
             BackendUnavailable: if embedder or vector store cannot be used.
         """
 
-        if not clustered and (unclustered := self._without_clustering()) is not None:
-            return unclustered.retrieve(subtask, context)
+        without = CLUSTERING if not clustered else () if functions else (FUNCTIONS,)
+        if without and (copy := self._copy_without(without)) is not None:
+            return copy.retrieve(subtask, context)
         if self._retriever is None:
             self._retriever = Retriever(
                 self.database, self.text_vectors(), self.key_vectors(), self.settings, self._store
             )
         found = self._retriever.retrieve(as_key(subtask), context)
         found = self._without_harm(found) if self.settings.notice_harm else found
-        return select_templates(found, self.settings)
+        with self.database.read() as connection:
+            calls = [one.entry.id for one in found.templates if one.entry.kind == "call"]
+            functions = functions_called(self.database, connection, calls) if calls else {}
+        return select_templates(found, self.settings, functions)
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Find the active entries whose texts are most similar to a text.
@@ -518,7 +568,7 @@ class Skillbook:
         """Entries in the order they were stored.
 
         Args:
-            kind: only ``correction``, ``general`` or ``template`` entries; None: all kinds.
+            kind: only ``correction``, ``general``, ``template``, ``function`` or ``call`` entries; None: all kinds.
             key: only entries under this key; None: all keys.
             who: only entries that derive from this person's words; None: all people.
             superseded: whether superseded entries are included.
@@ -644,20 +694,19 @@ class Skillbook:
             meant = queries.alias_rows(connection).get(str(found.query), found.query)
         return withhold(found, meant, evidence, self.key_vectors(), self.settings.weights)
 
-    def _without_clustering(self) -> Skillbook | None:
-        """An in-memory copy of the book without the changes of clustering; None if there are none."""
+    def _copy_without(self, reasons: tuple[str, ...]) -> Skillbook | None:
+        """An in-memory copy of the book without the changes of clustering for some reasons; None if there are none."""
         with self.database.read() as connection:
             generation = int(self.database.meta(connection)["generation"])
-            clustered = is_clustered(self.database, connection)
-        if self._unclustered is not None and (not clustered or self._unclustered[0] != generation):
-            self._unclustered[1].close()
-            self._unclustered = None
-        if clustered and self._unclustered is None:
+            changed = has_changes(connection, reasons)
+        if reasons in self._copies and (not changed or self._copies[reasons][0] != generation):
+            self._copies.pop(reasons)[1].close()
+        if changed and reasons not in self._copies:
             copy = Skillbook("sqlite://", settings=self.settings).open()
             copy.vectors = self.text_vectors()  # what is embedded is kept in the book itself
-            copy_without_clustering(self.database, copy.database)
-            self._unclustered = (generation, copy)
-        return None if self._unclustered is None else self._unclustered[1]
+            copy_without(self.database, copy.database, reasons)
+            self._copies[reasons] = (generation, copy)
+        return self._copies[reasons][1] if reasons in self._copies else None
 
     def key_vectors(self) -> KeyVectors:
         return KeyVectors(self.text_vectors(), self.settings.wording, self.settings.actions)

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from memo_core.errors import MemoError, UnknownName
 from memo_core.skillbook.book import Skillbook, meant
 from memo_core.skillbook.consolidation.rules import state_digest
-from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.entries import NOTE_KINDS, PROGRAM_KINDS, Entry
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
@@ -53,7 +53,8 @@ class Revision:
 
 @attrs.frozen
 class Version:
-    """A template and its record for its own key: ``state`` is served, superseded or rolled back."""
+    """A template, or the call that stands in for one, with its record for its own key: ``state`` is served, superseded
+    or rolled back."""
 
     entry: Entry
     state: str
@@ -176,7 +177,7 @@ def _versions(database: Database, connection: sa.Connection, key: Key) -> list[V
     """The templates of a key with their records, oldest first."""
     mine = [
         entry
-        for entry in queries.entries_where(connection, _E.kind == "template", _K.action == key.action)
+        for entry in queries.entries_where(connection, _E.kind.in_(PROGRAM_KINDS), _K.action == key.action)
         if entry.key == key
     ]
     records = records_of(database, connection, [entry.id for entry in mine])
@@ -261,6 +262,11 @@ def _check_untouched(
     ids = [*left, *(row.entry for row in mine if row.change == "joined")]
     if not ids:
         raise CannotRollBack(revision, "it changed no entry that is still there")
+    called = sa.select(tables.calls.c.entry).where(tables.calls.c.function.in_([entry.id for entry in added]))
+    calls = queries.entries_where(connection, _E.id.in_(called), _E.revision > revision, _E.superseded_by.is_(None))
+    if calls:
+        later = tuple(sorted({call.revision for call in calls}, reverse=True))
+        raise CannotRollBack(revision, "functions that it brought in are called since", later)
     touched = {by for entry in left if (by := retired[entry]) is not None and by != revision}
     for start in range(0, len(ids), _CHUNK):
         where = (_C.entry.in_(ids[start : start + _CHUNK]), _C.revision > revision)
@@ -307,7 +313,7 @@ def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
     state = connection.execute(sa.select(tables.clusterings.c.digest).where(where)).scalar()
     if state is None:
         return
-    valid = sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
+    valid = sa.select(_E.id).where(_E.key == key, _E.kind.in_(NOTE_KINDS), _E.superseded_by.is_(None))
     members = state_digest(queries.ids_of(connection.execute(valid)), ()).split(":")[0]
     rest = state.partition(":")[2]
     connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))

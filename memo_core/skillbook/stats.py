@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import Stats
+from memo_core.skillbook.model.entries import KINDS, Stats
 from memo_core.skillbook.store import queries, tables
 
 _F, _E = tables.feedback.c, tables.entries.c
@@ -17,10 +17,7 @@ def stats_of(book: Skillbook) -> Stats:
     database = book.database
     with database.read() as connection:
         meta = database.meta(connection)
-        of_kind = {
-            kind: queries.count(connection, tables.entries, valid, _E.kind == kind)
-            for kind in ("correction", "general", "template")
-        }
+        of_kind = {kind: queries.count(connection, tables.entries, valid, _E.kind == kind) for kind in KINDS}
         with_status = {
             status: queries.count(connection, tables.feedback, _F.status == status) for status in ("pending", "parked")
         }
@@ -36,6 +33,8 @@ def stats_of(book: Skillbook) -> Stats:
             corrections=of_kind["correction"],
             general=of_kind["general"],
             templates=of_kind["template"],
+            functions=of_kind["function"],
+            calls=of_kind["call"],
             superseded=queries.count(connection, tables.entries, sa.not_(valid)),
             characters=int(connection.execute(lengths).scalar_one()),
             generation=int(meta["generation"]),

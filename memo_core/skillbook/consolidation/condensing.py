@@ -22,7 +22,7 @@ from memo_core.skillbook.consolidation.rules import (
     problem_with,
     state_digest,
 )
-from memo_core.skillbook.model.entries import GLOBAL_KEY, Entry
+from memo_core.skillbook.model.entries import GLOBAL_KEY, NOTE_KINDS, Entry
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.retriever import RetrievalSettings
 from memo_core.skillbook.store import queries, tables
@@ -84,7 +84,7 @@ class Clusters:
 
     def _read(self, key: Key, number: int) -> Cluster:
         with self.database.read() as connection:
-            valid = (_E.superseded_by.is_(None), _E.kind != "template", _E.key == number)
+            valid = (_E.superseded_by.is_(None), _E.kind.in_(NOTE_KINDS), _E.key == number)
             mine = queries.entries_where(connection, *valid)
         near = self.related.of(key)
         faulted = _faulted(key, near, self.records)
@@ -115,7 +115,7 @@ def find_clusters(
     ids: dict[int, list[int]] = {}
     with database.read() as connection:
         known = queries.keys_by_id(connection)
-        for number, entry in connection.execute(sa.select(_E.key, _E.id).where(valid, _E.kind != "template")):
+        for number, entry in connection.execute(sa.select(_E.key, _E.id).where(valid, _E.kind.in_(NOTE_KINDS))):
             ids.setdefault(number, []).append(entry)
         templates = queries.entries_where(connection, valid, _E.kind == "template")
         clustered = _clustered(database, connection)
@@ -201,7 +201,7 @@ def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
         raise ClusterChanged(cluster.label)
     if cluster.parts == 1:
         now = connection.execute(
-            sa.select(_E.id).where(_E.key == key, _E.kind != "template", _E.superseded_by.is_(None))
+            sa.select(_E.id).where(_E.key == key, _E.kind.in_(NOTE_KINDS), _E.superseded_by.is_(None))
         )
         if set(queries.ids_of(now)) != read:
             raise ClusterChanged(cluster.label)
@@ -281,7 +281,7 @@ def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
     """The state after the cluster's own changes, without changes that others made in the meantime."""
     query = sa.select(_E.id).where(
         _E.key == key,
-        _E.kind != "template",
+        _E.kind.in_(NOTE_KINDS),
         _E.superseded_by.is_(None),
         sa.or_(_E.id.in_(cluster.whole), _E.phase == "cluster"),
     )

@@ -1,6 +1,9 @@
-"""The unclustered state of a book, which `memo-c` and `droc-v` read when other methods cluster the book."""
+"""A book without the changes of clustering, which `memo-c` and `droc-v` read when other methods cluster the book, or
+without functions only."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import sqlalchemy as sa
 
@@ -10,21 +13,25 @@ from memo_core.skillbook.sharing.export import IMPORTED
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.vectors.text_vectors import batched
-from memo_core.skillbook.writing.adding import CLUSTER
+from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
+from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, calls_to_templates
 
 _E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
+CLUSTERING = (CLUSTERED, DUPLICATES, FUNCTIONS, SAME_WORDS)  # how the reasons of all its revisions begin
 _DERIVED = ("vectors",)  # tables that are not copied
 _CHUNK = 500
 
 
-def is_clustered(database: Database, connection: sa.Connection) -> bool:
-    """Whether clustering superseded an entry that is still superseded."""
-    return connection.execute(sa.select(_E.id).where(_E.superseded_by.in_(_clusterings())).limit(1)).first() is not None
+def has_changes(connection: sa.Connection, reasons: Sequence[str]) -> bool:
+    """Whether revisions for these reasons superseded an entry that is still superseded."""
+    changed = sa.select(_E.id).where(_E.superseded_by.in_(_revisions(reasons))).limit(1)
+    return connection.execute(changed).first() is not None
 
 
-def copy_without_clustering(database: Database, copy: Database) -> None:
-    """Fill ``copy``, an open and empty book, with everything in ``database`` except the changes of clustering. Entries
-    keep their numbers. Edits and removals that people made after clustering are kept."""
+def copy_without(database: Database, copy: Database, reasons: Sequence[str]) -> None:
+    """Fill ``copy``, an open and empty book, with everything in ``database`` except the changes of clustering for these
+    reasons. Entries keep their numbers. Edits and removals that people made afterwards are kept, and calls that were
+    approved afterwards become templates."""
     with database.read() as connection, copy.write() as target:
         for table in tables.metadata.sorted_tables:
             if table.name in _DERIVED or not database.has(connection, table):
@@ -33,20 +40,22 @@ def copy_without_clustering(database: Database, copy: Database) -> None:
                 target.execute(sa.delete(table))
             for rows in batched(connection.execute(sa.select(table)).mappings(), _CHUNK):
                 target.execute(sa.insert(table), [dict(row) for row in rows])
-        _undo(target)
+        _undo(target, reasons)
 
 
-def _undo(connection: sa.Connection) -> None:
-    clusterings = set(queries.ids_of(connection.execute(_clusterings())))
-    merged = {entry.id: entry for entry in queries.entries_where(connection, _E.phase == CLUSTER)}
+def _undo(connection: sa.Connection, reasons: Sequence[str]) -> None:
+    clusterings = set(queries.ids_of(connection.execute(_revisions(reasons))))
+    made = sa.and_(_E.phase.in_((CLUSTER, FUNCTION)), _E.revision.in_(clusterings))
+    merged = {entry.id: entry for entry in queries.entries_where(connection, made)}
     query = sa.select(_C.revision, _C.entry, _C.because).where(_C.change == "superseded", _C.revision.in_(clusterings))
     gave_way_to = {(row.revision, row.entry): row.because for row in connection.execute(query)}
-    retired = queries.entries_where(connection, _E.superseded_by.in_(clusterings), _E.phase != CLUSTER)
+    retired = queries.entries_where(connection, _E.superseded_by.in_(clusterings), sa.not_(made))
     back = [entry.id for entry in retired if _stands(entry, clusterings, merged, gave_way_to)]
     mine = sa.update(tables.entries)
     for part in batched(back, _CHUNK):
         connection.execute(mine.where(_E.id.in_(part)).values(superseded_by=None))
-    connection.execute(mine.where(_E.phase == CLUSTER, _E.superseded_by.is_(None)).values(superseded_by=_E.revision))
+    connection.execute(mine.where(made, _E.superseded_by.is_(None)).values(superseded_by=_E.revision))
+    calls_to_templates(connection)
 
 
 def _stands(
@@ -59,7 +68,7 @@ def _stands(
     return at is None or at.superseded_by is None
 
 
-def _clusterings() -> sa.Select[tuple[int]]:
-    """Revisions made by clustering, here or in an imported book."""
-    reasons = [prefix + word for prefix in ("", IMPORTED) for word in (CLUSTERED, DUPLICATES)]
-    return sa.select(_R.id).where(sa.or_(*(_R.reason.startswith(reason, autoescape=True) for reason in reasons)))
+def _revisions(reasons: Sequence[str]) -> sa.Select[tuple[int]]:
+    """Revisions for these reasons, here or in an imported book."""
+    wanted = [prefix + word for prefix in ("", IMPORTED) for word in reasons]
+    return sa.select(_R.id).where(sa.or_(*(_R.reason.startswith(reason, autoescape=True) for reason in wanted)))

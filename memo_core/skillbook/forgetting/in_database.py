@@ -6,12 +6,13 @@ import time
 
 import sqlalchemy as sa
 
-from memo_core.skillbook.model.entries import Forgotten, spoken
+from memo_core.skillbook.model.entries import PROGRAM_KINDS, Forgotten, spoken
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.origins import note_withdrawn
 from memo_core.skillbook.store.superseding import gave_way_to, restore
 from memo_core.skillbook.vectors.text_vectors import digest
-from memo_core.skillbook.writing.adding import CLUSTER, EDIT
+from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
+from memo_core.skillbook.writing.functions import calls_to_templates
 from memo_core.skillbook.writing.templates import succeed
 
 _F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c
@@ -22,7 +23,8 @@ def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[
     """Delete inside a write transaction. Returns the counts and the deleted texts. An entry stays if it also derives
     from somebody else's feedback, with two exceptions whose text may be the person's own: an entry that the person
     reworded is deleted and its predecessor becomes active again; and an entry into which clustering merged several
-    notes is deleted and the notes of the others become active again. Words that were imported with another laboratory's
+    notes, or a function made of several templates with its calls, is deleted and what the others taught becomes active
+    again. Words that were imported with another laboratory's
     book are deleted too and do not return with its next import, because their numbers stay in ``origins``.
     """
     return _forget(connection, who, _F.who == who)
@@ -52,12 +54,13 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
     own_wording = sa.and_(_E.phase == EDIT, _E.feedback.in_(theirs))
-    goes = sa.or_(_E.id.not_in(of_others), own_wording, _E.phase == CLUSTER)
+    goes = sa.or_(_E.id.not_in(of_others), own_wording, _E.phase.in_((CLUSTER, FUNCTION)))
     doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.kind, _E.text).where(_E.id.in_(of_them), goes)))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
     ]
+    calls_to_templates(connection, [row.id for row in doomed if row.kind == "function"])
     _forget_reasons(connection, ids)
     _forget_answers(connection, theirs)
     connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.feedback.in_(theirs)))
@@ -119,7 +122,7 @@ def _bring_back(connection: sa.Connection, entries: list[int], why: str) -> None
         revision = queries.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
         for entry in mine:
             restore(connection, revision, entry, why)
-        valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+        valid = queries.entries_where(connection, _E.key == key, _E.kind.in_(PROGRAM_KINDS), _E.superseded_by.is_(None))
         if len(valid) > 1:  # a revision of its own: one changes an entry once
             again = queries.insert(connection, tables.revisions, key=key, time=time.time(), reason="forget")
             for number in sorted((entry.id for entry in valid), reverse=True):

@@ -10,14 +10,19 @@ from typing import Literal
 import attrs
 
 from memo_core.errors import InvalidArgument
+from memo_core.skillbook.model.functions import LONGEST_CALL
 from memo_core.skillbook.model.keys import Key
 from memo_core.text.reading_limits import LONGEST_CODE, LONGEST_WORDS
 
-EntryKind = Literal["correction", "general", "template"]
+EntryKind = Literal["correction", "general", "template", "function", "call"]
+NOTE_KINDS = ("correction", "general")
+PROGRAM_KINDS = ("template", "call")  # of which each key has one for each way its things are built
+KINDS = (*NOTE_KINDS, "template", "function", "call")
 FeedbackKind = Literal["correction", "approval", "edit"]  # edit: the text that somebody put in place of an entry's
 Status = Literal["pending", "processed", "parked", "kept"]  # kept: nothing is to be made of it (a run of memo-s)
 Outcome = Literal["accepted", "reworded", "struck"]
 
+_WORD = re.compile(r"[^\W\d]+")
 _FUNCTION = re.compile(r'def (\w+)\([^()"\'#]*\)(?: -> \w+)?:\n\s+"""([^"\\]*)"""\s*\n')
 
 GLOBAL_KEY = Key("", ())  # all general statements share it
@@ -86,12 +91,12 @@ class KeptReadBack:
 
 @attrs.frozen
 class Entry:
-    """One correction, general statement or template. ``revision`` added it, ``superseded_by`` is the revision that
-    retired it."""
+    """One correction, general statement, template, function, or call of a function. ``revision`` added it,
+    ``superseded_by`` is the revision that retired it."""
 
     id: int
     kind: str  # EntryKind
-    key: Key  # GLOBAL_KEY for general statements
+    key: Key  # GLOBAL_KEY for general statements and functions
     text: str
     scene: str  # label of the scene it was taught in
     feedback: int | None  # where it came from
@@ -104,12 +109,14 @@ class Entry:
 
 def longest_entry(kind: str) -> int:
     """The most characters of an entry that goes into a prompt."""
-    return LONGEST_CODE if kind == "template" else LONGEST_WORDS
+    if kind == "call":
+        return LONGEST_CALL
+    return LONGEST_CODE if kind in ("template", "function") else LONGEST_WORDS
 
 
 def headline(kind: str, text: str) -> str:
-    """One line of an entry for a list: for a template, its function's name and the first line of its docstring."""
-    if kind != "template":
+    """One line of an entry for a list: for a template or function, its name and the first line of its docstring."""
+    if kind not in ("template", "function"):
         return " ".join(text.split())
     try:
         functions = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
@@ -123,9 +130,11 @@ def headline(kind: str, text: str) -> str:
 
 @lru_cache(maxsize=20_000)
 def spoken(kind: str, text: str) -> str:
-    """The text of an entry for comparison with other texts: for a template, its function's name and docstring, or else
-    its code."""
-    if kind != "template":
+    """The text of an entry for comparison with other texts: for a template or function, its name and docstring, or
+    else its code; for a call, its words."""
+    if kind == "call":
+        return " ".join(_WORD.findall(text.replace("_", " ")))
+    if kind not in ("template", "function"):
         return text
     if plain := _FUNCTION.match(text):  # as templates usually begin; parsing takes twenty times as long
         return " ".join([plain[1].replace("_", " "), *plain[2].split()])
@@ -150,6 +159,8 @@ class Stats:
     corrections: int
     general: int
     templates: int
+    functions: int
+    calls: int
     superseded: int
     characters: int  # of the valid entries
     generation: int

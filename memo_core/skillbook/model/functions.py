@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import ast
 import inspect
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Literal
 
 import attrs
 
+FunctionUse = Literal["call", "show", "off"]  # how a run uses functions: ``skillbook.functions``
 LONGEST_CALL = 300  # characters of a call
 MOST_LINES = 10  # of a function's docstring, which is all that a caller sees of it
 
@@ -42,6 +45,22 @@ class Call:
     function: str
     arguments: tuple[object, ...]
     keywords: tuple[tuple[str, object], ...]
+
+
+@attrs.frozen
+class GeneralFunction:
+    """A function that does the work of several programs, and the call that does the work of each."""
+
+    code: str
+    calls: tuple[tuple[int, str], ...]  # entry that holds the program, and the call
+
+    @property
+    def name(self) -> str:
+        return read_function(self.code).name
+
+    @property
+    def characters(self) -> int:
+        return len(self.code) + sum(len(call) for _, call in self.calls)
 
 
 @lru_cache(maxsize=1000)
@@ -92,6 +111,18 @@ def problem_with_call(function: Function, call: Call) -> str:
         return f"it calls {call.function}, and the function is {function.name}"
     try:
         function.parameters.bind(*call.arguments, **dict(call.keywords))
+    except TypeError as error:
+        return f"{function.signature} cannot be called so: {error}"
+    return ""
+
+
+def problem_with_arguments(function: Function, positional: int, keywords: Sequence[str | None]) -> str:
+    """Why the function does not take so many positional arguments and these keywords (None: ``**``, which may hold
+    anything), as one sentence; "" if it does."""
+    if None in keywords:
+        return ""
+    try:
+        function.parameters.bind(*range(positional), **dict.fromkeys(filter(None, keywords)))
     except TypeError as error:
         return f"{function.signature} cannot be called so: {error}"
     return ""

@@ -96,7 +96,7 @@ def read_keys(database: Database, vectors: TextVectors, key_vectors: KeyVectors)
     sizes = {kind: np.zeros(len(ids), np.int64) for kind in ("correction", "template")}
     for number, kind, size in counted:
         if number != everywhere:
-            sizes[kind][row_of[number]] = size
+            sizes[_AS_KIND.get(kind, kind)][row_of[number]] += size
     nothing = np.zeros((0, 0), np.float32)
     actions, objects = key_vectors.get(keys) if keys else (nothing, nothing)
     words = vectors.get([as_text(key) for key in keys]) if keys else nothing
@@ -119,8 +119,9 @@ def read_keys(database: Database, vectors: TextVectors, key_vectors: KeyVectors)
 _E = tables.entries.c
 _LISTED = sa.select(_E.id, _E.kind, _E.key, _E.text).where(_E.superseded_by.is_(None))
 _AMONG = _LISTED.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
+_AS_KIND = {"call": "template"}  # a call is retrieved like the template that it stands in for
 _UNDER = (
-    _LISTED.where(_E.kind == sa.bindparam("kind"), _E.key.in_(sa.bindparam("keys", expanding=True)))
+    _LISTED.where(_E.kind.in_(sa.bindparam("kinds", expanding=True)), _E.key.in_(sa.bindparam("keys", expanding=True)))
     .order_by(_E.id.desc())
     .limit(sa.bindparam("most"))
 )
@@ -135,10 +136,16 @@ class Row:
     key: int  # id of its key
     text: str
 
+    @property
+    def as_kind(self) -> str:
+        """The kind that it is ranked among."""
+        return _AS_KIND.get(self.kind, self.kind)
+
 
 def entries_under(connection: sa.Connection, kind: str, keys: np.ndarray, most: int) -> list[Row]:
-    """The newest ``most`` active entries of a kind under some keys (ids, int64)."""
-    rows = connection.execute(_UNDER, {"kind": kind, "keys": keys.tolist(), "most": most}).all()
+    """The newest ``most`` active entries of a kind, or retrieved like it, under some keys (ids, int64)."""
+    kinds = [kind, *(other for other, same in _AS_KIND.items() if same == kind)]
+    rows = connection.execute(_UNDER, {"kinds": kinds, "keys": keys.tolist(), "most": most}).all()
     return [Row(*row) for row in rows]
 
 

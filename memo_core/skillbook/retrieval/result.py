@@ -7,6 +7,7 @@ import attrs
 from memo_core import events
 from memo_core.skillbook.model.action_relations import Actions
 from memo_core.skillbook.model.entries import Entry, key_label
+from memo_core.skillbook.model.functions import as_template, read_function
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.provenance import Provenance
 
@@ -62,6 +63,27 @@ class RetrievedEntry:
 
 
 @attrs.frozen
+class RetrievedFunction:
+    """A function with those of its calls that were retrieved, best first."""
+
+    entry: Entry
+    calls: tuple[RetrievedEntry, ...]
+
+    @property
+    def signature(self) -> str:
+        return read_function(self.entry.text).signature
+
+    @property
+    def docstring(self) -> str:
+        return read_function(self.entry.text).docstring
+
+    def as_template(self) -> RetrievedEntry:
+        """The function with the arguments of its best call as defaults, as the template of that call's key."""
+        best = self.calls[0]
+        return attrs.evolve(best, entry=attrs.evolve(best.entry, text=as_template(self.entry.text, best.text)))
+
+
+@attrs.frozen
 class Cut:
     """A key whose entries were not, or not all, retrieved, and the rule that kept them out."""
 
@@ -86,15 +108,18 @@ class Retrieval:
     cut: tuple[Cut, ...] = ()  # nearest first
     generation: int = 0  # of the book
     sources: tuple[int, ...] = ()  # feedback that the entries derive from
+    functions: tuple[RetrievedFunction, ...] = ()  # best first
 
     @property
     def served(self) -> tuple[RetrievedEntry, ...]:
-        """All entries: corrections, general statements, templates."""
-        return self.corrections + self.general + self.templates
+        """All entries: corrections, general statements, templates, calls of functions."""
+        calls = tuple(call for function in self.functions for call in function.calls)
+        return self.corrections + self.general + self.templates + calls
 
     @property
     def entry_ids(self) -> tuple[int, ...]:
-        return tuple(one.entry.id for one in self.served)
+        """Ids of all entries, functions last."""
+        return (*(one.entry.id for one in self.served), *(one.entry.id for one in self.functions))
 
     def event(self) -> events.Retrieved:
         return events.Retrieved(

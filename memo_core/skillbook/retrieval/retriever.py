@@ -180,7 +180,7 @@ class Retriever:
 
     def _best(self, kind: str, query: _Query, keys: BookKeys, found: _Found) -> list[RetrievedEntry]:
         """The best few dozen candidates of a kind by score, and all that must be retrieved; not in order."""
-        rows = [row for row in found.rows if row.kind == kind]
+        rows = [row for row in found.rows if row.as_kind == kind]
         limit = self._settings.limit(kind)
         if not rows or not limit:
             return []

@@ -7,6 +7,7 @@ What was said was kept with the scene as it was seen then, so nothing needs to b
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -20,7 +21,7 @@ from memo_core.skillbook.vectors.text_vectors import PLACE_NAMES, PLACES, batche
 
 _F, _S = tables.feedback.c, tables.sources.c
 _SEEN_AT = (
-    sa.select(_S.entry, _F.id)
+    sa.select(_S.entry, _F.id, _F.subtask)
     .join(tables.feedback, _S.feedback == _F.id)
     .where(_S.entry.in_([sa.bindparam(name) for name in PLACE_NAMES]), _F.scene_graph != sa.literal_column("''"))
     .order_by(_F.id)
@@ -46,7 +47,7 @@ class BuiltAlike:
         by_id = {entry.id: entry for entry in entries}
         at: dict[int, int] = {}
         for part in batched(list(by_id), PLACES):
-            at |= {int(entry): int(feedback) for entry, feedback in self._database.fetch(_SEEN_AT, places(part))}
+            at |= _own_scene(self._database.fetch(_SEEN_AT, places(part)), by_id)
         wanted = {(feedback, by_id[entry].key.objects) for entry, feedback in at.items()}
         self._read([one for one in wanted if one not in self._known])
         found = {
@@ -70,23 +71,33 @@ class BuiltDifferently:
 
     def __init__(self, connection: sa.Connection, entries: Iterable[Entry]) -> None:
         by_id = {entry.id: entry for entry in entries}
-        last = (
-            sa.select(_S.entry, sa.func.max(_F.id).label("feedback"))
+        seen = (
+            sa.select(_S.entry, _F.id, _F.subtask)
             .join(tables.feedback, _S.feedback == _F.id)
             .where(_S.entry.in_(list(by_id)), _F.scene_graph != "")
-            .group_by(_S.entry)
-            .subquery()
+            .order_by(_F.id)
         )
-        query = sa.select(last.c.entry, _F.scene_graph).join(tables.feedback, last.c.feedback == _F.id)
-        self._built = {
-            int(entry): _structures(by_id[int(entry)].key.objects, str(scene))
-            for entry, scene in connection.execute(query)
-        }
+        at = _own_scene(connection.execute(seen).all(), by_id)
+        shown = sa.select(_F.id, _F.scene_graph).where(_F.id.in_(sorted(set(at.values()))))
+        scenes = {int(feedback): str(scene) for feedback, scene in connection.execute(shown)}
+        self._built = {entry: _structures(by_id[entry].key.objects, scenes[feedback]) for entry, feedback in at.items()}
 
     def __call__(self, one: int, other: int) -> bool:
         """False where it is not known how one of them is built."""
         value = _compared(self._built.get(one, ()), self._built.get(other, ()))
         return value is not None and value < _DIFFERENT
+
+
+def _own_scene(rows: Iterable[Sequence[Any]], entries: dict[int, Entry]) -> dict[int, int]:
+    """By entry the newest feedback whose scene is that of the entry: if possible one about its own subtask, since an
+    entry may also derive from what was said of others.
+
+    Args:
+        rows: entry, feedback, and subtask of the feedback, by ascending feedback.
+        entries: the entries by their ids.
+    """
+    ordered = sorted(rows, key=lambda row: str(row[2]) == str(entries[int(row[0])].key))
+    return {int(entry): int(feedback) for entry, feedback, _ in ordered}
 
 
 def _structures(objects: tuple[str, ...], scene: str) -> _Structures:

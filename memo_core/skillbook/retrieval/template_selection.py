@@ -1,42 +1,92 @@
-"""Selection of the ranked templates that are retrieved. A template is long, and one of little likeness misleads, so
-neither a number of them nor their order alone decides."""
+"""Selection of the ranked templates and functions that are retrieved. A template is long, and one of little likeness
+misleads, so neither a number of them nor their order alone decides."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import attrs
 
 from memo_core.skillbook.model.code_shape import code_shape
-from memo_core.skillbook.retrieval.result import Cut, Retrieval, RetrievedEntry
+from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.functions import read_function
+from memo_core.skillbook.retrieval.result import Cut, Retrieval, RetrievedEntry, RetrievedFunction
 from memo_core.skillbook.retrieval.score import TIE
 from memo_core.skillbook.retrieval.settings import RetrievalSettings
 
+MOST_CALLS = 4  # calls of one function that are retrieved
 
-def select_templates(found: Retrieval, settings: RetrievalSettings) -> Retrieval:
-    """``found`` with the best template and, in order, those others whose score is near its score, whose code is not
-    that of a better one (``code_shape``) and that fit what is left of ``template_characters``."""
-    selected: list[RetrievedEntry] = []
+
+@attrs.define
+class _Program:
+    """A template, or a function with its calls: what stands in the prompt once."""
+
+    code: str
+    first: RetrievedEntry
+    function: Entry | None = None
+    calls: list[RetrievedEntry] = attrs.field(factory=list)
+
+
+def select_templates(
+    found: Retrieval, settings: RetrievalSettings, functions: Mapping[int, Entry] | None = None
+) -> Retrieval:
+    """Select from the ranked templates and calls.
+
+    Selected are the best one and, in order, those others whose score is near its score, whose code is not that of a
+    better one (``code_shape``) and that fit what is left of ``template_characters``. Calls of one function count as one
+    program, which ranks as its best call; of two functions of one name the better is selected.
+
+    Args:
+        found: a retrieval whose ``templates`` are templates and calls, best first.
+        settings: retrieval settings.
+        functions: the function of each call, by the call's id; calls without one are left out.
+
+    Returns:
+        The retrieval with templates and functions apart, and what was cut.
+    """
+    selected: list[_Program] = []
     cut: list[Cut] = []
     for one in found.templates:
-        rule = _rule_against(one, selected, settings)
-        if rule:
+        function = (functions or {}).get(one.entry.id)
+        if one.entry.kind == "call" and function is None:
+            continue
+        same = next((other for other in selected if function and other.function == function), None)
+        if same is not None:
+            same.calls.append(one)
+            continue
+        program = _Program(function.text if function else one.text, one, function, [one])
+        if rule := _rule_against(program, selected, settings):
             cut.append(Cut(one.key, one.key_score, rule, one.action_cosine, one.objects_cosine, 1))
         else:
-            selected.append(attrs.evolve(one, rank=len(selected) + 1))
-    return attrs.evolve(found, templates=tuple(selected), cut=(*cut, *found.cut))
+            selected.append(program)
+    templates = [program.first for program in selected if program.function is None]
+    return attrs.evolve(
+        found,
+        templates=tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(templates, start=1)),
+        functions=tuple(
+            RetrievedFunction(program.function, tuple(program.calls[:MOST_CALLS]))
+            for program in selected
+            if program.function is not None
+        ),
+        cut=(*cut, *found.cut),
+    )
 
 
-def _rule_against(one: RetrievedEntry, better: list[RetrievedEntry], settings: RetrievalSettings) -> str:
-    """The rule that excludes a template after some better ones; "" for none."""
+def _rule_against(program: _Program, better: list[_Program], settings: RetrievalSettings) -> str:
+    """The rule that excludes a program after some better ones; "" for none."""
     if not better:
         return ""
-    if one.score < better[0].score - settings.template_reach - TIE:
+    if program.first.score < better[0].first.score - settings.template_reach - TIE:
         return f"more than {settings.template_reach:g} below the best template"
+    names = [other.function and read_function(other.function.text).name for other in better]
+    if program.function is not None and read_function(program.code).name in names:
+        return "a function of this name is retrieved already"
     if settings.fold_templates:
-        shape = code_shape(one.text)
-        same = next((other for other in better if code_shape(other.text) == shape), None)
+        shape = code_shape(program.code)
+        same = next((other for other in better if code_shape(other.code) == shape), None)
         if same is not None:
-            return f"the same code as template {same.entry.id}"
+            return f"the same code as {same.first.entry.kind} {same.first.entry.id}"
     most = settings.template_characters
-    if most is not None and sum(len(other.text) for other in (*better, one)) > most:
+    if most is not None and sum(len(other.code) for other in (*better, program)) > most:
         return f"beyond {most} characters of templates"
     return ""

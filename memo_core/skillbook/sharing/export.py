@@ -17,7 +17,7 @@ from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.origins import origins_of
 from memo_core.skillbook.writing.revising import kept_read_backs
 
-FORMAT = 3  # 1 has no origins, changes, uses and withdrawn rows, 2 no read-backs
+FORMAT = 4  # 1 has no origins, changes, uses and withdrawn rows, 2 no read-backs, 3 no functions
 # Kinds of records whose number the first record says, so that a file with lines missing is noticed.
 COUNTED = {"feedback": tables.feedback, "revision": tables.revisions, "entry": tables.entries}
 IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
@@ -52,6 +52,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
         entry: (phase, ordinal)
         for entry, phase, ordinal in connection.execute(sa.select(columns.id, columns.phase, columns.ordinal))
     }
+    links = _links(database, connection)
     for one in queries.each_entry(connection):
         fields = attrs.asdict(one, filter=lambda field, _: field.name != "key")
         phase, ordinal = places[one.id]
@@ -63,6 +64,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
             "ordinal": ordinal,
             "sources": sorted(sources.get(one.id, [])),
             "origin": list(of["entry"].origin(one.id)),
+            **links.get(one.id, {}),
         }
     for kept in kept_read_backs(database, connection):
         yield {"record": "read_back", **attrs.asdict(kept)}
@@ -79,6 +81,22 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
             yield {"record": "uses", "entry": use.entry, **_key(key.action, list(key.objects)), **counts}
     for book, number in sorted(of["feedback"].gone):
         yield {"record": "withdrawn", "kind": "feedback", "origin": [book, number]}
+
+
+def _links(database: Database, connection: sa.Connection) -> dict[int, dict[str, list[Any]]]:
+    """By entry: the functions that a call calls ("calls"), and a note's further keys ("keys": action, objects …)."""
+    found: dict[int, dict[str, list[Any]]] = {}
+    if database.has(connection, tables.calls):
+        query = sa.select(tables.calls.c.entry, tables.calls.c.function).order_by(tables.calls.c.function)
+        for entry, function in connection.execute(query):
+            found.setdefault(entry, {}).setdefault("calls", []).append(function)
+    if database.has(connection, tables.entry_keys):
+        further, keys = tables.entry_keys.c, tables.keys.c
+        named = sa.select(further.entry, keys.action, keys.objects).join(tables.keys, further.key == keys.id)
+        for entry, action, objects in connection.execute(named.order_by(further.entry, keys.id)):
+            key = queries.key_of(action, objects)
+            found.setdefault(entry, {}).setdefault("keys", []).append([key.action, *key.objects])
+    return found
 
 
 def _count(connection: sa.Connection, kind: str) -> int:

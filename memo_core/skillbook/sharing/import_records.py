@@ -131,7 +131,13 @@ def phase_of(record: dict[str, Any]) -> str:
 
 
 # -- what each field may be --------------------------------------------------------------------------------------------
-KINDS = {"correction": "feedback", "general": "feedback", "template": "template"}
+KINDS = {
+    "correction": "feedback",
+    "general": "feedback",
+    "template": "template",
+    "function": "function",
+    "call": "function",
+}
 Check = Callable[[Any], bool]
 
 
@@ -189,6 +195,10 @@ def _one_of(*names: str) -> Check:
     return lambda value: isinstance(value, str) and value in names
 
 
+def _keys(value: Any) -> bool:
+    return isinstance(value, list) and all(_texts(one) and len(one) > 1 for one in value)
+
+
 _KEYED: dict[str, Check] = {"action": _text, "objects": _texts}
 
 
@@ -244,7 +254,9 @@ _FIELDS: dict[str, dict[str, Check]] = {
 }
 _OPTIONAL: dict[str, Check] = {
     "origin": _origin,
-    "phase": _one_of("feedback", "template", "cluster", "edit"),
+    "phase": _one_of("feedback", "template", "cluster", "edit", "function"),
+    "calls": _numbers,
+    "keys": _keys,
     "ordinal": _whole,
     "counts": _counts,
 }

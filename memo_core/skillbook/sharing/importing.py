@@ -18,6 +18,7 @@ import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook.forgetting.in_database import forget_feedback
+from memo_core.skillbook.model.entries import PROGRAM_KINDS
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.sharing.export import IMPORTED
 from memo_core.skillbook.sharing.import_records import BadImport, ImportRecords, When, key_of, phase_of
@@ -26,7 +27,7 @@ from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.origins import Origin, origins_of
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.writing import templates
-from memo_core.skillbook.writing.adding import CLUSTER, EDIT
+from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
 from memo_core.skillbook.writing.key_aliases import join
 
 _F, _E, _C, _R, _B = tables.feedback.c, tables.entries.c, tables.changes.c, tables.revisions.c, tables.books.c
@@ -123,6 +124,8 @@ class _Merging:
             self._alias(record)
         for record in self._records.of("entry"):
             self._add(record)
+        for record in self._records.of("entry"):
+            self._link(record)
         self._change()
         for record in self._records.of("read_back"):
             self._read_back(record)
@@ -203,9 +206,22 @@ class _Merging:
             larger = {"uses": max(uses, stored.uses), "confirmed_uses": max(confirmed, stored.confirmed_uses)}
             self._connection.execute(sa.update(tables.entries).where(_E.id == here).values(**larger))
 
+    def _link(self, record: dict[str, Any]) -> None:
+        """Note which function a call calls, and the further keys of a note."""
+        here = self._local.get(record["id"])
+        if here is None:
+            return
+        for function in record.get("calls") or ():
+            if (there := self._local.get(function)) is not None:
+                values = {"entry": here, "function": there}
+                self._connection.execute(self._database.upsert(tables.calls).values(**values))
+        for action, *objects in record.get("keys") or ():
+            key = queries.key_id(self._connection, self._upsert, Key.make(action, *objects))
+            self._connection.execute(self._database.upsert(tables.entry_keys).values(entry=here, key=key))
+
     def _withdrawn_with(self, record: dict[str, Any], sources: list[int]) -> bool:
         """Whether an entry is deleted together with withdrawn feedback that it derives from, as in ``forget``."""
-        if phase_of(record) == CLUSTER and len(sources) < len(record["sources"]):
+        if phase_of(record) in (CLUSTER, FUNCTION) and len(sources) < len(record["sources"]):
             return True
         if phase_of(record) == EDIT and record["feedback"] not in self._heard:
             return True
@@ -244,7 +260,7 @@ class _Merging:
             self._processed(feedback)
         self._entries.note(self._connection, origin, here)
         self._counts["entries"] += 1
-        if record["kind"] == "template":
+        if record["kind"] in PROGRAM_KINDS:
             self._keys.add(key)
         return here
 
@@ -294,7 +310,7 @@ class _Merging:
                 restore(self._connection, revision, entry, record["why"])
             latest[entry] = when
             self._counts["changes"] += 1
-            if row.kind == "template":
+            if row.kind in PROGRAM_KINDS:
                 self._keys.add(key)
 
     def _read_back(self, record: dict[str, Any]) -> None:
@@ -334,7 +350,7 @@ class _Merging:
     def _elect(self) -> None:
         """Choose the one template that is served under each key, as without an import."""
         for key in sorted(self._keys):
-            mine = queries.entries_where(self._connection, _E.key == key, _E.kind == "template")
+            mine = queries.entries_where(self._connection, _E.key == key, _E.kind.in_(PROGRAM_KINDS))
             if not any(entry.superseded_by is None for entry in mine):
                 self._bring_back(key, [entry.id for entry in mine])
             templates.elect(self._database, self._connection, key, "import")

@@ -12,6 +12,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from memo_core.skillbook.model.entries import KINDS
 from memo_core.skillbook.store import tables
 
 _LAST_TIME = 253_402_300_799.0  # s since the epoch: the last second of the year 9999
@@ -19,7 +20,7 @@ _NUMBERS = ("schema_version", "generation", "uncounted", "dimension")  # of the 
 _ONE_OF = {
     ("feedback", "kind"): ("correction", "approval", "edit"),
     ("feedback", "status"): ("pending", "parked", "kept", "processed"),
-    ("entries", "kind"): ("correction", "general", "template"),
+    ("entries", "kind"): KINDS,
     ("changes", "change"): ("superseded", "restored", "joined"),
 }
 _NEEDED = ("schema_version", "book", "generation", "created")

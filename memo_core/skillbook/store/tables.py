@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-SCHEMA_VERSION = 6  # 2 to 6 have other caches, more tables and other indexes than those before, and nothing else:
+SCHEMA_VERSION = 7  # 2 to 7 have other caches, more tables, indexes and kinds than those before, and nothing else:
 # opening an older book for writing makes them, after a backup (memo_core.skillbook.store.database)
 
 metadata = sa.MetaData()
@@ -67,7 +67,7 @@ entries = sa.Table(
     "entries",
     metadata,
     sa.Column("id", _ID, primary_key=True),
-    sa.Column("kind", sa.String(20), nullable=False),  # correction, general, template
+    sa.Column("kind", sa.String(20), nullable=False),  # correction, general, template, function, call
     sa.Column("key", sa.ForeignKey("keys.id"), nullable=False, index=True),
     sa.Column("text", sa.Text, nullable=False),
     sa.Column("scene", sa.Text, nullable=False),
@@ -127,6 +127,28 @@ clusterings = sa.Table(  # which state of a key was clustered last: as long as t
     sa.Column("digest", sa.String(64), nullable=False),
     sa.Column("time", sa.Float, nullable=False),
     sa.Column("model", sa.Text, nullable=False),
+)
+
+groupings = sa.Table(  # which templates of several keys were considered together last: so they are not again
+    "groupings",
+    metadata,
+    sa.Column("digest", sa.String(64), primary_key=True),
+    sa.Column("time", sa.Float, nullable=False),
+    sa.Column("model", sa.Text, nullable=False),  # "" for what no model was asked about
+)
+
+calls = sa.Table(  # which function a call calls: of its versions the active one
+    "calls",
+    metadata,
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("function", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True, index=True),
+)
+
+entry_keys = sa.Table(  # further keys of a note that was said of several
+    "entry_keys",
+    metadata,
+    sa.Column("entry", sa.ForeignKey("entries.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("key", sa.ForeignKey("keys.id", ondelete="CASCADE"), primary_key=True, index=True),
 )
 
 records = sa.Table(  # how entries did when they were served to code for one key

@@ -16,6 +16,7 @@ from memo_core.skillbook.writing.feedback import set_status
 
 _F, _E = tables.feedback.c, tables.entries.c
 FEEDBACK, TEMPLATE, CLUSTER, EDIT = "feedback", "template", "cluster", "edit"  # phases that make entries
+FUNCTION = "function"  # the phase that makes functions and calls of templates
 
 
 def add_notes(
@@ -46,10 +47,11 @@ def add_template(
     code: str,
     scene: str,
     derived_from: Iterable[int],
+    function: int | None = None,
 ) -> Entry:
-    """Store the function made from approved code as the new version under its key. A second call for the same approval
-    changes nothing; if this code is the current version already, the approval is added to its sources. Raises
-    ``UnknownName``."""
+    """Store the function made from approved code, or a call of ``function``, as the new version under its key. A second
+    call for the same approval changes nothing; if this code is the current version already, the approval is added to
+    its sources. Raises ``UnknownName``."""
     if not code.strip():
         raise InvalidArgument("template", "an entry without text", "a text")
     there = _made_of(connection, approval, TEMPLATE)
@@ -62,7 +64,10 @@ def add_template(
             connection.execute(database.upsert(tables.sources).values(entry=known.id, feedback=source))
         set_status(connection, approval, "processed")
         return known
-    [added] = _insert(database, connection, approval, [("template", key, code)], scene, TEMPLATE, sources)
+    kind = "template" if function is None else "call"
+    [added] = _insert(database, connection, approval, [(kind, key, code)], scene, TEMPLATE, sources)
+    if function is not None:
+        queries.insert_plain(connection, tables.calls, entry=added, function=function)
     set_status(connection, approval, "processed")
     [entry] = _stored(connection, [added])
     under = connection.execute(sa.select(_E.key).where(_E.id == added)).scalar_one()

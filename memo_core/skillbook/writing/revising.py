@@ -19,6 +19,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import supersede
 from memo_core.skillbook.writing.adding import EDIT
+from memo_core.skillbook.writing.functions import calls_of, check_call, follow, functions_called
 
 _F, _E, _S, _B = tables.feedback.c, tables.entries.c, tables.sources.c, tables.read_backs.c
 _FIELDS = tuple(field.name for field in attrs.fields(KeptReadBack))
@@ -61,6 +62,12 @@ def edit(database: Database, connection: sa.Connection, entry: Entry, text: str,
         raise InvalidArgument("text", problem, f"a {entry.kind} of at most {longest_entry(entry.kind)} characters")
     if entry.kind == "template":
         _check_function(text)
+    elif entry.kind == "call":
+        for function in functions_called(database, connection, [entry.id]).values():
+            check_call(function.text, text)
+    elif entry.kind == "function":
+        for call in calls_of(database, connection, entry.id):
+            check_call(text, call.text)
     [added] = _change(database, connection, entry, Reaction(entry.id, "reworded", text), f"edit of {entry.id}", who)
     return added
 
@@ -68,6 +75,10 @@ def edit(database: Database, connection: sa.Connection, entry: Entry, text: str,
 def remove(database: Database, connection: sa.Connection, entry: Entry, who: str) -> None:
     """Retire an entry without a successor. Raises ``InvalidArgument`` for one that is superseded."""
     _check_valid(entry)
+    if entry.kind == "function" and (calls := calls_of(database, connection, entry.id)):
+        problem = f"{len(calls)} programs call it"
+        wanted = f"rolling back the revision that made it (memo skillbook rollback {entry.revision})"
+        raise InvalidArgument("entry", problem, wanted)
     _change(database, connection, entry, Reaction(entry.id, "struck"), f"removal of {entry.id}", who)
 
 
@@ -166,6 +177,7 @@ def _reworded(
     )
     for source in sorted({words, *sources}):
         queries.insert_plain(connection, tables.sources, entry=added, feedback=source)
+    follow(connection, entry.id, added)
     return added
 
 

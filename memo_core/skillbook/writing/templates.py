@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 import attrs
 import sqlalchemy as sa
 
-from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.structural_similarity import BuiltDifferently
 from memo_core.skillbook.store import queries, tables
@@ -82,14 +82,14 @@ def same_code(one: str, other: str) -> bool:
 
 def served_version(connection: sa.Connection, key: int, code: str) -> Entry | None:
     """The active version under a key that is exactly this code."""
-    valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    valid = queries.entries_where(connection, _E.key == key, _E.kind.in_(PROGRAM_KINDS), _E.superseded_by.is_(None))
     return next((entry for entry in valid if same_code(entry.text, code)), None)
 
 
 def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> None:
     """Make the version ``newest`` replace those under its key for things that are built alike, inside a write
     transaction."""
-    valid = queries.entries_where(connection, _E.key == key, _E.kind == "template", _E.superseded_by.is_(None))
+    valid = queries.entries_where(connection, _E.key == key, _E.kind.in_(PROGRAM_KINDS), _E.superseded_by.is_(None))
     differ = BuiltDifferently(connection, valid)
     for entry in valid:
         if entry.id != newest and not differ(newest, entry.id):
@@ -99,7 +99,7 @@ def succeed(connection: sa.Connection, key: int, revision: int, newest: int) -> 
 def elect(database: Database, connection: sa.Connection, key: int, reason: str) -> int | None:
     """Activate the best version under a key for each way its things are built, inside a write transaction; a version
     that was rolled back is not a candidate. Returns the revision, or None if nothing had to change."""
-    every = queries.entries_where(connection, _E.key == key, _E.kind == "template")
+    every = queries.entries_where(connection, _E.key == key, _E.kind.in_(PROGRAM_KINDS))
     gave_way = sa.select(_C.revision, _C.entry).where(
         _C.entry.in_([entry.id for entry in every]), _C.change == "superseded", _C.because.is_not(None)
     )

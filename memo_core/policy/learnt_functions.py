@@ -1,0 +1,106 @@
+"""Functions of the skillbook in a run: what the prompt shows of them, and programs that call them.
+
+A program that calls a function is completed with its text, so that what is run, judged, logged, approved and shown
+again later is one whole program, whose lines are those that errors name.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Collection, Sequence
+
+import attrs
+
+from memo_core.llm.readers import Unreadable, read_code
+from memo_core.skillbook.model.functions import Function, FunctionUse, problem_with_arguments, read_function
+from memo_core.skillbook.retrieval.result import RetrievedFunction
+from memo_core.skillbook.retrieval.retriever import Retrieval
+
+_BESIDE = ("look", "print")  # calls that do nothing to the world
+
+
+def as_used(found: Retrieval, use: FunctionUse, skills: Collection[str]) -> Retrieval:
+    """A retrieval whose functions are used as the settings say.
+
+    Args:
+        found: the retrieval.
+        use: ``call`` keeps functions that can be called; ``show`` turns each into a template of its best call; ``off``
+            leaves them out.
+        skills: names of the robot's functions; a learnt function with such a name is left out.
+
+    Returns:
+        The retrieval.
+    """
+    functions = tuple(one for one in found.functions if read_function(one.entry.text).name not in skills)
+    if use == "call":
+        return attrs.evolve(found, functions=functions)
+    shown = tuple(one.as_template() for one in functions if use == "show")
+    ranked = sorted((*found.templates, *shown), key=lambda one: -one.score)
+    templates = tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(ranked, start=1))
+    return attrs.evolve(found, templates=templates, functions=())
+
+
+def read_program(text: str, functions: Sequence[RetrievedFunction]) -> str:
+    """The program of an answer, completed with the functions that it calls.
+
+    Raises:
+        Unreadable: as ``read_code``; also if a function is called with arguments that it does not take.
+    """
+    code = read_code(text)
+    texts = {read_function(one.entry.text): one.entry.text for one in functions}
+    return completed(code, texts, text) if texts else code
+
+
+def completed(code: str, functions: dict[Function, str], answer: str = "") -> str:
+    """The code with the text of each function that it calls and does not define itself before it."""
+    tree = ast.parse(code)
+    own = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    known = {function.name: function for function in functions if function.name not in own}
+    used: list[Function] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and node.id in known and known[node.id] not in used:
+            used.append(known[node.id])
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in known:
+            problem = problem_with_arguments(known[node.func.id], len(node.args), [one.arg for one in node.keywords])
+            if problem and not any(isinstance(one, ast.Starred) for one in node.args):
+                raise Unreadable("code", f"line {node.lineno}: {problem}", answer)
+    return "\n\n\n".join([*(functions[one].strip("\n") for one in used), code.lstrip("\n")])
+
+
+def only_call(code: str, functions: Sequence[RetrievedFunction]) -> tuple[RetrievedFunction, str] | None:
+    """The function and the call, if a completed program does nothing but call one learnt function once.
+
+    Looking, printing and giving the result a name beside it do not count; the arguments must be literals.
+    """
+    texts = {one.entry.text.strip("\n"): one for one in functions}
+    for text, function in texts.items():
+        if code.startswith(text):
+            call = _only_call(code[len(text) :], read_function(text).name)
+            return (function, call) if call else None
+    return None
+
+
+def _only_call(code: str, name: str) -> str:
+    found = ""
+    for statement in ast.parse(code).body:
+        if not isinstance(statement, (ast.Expr, ast.Assign)) or not isinstance(statement.value, ast.Call):
+            return ""
+        call = statement.value
+        called = call.func.id if isinstance(call.func, ast.Name) else ""
+        if isinstance(statement, ast.Expr) and called in _BESIDE:
+            if any(isinstance(node, ast.Call) and node is not call for node in ast.walk(call)):
+                return ""
+            continue
+        if called != name or found or not _literal(call):
+            return ""
+        found = ast.unparse(call)
+    return found
+
+
+def _literal(call: ast.Call) -> bool:
+    try:
+        for value in [*call.args, *(keyword.value for keyword in call.keywords)]:
+            ast.literal_eval(value)
+    except (ValueError, TypeError):
+        return False
+    return all(keyword.arg for keyword in call.keywords)

@@ -1,0 +1,310 @@
+"""Storing functions with their calls in place of the programs that they were made of, inside a write transaction.
+
+Everything that one consolidation of a group changes is one revision. A call stands under the key of its program, with
+its record, and derives from all that the function derives from: if one person's part is withdrawn, function and calls
+go, and what the others taught becomes active again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+
+import attrs
+import sqlalchemy as sa
+
+from memo_core.errors import InvalidArgument, MemoError
+from memo_core.skillbook.model.entries import GLOBAL_KEY, NOTE_KINDS, PROGRAM_KINDS, Entry
+from memo_core.skillbook.model.functions import (
+    GeneralFunction,
+    NotACall,
+    NotAFunction,
+    as_template,
+    problem_with_call,
+    read_call,
+    read_function,
+)
+from memo_core.skillbook.store import queries, tables
+from memo_core.skillbook.store.database import Database
+from memo_core.skillbook.store.superseding import supersede
+from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
+
+FUNCTIONS = "functions"  # how the reasons of revisions begin that bring in functions
+SAME_WORDS = "the same words"  # of those that give a note several keys
+_E, _S, _C, _K = tables.entries.c, tables.sources.c, tables.calls.c, tables.entry_keys.c
+
+
+@attrs.define(auto_exc=True, eq=False)
+class GroupChanged(MemoError):
+    """The book changed while a group of programs was consolidated; nothing was written."""
+
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.problem}; nothing was written"
+
+
+@attrs.frozen
+class WiderNote:
+    """A note that holds for all keys of the notes that it was made of."""
+
+    text: str
+    of: tuple[int, ...]  # entries
+
+
+@attrs.frozen
+class GroupChange:
+    """What consolidating one group of programs changes.
+
+    Attributes:
+        functions: new functions; their calls name active templates or calls.
+        replaced: functions that the new ones replace.
+        inside: note and index of the function that does what it says at every call.
+        notes: notes with several keys in place of those that they were made of.
+        considered: all programs and notes of the group, left ones too: as long as they are the same, the group is not
+            considered again.
+    """
+
+    functions: tuple[GeneralFunction, ...] = ()
+    replaced: tuple[int, ...] = ()
+    inside: tuple[tuple[int, int], ...] = ()
+    notes: tuple[WiderNote, ...] = ()
+    considered: tuple[int, ...] = ()
+
+    @property
+    def gone(self) -> tuple[int, ...]:
+        """Entries that it retires."""
+        members = [entry for function in self.functions for entry, _ in function.calls]
+        return (
+            *members,
+            *self.replaced,
+            *(note for note, _ in self.inside),
+            *(n for one in self.notes for n in one.of),
+        )
+
+
+def store_group(
+    database: Database, connection: sa.Connection, change: GroupChange, reason: str, model: str = ""
+) -> int | None:
+    """Commit a change as one revision.
+
+    Args:
+        database: the book's database.
+        connection: a write transaction.
+        change: what changes; nothing: the group is only noted as considered.
+        reason: of the revision.
+        model: name of the model that proposed it.
+
+    Returns:
+        The revision; None if there was nothing to change.
+
+    Raises:
+        GroupChanged: if an entry that it retires is not active any more, or the name of a function is taken.
+    """
+    _check(connection, change)
+    note_considered(database, connection, change.considered, model)
+    if not change.gone:
+        return None
+    when = database.time_of_entry(connection)
+    revision = queries.insert(connection, tables.revisions, key=None, time=when, reason=reason)
+    entries = queries.entries_by_id(connection, change.gone)
+    everywhere = queries.key_id(connection, database.upsert(tables.keys), GLOBAL_KEY)
+    made: list[int] = []
+    for ordinal, function in enumerate(change.functions):
+        notes = [note for note, index in change.inside if index == ordinal]
+        of = _sources(connection, [entry for entry, _ in function.calls] + notes)
+        new = _Insert(connection, revision, when, of)
+        made.append(new.entry("function", everywhere, function.code, "", FUNCTION, len(made)))
+        for place, (member, text) in enumerate(function.calls):
+            call = new.entry("call", _key(connection, member), text, entries[member].scene, FUNCTION, place, member)
+            queries.insert_plain(connection, tables.calls, entry=call, function=made[-1])
+            supersede(connection, revision, member, f"{function.name} does it", call)
+        for note in notes:
+            supersede(connection, revision, note, f"{function.name} does that at every call", made[-1])
+    for old in change.replaced:
+        heir = _heir(connection, old, change, made)
+        supersede(connection, revision, old, "a newer version", heir)
+    for ordinal, wider in enumerate(change.notes):
+        _widen(connection, revision, when, wider, ordinal, entries)
+    database.next_generation(connection)
+    return revision
+
+
+def check_call(code: str, call: str) -> None:
+    """Raise ``InvalidArgument`` unless the text is a call that the function accepts."""
+    try:
+        problem = problem_with_call(read_function(code), read_call(call))
+    except (NotAFunction, NotACall) as error:
+        problem = str(error)
+    if problem:
+        raise InvalidArgument("call", problem, "one call of the function with literal arguments")
+
+
+def is_considered(database: Database, connection: sa.Connection, entries: Iterable[int]) -> bool:
+    """Whether a group of these programs and notes was considered already."""
+    where = tables.groupings.c.digest == _digest(entries)
+    return (
+        database.has(connection, tables.groupings)
+        and connection.execute(sa.select(tables.groupings.c.time).where(where)).first() is not None
+    )
+
+
+def note_considered(database: Database, connection: sa.Connection, entries: Iterable[int], model: str) -> None:
+    """Skip a group as long as it holds exactly these entries."""
+    values = {"digest": _digest(entries), "time": database.now(), "model": model}
+    connection.execute(database.upsert(tables.groupings).values(**values))
+
+
+def functions_called(database: Database, connection: sa.Connection, calls: Iterable[int]) -> dict[int, Entry]:
+    """The active function of each call, by the call's id; calls without one are left out."""
+    if not database.has(connection, tables.calls):
+        return {}
+    query = (
+        sa.select(_C.entry, _C.function)
+        .join(tables.entries, _C.function == _E.id)
+        .where(_C.entry.in_(list(calls)), _E.superseded_by.is_(None))
+        .order_by(_C.function)
+    )
+    function_of = {int(call): int(function) for call, function in connection.execute(query)}
+    functions = queries.entries_by_id(connection, sorted(set(function_of.values())))
+    return {call: functions[function] for call, function in function_of.items()}
+
+
+def calls_of(database: Database, connection: sa.Connection, function: int) -> list[Entry]:
+    """The active calls of a function."""
+    if not database.has(connection, tables.calls):
+        return []
+    mine = sa.select(_C.entry).where(_C.function == function)
+    return queries.entries_where(connection, _E.id.in_(mine), _E.superseded_by.is_(None))
+
+
+def follow(connection: sa.Connection, former: int, entry: int) -> None:
+    """Give a new version of a function the calls of the former one, and a new version of a call its functions; a note
+    its further keys."""
+    for row in connection.execute(sa.select(tables.calls).where(_C.function == former)).all():
+        queries.insert_plain(connection, tables.calls, entry=row.entry, function=entry)
+    for row in connection.execute(sa.select(tables.calls).where(_C.entry == former)).all():
+        queries.insert_plain(connection, tables.calls, entry=entry, function=row.function)
+    for row in connection.execute(sa.select(tables.entry_keys).where(_K.entry == former)).all():
+        queries.insert_plain(connection, tables.entry_keys, entry=entry, key=row.key)
+
+
+def calls_to_templates(connection: sa.Connection, without: Iterable[int] = ()) -> None:
+    """Make templates of the active calls none of whose functions is active, ``without`` these functions; their texts
+    are those of the newest function that they called."""
+    gone = sa.or_(_E.superseded_by.is_not(None), _E.id.in_(list(without)))
+    function = tables.entries.alias()
+    called = sa.select(_C.entry).join(function, _C.function == function.c.id)
+    alive = called.where(function.c.superseded_by.is_(None), function.c.id.not_in(list(without)))
+    for call in queries.entries_where(connection, _E.kind == "call", _E.superseded_by.is_(None), _E.id.not_in(alive)):
+        theirs = sa.select(_C.function).where(_C.entry == call.id)
+        functions = queries.entries_where(connection, _E.id.in_(theirs), gone)
+        if functions:
+            text = as_template(functions[-1].text, call.text)
+            mine = sa.update(tables.entries).where(_E.id == call.id)
+            connection.execute(mine.values(kind="template", text=text))
+
+
+def _check(connection: sa.Connection, change: GroupChange) -> None:
+    entries = queries.entries_by_id(connection, change.gone)
+    kinds: Mapping[int, Sequence[str]] = {
+        **{entry: PROGRAM_KINDS for one in change.functions for entry, _ in one.calls},
+        **{entry: ("function",) for entry in change.replaced},
+        **{entry: NOTE_KINDS for entry, _ in change.inside},
+        **{entry: ("correction",) for one in change.notes for entry in one.of},
+    }
+    for entry in change.gone:
+        if entry not in entries or entries[entry].superseded_by is not None:
+            raise GroupChanged(f"entry {entry} is not active any more")
+        if entries[entry].kind not in kinds[entry]:
+            raise GroupChanged(f"entry {entry} is a {entries[entry].kind}")
+    if len(set(change.gone)) < len(change.gone):
+        raise GroupChanged("an entry is named twice")
+    others = queries.entries_where(
+        connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(change.replaced)
+    )
+    taken = {read_function(entry.text).name for entry in others}
+    names = [function.name for function in change.functions]
+    for name in names:
+        if name in taken or names.count(name) > 1:
+            raise GroupChanged(f"the name {name} is taken by another function")
+
+
+@attrs.frozen
+class _Insert:
+    """Inserts entries of one revision that derive from the same feedback."""
+
+    connection: sa.Connection
+    revision: int
+    when: float
+    sources: Sequence[int]
+
+    def entry(
+        self, kind: str, key: int, text: str, scene: str, phase: str, ordinal: int, instead_of: int | None = None
+    ) -> int:
+        """The id of a new entry, with the uses and the record of the one that it stands in for."""
+        used = sa.select(_E.uses, _E.confirmed_uses, _E.created).where(_E.id == instead_of)
+        row = self.connection.execute(used).one_or_none() if instead_of is not None else None
+        entry = queries.insert(
+            self.connection,
+            tables.entries,
+            kind=kind,
+            key=key,
+            text=text,
+            scene=scene,
+            feedback=None,
+            phase=phase,
+            ordinal=ordinal,
+            revision=self.revision,
+            superseded_by=None,
+            uses=row.uses if row is not None else 0,
+            confirmed_uses=row.confirmed_uses if row is not None else 0,
+            created=row.created if row is not None else self.when,
+        )
+        for source in self.sources:
+            queries.insert_plain(self.connection, tables.sources, entry=entry, feedback=source)
+        records = tables.records.c
+        for record in self.connection.execute(sa.select(tables.records).where(records.entry == instead_of)).all():
+            queries.insert_plain(self.connection, tables.records, **{**record._mapping, "entry": entry})
+        return entry
+
+
+def _widen(
+    connection: sa.Connection, revision: int, when: float, wider: WiderNote, ordinal: int, entries: dict[int, Entry]
+) -> None:
+    """One note under all keys of those that it was made of; the first is its own."""
+    new = _Insert(connection, revision, when, _sources(connection, wider.of))
+    keys = list(dict.fromkeys(key for note in wider.of for key in _keys(connection, note)))
+    scenes = {entries[note].scene for note in wider.of}
+    newest = max(wider.of, key=lambda note: (entries[note].created, note))
+    scene = scenes.pop() if len(scenes) == 1 else ""
+    note = new.entry("correction", keys[0], wider.text, scene, CLUSTER, ordinal, newest)
+    for key in keys[1:]:
+        queries.insert_plain(connection, tables.entry_keys, entry=note, key=key)
+    for former in wider.of:
+        supersede(connection, revision, former, f"merged into {note}", note)
+
+
+def _heir(connection: sa.Connection, old: int, change: GroupChange, made: Sequence[int]) -> int | None:
+    """The new function that calls of a replaced one went to, if any."""
+    mine = set(queries.ids_of(connection.execute(sa.select(_C.entry).where(_C.function == old))))
+    taken = [sum(entry in mine for entry, _ in function.calls) for function in change.functions]
+    return made[taken.index(max(taken))] if taken and max(taken) else None
+
+
+def _key(connection: sa.Connection, entry: int) -> int:
+    return int(connection.execute(sa.select(_E.key).where(_E.id == entry)).scalar_one())
+
+
+def _keys(connection: sa.Connection, note: int) -> list[int]:
+    further = queries.ids_of(connection.execute(sa.select(_K.key).where(_K.entry == note).order_by(_K.key)))
+    return [_key(connection, note), *further]
+
+
+def _sources(connection: sa.Connection, entries: Iterable[int]) -> list[int]:
+    query = sa.select(_S.feedback).where(_S.entry.in_(list(entries))).distinct()
+    return sorted(queries.ids_of(connection.execute(query)))
+
+
+def _digest(entries: Iterable[int]) -> str:
+    return hashlib.sha256(",".join(map(str, sorted(entries))).encode()).hexdigest()[:40]
