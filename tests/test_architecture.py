@@ -60,7 +60,7 @@ SKILLBOOK_LEVELS = (
     ("sharing",),
     ("consolidation",),
     ("book",),
-    ("consolidating", "exchange", "history", "raw_log", "stats", "track_record"),
+    ("consolidating", "exchange", "functions", "history", "raw_log", "stats", "track_record"),
 )
 PACKAGES = sorted(
     ".".join(path.parent.relative_to(ROOT).parts)

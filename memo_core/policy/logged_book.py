@@ -70,6 +70,18 @@ class LoggedBook:
             lambda entry: self._write(entry, lambda book: book.add_template(approval, key, code, scene, derived_from)),
         )
 
+    def add_call(
+        self, approval: int, key: Key | str, call: str, function: int, scene: str, derived_from: Sequence[int]
+    ) -> Entry:
+        """As ``Skillbook.add_call``, which is idempotent."""
+        kind: Effect[Entry] = Effect(
+            "add a call", lambda entry: [entry.id], lambda ids: self._entries(ids)[0], outside=True
+        )
+        given = (approval, key, call, function, scene, derived_from)
+        return self._log.effect(
+            kind, f"approval {approval}", lambda entry: self._write(entry, lambda book: book.add_call(*given))
+        )
+
     def park(self, feedback_id: int, reason: str) -> None:
         """As ``Skillbook.park``, which is idempotent."""
         kind: Effect[None] = Effect("set feedback aside", outside=True)

@@ -22,9 +22,10 @@ from memo_core.events import CodeEnded, CodeWritten, Problem, SubtaskEnded, Subt
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Episode, Program, Proposal, Sighting, TaskEpisode
 from memo_core.llm.kept_calls import ASK
-from memo_core.llm.readers import Unreadable, read_code, read_plan
+from memo_core.llm.readers import Unreadable, read_plan
 from memo_core.policy import retrieving
 from memo_core.policy.attempt import Attempt, Tried
+from memo_core.policy.learnt_functions import read_program
 from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
 from memo_core.policy.logged_world import LoggedWorld
 from memo_core.policy.methods import Memory
@@ -67,6 +68,7 @@ class _Subtask:
             served.sources if served else (),
             attempt.printed,
             attempt.error,
+            served.functions if served else (),
         )
 
     def result(self, status: Status, problem: str = "") -> SubtaskResult:
@@ -326,7 +328,7 @@ class Loop:
         code, asked = self._questions.ask(
             "code",
             scene,
-            read_code,
+            partial(read_program, functions=served.functions),
             self._world.pictures,
             task=self._session.environment.instruction,
             subtask=str(at.key),
@@ -338,6 +340,14 @@ class Loop:
             competing=self._extensions.competing,
             general=general,
             templates=served.templates,
+            functions=[
+                {
+                    "signature": one.signature,
+                    "docstring": one.docstring,
+                    "calls": [{"key": call.key, "text": call.text} for call in one.calls],
+                }
+                for one in served.functions
+            ],
             attempts=tried,
             restart=self._restarts,
             tries=self._settings.repairs - repair,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import attrs
 import cattrs
 
 from memo_core.events import Problem
+from memo_core.policy.learnt_functions import as_used
 from memo_core.policy.logged_book import entries_of
 from memo_core.policy.methods import Memory
 from memo_core.policy.plan_feedback import is_of_plans
@@ -20,8 +22,10 @@ from memo_core.runlog.run_log import Effect
 from memo_core.scene.graph import SceneGraph
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import longest_entry
+from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import SubtaskContext
+from memo_core.skillbook.retrieval.result import RetrievedFunction
 from memo_core.skillbook.retrieval.retriever import Cut, Retrieval, RetrievedEntry
 
 _ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
@@ -33,7 +37,8 @@ def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> R
     if found is None:
         return Retrieval(key)
     corrections = tuple(one for one in found.corrections if not is_of_plans(one.entry.key))
-    found = attrs.evolve(found, corrections=corrections)
+    use: FunctionUse = "show" if session.functions == "call" and not session.llm.calls_functions else session.functions
+    found = as_used(attrs.evolve(found, corrections=corrections), use, session.skills)
     session.emit(found.event())
     return found
 
@@ -55,7 +60,7 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
     def work() -> Retrieval:
         with _ONE_AT_A_TIME:
-            return book.retrieve(key, context, clustered=memory.clusters)
+            return book.retrieve(key, context, clustered=memory.clusters, functions=session.functions != "off")
 
     def ask(_: int) -> Retrieval:
         found = abandonable(session.stop, "retrieval", work, late=lambda _: None)
@@ -65,6 +70,7 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
             corrections=found.corrections if memory.corrections else (),
             general=found.general if memory.general else (),
             templates=found.templates if memory.templates else (),
+            functions=found.functions if memory.templates else (),
         )
         return attrs.evolve(of_method, sources=tuple(book.sources(of_method.entry_ids)))
 
@@ -83,6 +89,7 @@ def _usable(session: Session, found: Retrieval) -> Retrieval:
         corrections=tuple(filter(_fits, found.corrections)),
         general=tuple(filter(_fits, found.general)),
         templates=tuple(filter(_fits, found.templates)),
+        functions=tuple(one for one in found.functions if len(one.entry.text) <= longest_entry(one.entry.kind)),
     )
 
 
@@ -167,7 +174,9 @@ def _keep(found: Retrieval) -> dict[str, Any]:
     rows = [cattrs.unstructure(one) | {"entry": one.entry.id} for one in found.served]
     parts = [len(found.corrections), len(found.general), len(found.templates)]
     cut = [[one.key, one.score, one.rule] for one in found.cut]
-    return {"served": rows, "parts": parts, "sources": list(found.sources), "cut": cut}
+    kept = {"served": rows, "parts": parts, "sources": list(found.sources), "cut": cut}
+    functions = [[one.entry.id, len(one.calls)] for one in found.functions]
+    return kept | ({"functions": functions} if functions else {})
 
 
 def _read(record: dict[str, Any], key: Key, book: Skillbook) -> Retrieval:
@@ -179,12 +188,11 @@ def _read(record: dict[str, Any], key: Key, book: Skillbook) -> Retrieval:
         )
         for entry, row in zip(entries_of(book, [row["entry"] for row in rows]), rows, strict=True)
     ]
-    first, second, _ = record["parts"]
-    return Retrieval(
-        key,
-        tuple(every[:first]),
-        tuple(every[first : first + second]),
-        tuple(every[first + second :]),
-        tuple(Cut(*cut) for cut in record["cut"]),
-        sources=tuple(record["sources"]),
+    of_kinds = iter(every)
+    corrections, general, templates = (tuple(islice(of_kinds, count)) for count in record["parts"])
+    functions = tuple(
+        RetrievedFunction(entries_of(book, [function])[0], tuple(islice(of_kinds, calls)))
+        for function, calls in record.get("functions", ())
     )
+    cut = tuple(Cut(*cut) for cut in record["cut"])
+    return Retrieval(key, corrections, general, templates, cut, sources=tuple(record["sources"]), functions=functions)

@@ -14,6 +14,7 @@ from memo_core.interfaces.teacher import Note as ReadNote
 from memo_core.llm.readers import Unreadable, read_code, read_template
 from memo_core.policy.attempt import Tried
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, ProcessedFeedback
+from memo_core.policy.learnt_functions import only_call
 from memo_core.policy.logged_book import BookWordStore, LoggedBook, feedback_of
 from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
 from memo_core.policy.methods import Memory
@@ -25,6 +26,7 @@ from memo_core.scene.name_corrections import UNKNOWN, read_name_corrections, say
 from memo_core.scene.scene_table import scene_table
 from memo_core.skillbook.model.entries import Entry, Feedback, FeedbackKind, Reaction, key_label
 from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.retrieval.result import RetrievedFunction
 from memo_core.skills.contract import documentation
 from memo_core.text.reading_limits import excerpt, too_long
 
@@ -66,6 +68,7 @@ class Judged:
     sources: tuple[int, ...] = ()
     printed: str = ""
     ended: str = ""  # what the code ended with, if it did
+    functions: tuple[RetrievedFunction, ...] = ()  # that it could call
 
 
 @attrs.define
@@ -255,6 +258,9 @@ class Teaching:
         approval = self._book.record_approval(lambda: self._record("approval", judged, heard.words), about)
         if not self._memory.templates or not judged.worked:
             return
+        if (called := only_call(judged.code, judged.functions)) is not None:
+            self._keep_call(approval, judged, *called)
+            return
         try:
             template, _ = self._questions.ask(
                 "template", judged.scene, read_template, subtask=about, code=judged.code, printed=judged.printed
@@ -272,6 +278,13 @@ class Teaching:
             return
         entry = self._book.add_template(approval, judged.key, template, judged.scene.label, judged.sources)
         self._session.emit(EntryStored(entry.id, entry.kind, about, entry.text, approval))
+
+    def _keep_call(self, approval: int, judged: Judged, function: RetrievedFunction, call: str) -> None:
+        """Keep an approved program that was one call of a learnt function as that call: no template need be made."""
+        assert self._book is not None
+        more = (judged.scene.label, judged.sources)
+        entry = self._book.add_call(approval, judged.key, call, function.entry.id, *more)
+        self._session.emit(EntryStored(entry.id, entry.kind, str(judged.key), entry.text, approval))
 
     def _record(self, kind: FeedbackKind, judged: Judged, words: str) -> int:
         assert self._raw is not None

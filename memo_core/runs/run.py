@@ -47,6 +47,7 @@ from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.runs.watching import WatchingTeacher
 from memo_core.sandbox.sandbox import Sandbox
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skills.skill import Skill
 
 LATE_CALLS_S = 1.0  # a call that was given up has so long to say what it cost before the run is summed up
@@ -138,6 +139,7 @@ class RunComponents:
     prompts: Prompts = attrs.field(factory=Prompts)
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
+    functions: FunctionUse = "call"
     time_is_up: Callable[[float, int, int], bool] | None = None  # see ``Person``
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
     attended: bool = False  # whether the run breaks off, to be resumed, when its teacher has left
@@ -235,6 +237,7 @@ def components_of(
         prompts=prompts_of(experiment),
         clustering=clustering,
         teaching=experiment.section("teaching"),
+        functions=experiment.section("skillbook").functions,
         images=experiment.section("policy").images,
     )
 
@@ -505,6 +508,7 @@ class _Run:
             person=person,
             seed=self.seed,
             teaching=made.teaching,
+            functions=made.functions,
             images=made.images,
             prompts=made.prompts,
             budget=self.budget,

@@ -537,8 +537,8 @@ class Skillbook:
         found = self._without_harm(found) if self.settings.notice_harm else found
         with self.database.read() as connection:
             calls = [one.entry.id for one in found.templates if one.entry.kind == "call"]
-            functions = functions_called(self.database, connection, calls) if calls else {}
-        return select_templates(found, self.settings, functions)
+            called = functions_called(self.database, connection, calls) if calls else {}
+        return select_templates(found, self.settings, called)
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Find the active entries whose texts are most similar to a text.

@@ -2,17 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
+from itertools import chain, count
+
 import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook.book import Skillbook
-from memo_core.skillbook.model.entries import Entry
-from memo_core.skillbook.model.functions import Function, read_function
+from memo_core.skillbook.consolidation.defaults import merge_by_defaults
+from memo_core.skillbook.model.entries import Entry, same_words
+from memo_core.skillbook.model.functions import Function, GeneralFunction, as_template, read_function, with_name
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.writing import functions
-from memo_core.skillbook.writing.functions import FUNCTIONS, GroupChange
+from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, GroupChange, GroupChanged, WiderNote
 
 _E = tables.entries.c
+
+
+@attrs.frozen
+class Consolidated:
+    """What was made of a group of entries of several keys: by a dry run what would be."""
+
+    change: GroupChange
+    members: tuple[Entry, ...]  # programs and notes that the change retires
+    functions: tuple[Entry, ...] = ()  # replaced
+    revision: int | None = None  # None: nothing was written
+
+    @property
+    def entries_before(self) -> int:
+        return len(self.members) + len(self.functions)
+
+    @property
+    def entries_after(self) -> int:
+        calls = sum(len(function.calls) for function in self.change.functions)
+        return len(self.change.functions) + calls + len(self.change.notes)
+
+    @property
+    def characters_before(self) -> int:
+        return sum(len(entry.text) for entry in (*self.members, *self.functions))
+
+    @property
+    def characters_after(self) -> int:
+        made = sum(function.characters for function in self.change.functions)
+        return made + sum(len(note.text) for note in self.change.notes)
 
 
 @attrs.frozen
@@ -56,3 +88,92 @@ def store(book: Skillbook, change: GroupChange, model: str = "") -> int | None:
     reason = f"{FUNCTIONS} by {model}" if model else FUNCTIONS
     with book.database.write() as connection:
         return functions.store_group(book.database, connection, change, reason, model)
+
+
+# -- what needs no model -----------------------------------------------------------------------------------------------
+def merge_programs(
+    book: Skillbook, taken: Collection[str], again: bool = False, commit: bool = True
+) -> list[Consolidated]:
+    """Make one function of programs of different keys that differ in the defaults of their parameters only.
+
+    A template that is like the function that others call becomes a further call of it.
+
+    Args:
+        book: the book.
+        taken: names that no function may have, such as those of the robot's functions.
+        again: also groups that were considered already, for instance before they were rolled back.
+        commit: False only returns what would be done.
+
+    Returns:
+        What was made, one revision each; groups that another process changed meanwhile are left out.
+
+    Raises:
+        ReadOnlyBook: if the book is open read-only and ``commit`` is true.
+    """
+    learnt = functions_of(book)
+    function_of = {call.id: one for one in learnt for call in one.calls}
+    programs = {entry.id: entry for entry in book.entries("template")}
+    programs |= {call.id: call for one in learnt for call in one.calls}
+    written = [_as_template(program, function_of.get(program.id)) for program in programs.values()]
+    reserved = {*taken, *(one.function.name for one in learnt)}
+    done = []
+    for found in merge_by_defaults(written, book.settings.actions, set(taken)):
+        ids = {program for program, _ in found.calls}
+        replaced = [one for one in learnt if ids & {call.id for call in one.calls}]
+        if len(replaced) > 1 or all(program in function_of for program in ids):
+            continue  # nothing new, or functions that somebody made alike
+        if any(call.id not in ids for one in replaced for call in one.calls):
+            continue
+        function = _renamed(found, replaced[0].function.name if replaced else None, reserved)
+        reserved.add(function.name)
+        considered = (*sorted(ids), *(one.entry.id for one in replaced))
+        change = GroupChange((function,), tuple(one.entry.id for one in replaced), considered=considered)
+        members = tuple(programs[program] for program, _ in function.calls)
+        done += _stored(book, Consolidated(change, members, tuple(one.entry for one in replaced)), again, commit)
+    return done
+
+
+def merge_notes(book: Skillbook, again: bool = False, commit: bool = True) -> list[Consolidated]:
+    """Make one note with several keys of corrections with the same words (but for case, spaces and the last full stop)
+    under different keys. Args and Returns as ``merge_programs``."""
+    groups: dict[str, list[Entry]] = {}
+    for entry in book.entries("correction"):
+        groups.setdefault(same_words(entry.text), []).append(entry)
+    done = []
+    for notes in groups.values():
+        if len({note.key for note in notes}) > 1:
+            ids = tuple(note.id for note in notes)
+            change = GroupChange(notes=(WiderNote(notes[-1].text, ids),), considered=ids)
+            done += _stored(book, Consolidated(change, tuple(notes)), again, commit, SAME_WORDS)
+    return done
+
+
+def _stored(
+    book: Skillbook, made: Consolidated, again: bool, commit: bool, reason: str = FUNCTIONS
+) -> Iterator[Consolidated]:
+    with book.database.read() as connection:
+        if not again and functions.is_considered(book.database, connection, made.change.considered):
+            return
+    if not commit:
+        yield made
+        return
+    try:
+        with book.database.write() as connection:
+            revision = functions.store_group(book.database, connection, made.change, reason)
+    except GroupChanged:
+        return  # another process was quicker
+    yield attrs.evolve(made, revision=revision)
+
+
+def _as_template(program: Entry, learnt: LearntFunction | None) -> Entry:
+    return program if learnt is None else attrs.evolve(program, text=as_template(learnt.entry.text, program.text))
+
+
+def _renamed(function: GeneralFunction, name: str | None, reserved: Collection[str]) -> GeneralFunction:
+    """The function under the name of the one that it replaces, or else under one that is not reserved."""
+    names = (f"{function.name}_{number}" for number in count(2))
+    free = name or next(one for one in chain([function.name], names) if one not in reserved)
+    if free == function.name:
+        return function
+    calls = tuple((program, f"{free}{call[len(function.name) :]}") for program, call in function.calls)
+    return GeneralFunction(with_name(function.code, free), calls)

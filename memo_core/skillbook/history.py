@@ -13,8 +13,9 @@ import sqlalchemy as sa
 
 from memo_core.errors import MemoError, UnknownName
 from memo_core.skillbook.book import Skillbook, meant
+from memo_core.skillbook.consolidation.condensing import CONDENSED
 from memo_core.skillbook.consolidation.rules import state_digest
-from memo_core.skillbook.model.entries import NOTE_KINDS, PROGRAM_KINDS, Entry
+from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
@@ -313,7 +314,7 @@ def _leave_as_it_is(connection: sa.Connection, key: int) -> None:
     state = connection.execute(sa.select(tables.clusterings.c.digest).where(where)).scalar()
     if state is None:
         return
-    valid = sa.select(_E.id).where(_E.key == key, _E.kind.in_(NOTE_KINDS), _E.superseded_by.is_(None))
+    valid = sa.select(_E.id).where(_E.key == key, CONDENSED, _E.superseded_by.is_(None))
     members = state_digest(queries.ids_of(connection.execute(valid)), ()).split(":")[0]
     rest = state.partition(":")[2]
     connection.execute(sa.update(tables.clusterings).where(where).values(digest=f"{members}:{rest}"))

@@ -70,7 +70,7 @@ def test_a_book_that_was_rolled_back_needs_no_second_reading(book):
     [clustering] = [one for one in history.revisions(book) if one.reason.startswith("cluster")]
     history.roll_back(book, clustering.id)
     assert {one.entry.id for one in book.retrieve("PICK_UP(red cube)", clustered=False).corrections} == set(notes)
-    assert book._unclustered is None
+    assert not book._copies
 
 
 @pytest.mark.parametrize("method", ["memo", "droc-v"])

@@ -8,10 +8,10 @@ from collections.abc import Collection
 import pytest
 from hypothesis import given, strategies as st
 
-from memo_core.skillbook.consolidation.defaults import Merge, merge_by_defaults
+from memo_core.skillbook.consolidation.defaults import merge_by_defaults
 from memo_core.skillbook.model.action_relations import default_actions
 from memo_core.skillbook.model.entries import Entry
-from memo_core.skillbook.model.functions import as_template, read_function
+from memo_core.skillbook.model.functions import GeneralFunction, NotAFunction, as_template, read_function
 from memo_core.skillbook.model.keys import Key
 
 BODY = """\
@@ -44,11 +44,11 @@ def templates(*given: tuple[str, str]) -> list[Entry]:
     ]
 
 
-def merges(*given: tuple[str, str], taken: Collection[str] = ()) -> list[Merge]:
+def merges(*given: tuple[str, str], taken: Collection[str] = ()) -> list[GeneralFunction]:
     return merge_by_defaults(templates(*given), default_actions(), taken)
 
 
-def merged(*given: tuple[str, str], taken: Collection[str] = ()) -> Merge:
+def merged(*given: tuple[str, str], taken: Collection[str] = ()) -> GeneralFunction:
     """The only merge, for which the guarantee is checked."""
     [merge] = merges(*given, taken=taken)
     assert [number for number, _ in merge.calls] == list(range(1, len(given) + 1))
@@ -246,10 +246,11 @@ def test_a_function_that_calls_itself_is_left_out() -> None:
     assert not merges(("OPEN(oven)", program(OVEN, body=again)), ("OPEN(fridge)", program(FRIDGE, body=again)))
 
 
-def test_a_group_is_dropped_if_its_function_cannot_be_written_anew() -> None:
+def test_a_function_whose_docstring_stands_in_its_header_is_not_merged() -> None:
     newest = f"def f(door='fridge',\n      angle=85): {DOCSTRING}; return work(door, angle)\n"
     older = f"def f(door='oven', angle=85):\n    {DOCSTRING}\n    return work(door, angle)\n"
-    assert read_function(newest)
+    with pytest.raises(NotAFunction, match="lines of its own"):
+        read_function(newest)
     assert not merges(("OPEN(oven)", older), ("OPEN(fridge)", newest))
 
 

@@ -132,7 +132,7 @@ def test_without_room_for_the_backup_nothing_is_changed(tmp_path: Path) -> None:
 
 def test_a_new_book_needs_no_backup(tmp_path: Path) -> None:
     filled(tmp_path / "book.db", 1)
-    assert not list(tmp_path.glob("*.backup")) and tables.SCHEMA_VERSION == 6
+    assert not list(tmp_path.glob("*.backup")) and tables.SCHEMA_VERSION == 7
 
 
 @pytest.mark.parametrize("url", ["sqlite:///book.db?mode=ro", "sqlite:///what?.db"])

@@ -251,7 +251,7 @@ KEYED = {"action": "open", "objects": ["jar"]}
     [
         ([], "nothing in it"),
         ([{"record": "entry"}], "does not begin with a book"),
-        ([BOOK | {"format": 4}], "format 4.*update"),
+        ([BOOK | {"format": 5}], "format 5.*update"),
         ([BOOK, {"record": "entri"}], "record 2: 'entri' is no kind"),
         ([BOOK, {"record": "feedback", "id": 1}], "feedback: kind: it is missing"),
         ([BOOK, {"record": "alias", "spelling": "OPEN(x)", "action": "open", "objects": []}], "record 2: alias"),

@@ -32,6 +32,7 @@ from memo_core.skillbook.vectors.key_vectors import KeyVectors
 from memo_core.skillbook.writing.templates import Records, records_of
 
 _E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
+CONDENSED = sa.and_(_E.kind.in_(NOTE_KINDS), _E.id.not_in(sa.select(tables.entry_keys.c.entry)))  # notes of one key
 _TIE = 1e-6
 CLUSTERED, DUPLICATES = "cluster", "duplicates"  # how the reasons of clustering's revisions begin
 
@@ -84,7 +85,7 @@ class Clusters:
 
     def _read(self, key: Key, number: int) -> Cluster:
         with self.database.read() as connection:
-            valid = (_E.superseded_by.is_(None), _E.kind.in_(NOTE_KINDS), _E.key == number)
+            valid = (_E.superseded_by.is_(None), _E.key == number, _is_condensed(self.database, connection))
             mine = queries.entries_where(connection, *valid)
         near = self.related.of(key)
         faulted = _faulted(key, near, self.records)
@@ -115,7 +116,8 @@ def find_clusters(
     ids: dict[int, list[int]] = {}
     with database.read() as connection:
         known = queries.keys_by_id(connection)
-        for number, entry in connection.execute(sa.select(_E.key, _E.id).where(valid, _E.kind.in_(NOTE_KINDS))):
+        notes = sa.select(_E.key, _E.id).where(valid, _is_condensed(database, connection))
+        for number, entry in connection.execute(notes):
             ids.setdefault(number, []).append(entry)
         templates = queries.entries_where(connection, valid, _E.kind == "template")
         clustered = _clustered(database, connection)
@@ -131,6 +133,11 @@ def find_clusters(
         if unchanged or key in failed or clustered.get(key) != state_digest(ids[number], theirs):
             keys.append((key, number, len(ids[number])))  # of the others, mostly all, nothing more need be read
     return Clusters(database, limits, order, unchanged, records, tuple(keys), related, clustered)
+
+
+def _is_condensed(database: Database, connection: sa.Connection) -> sa.ColumnElement[bool]:
+    """Whether an entry is a note of one key, also in a book of an older version that is open read-only."""
+    return CONDENSED if database.has(connection, tables.entry_keys) else _E.kind.in_(NOTE_KINDS)
 
 
 def _faulted(key: Key, near: Iterable[RelatedTemplate], records: Records) -> list[Entry]:
@@ -200,9 +207,7 @@ def _unchanged_key(connection: sa.Connection, cluster: Cluster) -> int:
     if not there or key is None or any(valid[entry].key != cluster.key for entry in read):
         raise ClusterChanged(cluster.label)
     if cluster.parts == 1:
-        now = connection.execute(
-            sa.select(_E.id).where(_E.key == key, _E.kind.in_(NOTE_KINDS), _E.superseded_by.is_(None))
-        )
+        now = connection.execute(sa.select(_E.id).where(_E.key == key, CONDENSED, _E.superseded_by.is_(None)))
         if set(queries.ids_of(now)) != read:
             raise ClusterChanged(cluster.label)
     return int(key)
@@ -281,7 +286,7 @@ def _state_now(connection: sa.Connection, cluster: Cluster, key: int) -> str:
     """The state after the cluster's own changes, without changes that others made in the meantime."""
     query = sa.select(_E.id).where(
         _E.key == key,
-        _E.kind.in_(NOTE_KINDS),
+        CONDENSED,
         _E.superseded_by.is_(None),
         sa.or_(_E.id.in_(cluster.whole), _E.phase == "cluster"),
     )

@@ -11,17 +11,9 @@ import attrs
 
 from memo_core.skillbook.model.action_relations import Actions
 from memo_core.skillbook.model.entries import Entry
-from memo_core.skillbook.model.functions import as_template, read_function, with_header
+from memo_core.skillbook.model.functions import GeneralFunction, as_template, read_function, with_header
 
 _UNREADABLE = (ValueError, TypeError, SyntaxError, RecursionError, MemoryError)
-
-
-@attrs.frozen
-class Merge:
-    """A function with the calls that do the work of the templates it was made from."""
-
-    code: str
-    calls: tuple[tuple[int, str], ...]  # id of each template, ascending, and the call that does its work
 
 
 @attrs.frozen(eq=False)
@@ -32,7 +24,9 @@ class _Template:
     shape: str  # equal for templates that may be merged
 
 
-def merge_by_defaults(templates: Sequence[Entry], actions: Actions, taken: Collection[str] = ()) -> list[Merge]:
+def merge_by_defaults(
+    templates: Sequence[Entry], actions: Actions, taken: Collection[str] = ()
+) -> list[GeneralFunction]:
     """Merge templates of at least two keys whose code is equal but for name, docstring, annotations and defaults.
 
     The function has the newest template's body and annotations, and the commonest name, docstring and defaults (the
@@ -46,8 +40,9 @@ def merge_by_defaults(templates: Sequence[Entry], actions: Actions, taken: Colle
         taken: names that no function may get, such as those of skills and of other functions.
 
     Returns:
-        Merges in the order of their smallest id. ``as_template`` makes each template's code from its call again, but
-        for name, docstring, annotations, comments and layout; code and calls together are shorter than the templates.
+        The functions with their calls, in the order of their smallest id. ``as_template`` makes each template's code
+        from its call again, but for name, docstring, annotations, comments and layout; code and calls together are
+        shorter than the templates.
     """
     groups: dict[tuple[str, str], list[_Template]] = {}
     for entry in sorted(templates, key=lambda one: one.id):
@@ -76,7 +71,7 @@ def _read(entry: Entry) -> _Template | None:
     return None if function.name in _used(function) else _Template(entry, function, values, shape)
 
 
-def _merged(group: Sequence[_Template], taken: Collection[str]) -> Merge | None:
+def _merged(group: Sequence[_Template], taken: Collection[str]) -> GeneralFunction | None:
     """The function and calls of templates in ascending order of ids, or None if they would not replace them."""
     newest = group[-1]
     common = _commonest([one.function.name for one in group])
@@ -93,7 +88,7 @@ def _merged(group: Sequence[_Template], taken: Collection[str]) -> Merge | None:
     except _UNREADABLE:
         return None
     shorter = len(code) + sum(len(call) for _, call in calls) < sum(len(one.entry.text) for one in group)
-    return Merge(code, tuple(calls)) if same and shorter else None
+    return GeneralFunction(code, tuple(calls)) if same and shorter else None
 
 
 def _defaults(group: Sequence[_Template]) -> dict[str, str]:

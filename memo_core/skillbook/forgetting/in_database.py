@@ -17,6 +17,7 @@ from memo_core.skillbook.writing.templates import succeed
 
 _F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c
 _CHUNK = 500
+_KEYS_OF_ENTRIES = sa.union(sa.select(_E.key), sa.select(tables.entry_keys.c.key))
 
 
 def forget_person(connection: sa.Connection, who: str) -> tuple[Forgotten, list[str]]:
@@ -80,7 +81,7 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
         connection.execute(sa.delete(tables.vectors).where(tables.vectors.c.digest.in_(digests)))
     _drop_orphans(connection)
     counted = tables.keys.c.id.in_(sa.select(tables.records.c.key))  # what entries did for it is still evidence
-    unused = sa.and_(tables.keys.c.id.not_in(sa.select(_E.key)), sa.not_(counted))
+    unused = sa.and_(tables.keys.c.id.not_in(_KEYS_OF_ENTRIES), sa.not_(counted))
     keys = connection.execute(sa.delete(tables.keys).where(unused, tables.keys.c.action != "")).rowcount
     return Forgotten(who, feedback, len(ids), keys), gone
 
@@ -134,5 +135,5 @@ def _drop_orphans(connection: sa.Connection) -> None:
     retiring = sa.select(_E.superseded_by).where(_E.superseded_by.is_not(None))
     used = sa.union(sa.select(_E.revision), retiring, sa.select(_C.revision))
     connection.execute(sa.delete(tables.revisions).where(_R.id.not_in(used)))
-    empty_keys = sa.select(tables.keys.c.id).where(tables.keys.c.id.not_in(sa.select(_E.key)))
+    empty_keys = sa.select(tables.keys.c.id).where(tables.keys.c.id.not_in(_KEYS_OF_ENTRIES))
     connection.execute(sa.delete(tables.aliases).where(tables.aliases.c.key.in_(empty_keys)))

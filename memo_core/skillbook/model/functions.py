@@ -161,6 +161,13 @@ def as_template(code: str, call: str) -> str:
     return with_header(code, node)
 
 
+def with_name(code: str, name: str) -> str:
+    """The code with another name of its function."""
+    node = _definition(code)
+    node.name = name
+    return with_header(code, node)
+
+
 def with_header(code: str, function: ast.FunctionDef) -> str:
     """The code with the first line of its function (``def name(…):``) written anew from ``function``, and everything
     else as it is, comments included."""
@@ -186,7 +193,8 @@ def _definition(code: str) -> ast.FunctionDef:
     if len(functions) != 1 or others:
         raise NotAFunction(f"the code must be a single function, with what it needs inside it ({len(functions)} found)")
     [function] = functions
-    if function.decorator_list or function.body[0].lineno == function.lineno:
+    first = function.body[0]
+    if function.decorator_list or code.splitlines()[first.lineno - 1][: first.col_offset].strip():
         raise NotAFunction(f"the function {function.name} must be a plain def with its body on lines of its own")
     return function
 

@@ -47,6 +47,7 @@ class BookKeys:
     total: int  # active entries, general statements included
     global_id: int | None  # id of the global key, if it has entries
     aliases: dict[str, Key]
+    several: bool  # whether an active note has several keys
     failing: frozenset[int]  # templates that fail when they are run again in a simulator
     actions: np.ndarray  # unit vectors, float32 (n, d)
     objects: np.ndarray  # unit vectors: moved objects, then destination, float32 (n, 2 d)
@@ -56,6 +57,10 @@ class BookKeys:
     def row_of(self) -> dict[int, int]:
         """Row by id."""
         return {key: row for row, key in enumerate(self.ids.tolist())}
+
+    def of(self, number: int) -> Key:
+        """The key with this id."""
+        return self.keys[self.row_of[number]]
 
     def opposite(self, action: str, relations: Actions) -> np.ndarray:
         """Whether each key's action undoes ``action``, bool (n,)."""
@@ -88,13 +93,15 @@ def read_keys(database: Database, vectors: TextVectors, key_vectors: KeyVectors)
     with database.read() as connection:
         meta = database.meta(connection)
         counted, known = queries.group_sizes(connection), queries.keys_by_id(connection)
+        further = connection.execute(_FURTHER_SIZES).all() if database.has(connection, tables.entry_keys) else []
         aliases, failing = queries.alias_rows(connection), all_failing(database, connection)
     everywhere = next((number for number, _, _ in counted if known[number] == GLOBAL_KEY), None)
-    ids = sorted({number for number, _, _ in counted if number != everywhere})
+    under = [*counted, *((int(key), str(kind), int(size)) for key, kind, size in further)]
+    ids = sorted({number for number, _, _ in under if number != everywhere})
     keys = [known[number] for number in ids]
     row_of = {number: row for row, number in enumerate(ids)}
     sizes = {kind: np.zeros(len(ids), np.int64) for kind in ("correction", "template")}
-    for number, kind, size in counted:
+    for number, kind, size in under:
         if number != everywhere:
             sizes[_AS_KIND.get(kind, kind)][row_of[number]] += size
     nothing = np.zeros((0, 0), np.float32)
@@ -109,6 +116,7 @@ def read_keys(database: Database, vectors: TextVectors, key_vectors: KeyVectors)
         sum(size for _, _, size in counted),
         everywhere,
         aliases,
+        bool(further),
         failing,
         actions,
         objects,
@@ -117,8 +125,22 @@ def read_keys(database: Database, vectors: TextVectors, key_vectors: KeyVectors)
 
 
 _E = tables.entries.c
+_K = tables.entry_keys.c
 _LISTED = sa.select(_E.id, _E.kind, _E.key, _E.text).where(_E.superseded_by.is_(None))
 _AMONG = _LISTED.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
+_FURTHER = (  # the same for the further keys of notes that were said of several
+    sa.select(_E.id, _E.kind, _K.key, _E.text).join(tables.entries, _K.entry == _E.id).where(_E.superseded_by.is_(None))
+)
+_AMONG_FURTHER = _FURTHER.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
+_UNDER_FURTHER = _FURTHER.where(
+    _E.kind == sa.bindparam("kind"), _K.key.in_(sa.bindparam("keys", expanding=True))
+).limit(sa.bindparam("most"))
+_FURTHER_SIZES = (
+    sa.select(_K.key, _E.kind, sa.func.count())
+    .join(tables.entries, _K.entry == _E.id)
+    .where(_E.superseded_by.is_(None))
+    .group_by(_K.key, _E.kind)
+)
 _AS_KIND = {"call": "template"}  # a call is retrieved like the template that it stands in for
 _UNDER = (
     _LISTED.where(_E.kind.in_(sa.bindparam("kinds", expanding=True)), _E.key.in_(sa.bindparam("keys", expanding=True)))
@@ -142,13 +164,23 @@ class Row:
         return _AS_KIND.get(self.kind, self.kind)
 
 
-def entries_under(connection: sa.Connection, kind: str, keys: np.ndarray, most: int) -> list[Row]:
-    """The newest ``most`` active entries of a kind, or retrieved like it, under some keys (ids, int64)."""
+def entries_under(
+    connection: sa.Connection, kind: str, keys: np.ndarray, most: int, several: bool = False
+) -> list[Row]:
+    """The newest ``most`` active entries of a kind, or retrieved like it, under some keys (ids, int64).
+
+    With ``several`` also notes under a further key of theirs.
+    """
     kinds = [kind, *(other for other, same in _AS_KIND.items() if same == kind)]
-    rows = connection.execute(_UNDER, {"kinds": kinds, "keys": keys.tolist(), "most": most}).all()
+    rows = list(connection.execute(_UNDER, {"kinds": kinds, "keys": keys.tolist(), "most": most}))
+    if several:
+        rows += connection.execute(_UNDER_FURTHER, {"kind": kind, "keys": keys.tolist(), "most": most}).all()
     return [Row(*row) for row in rows]
 
 
-def entries_among(connection: sa.Connection, ids: np.ndarray) -> list[Row]:
-    """The active ones of some entries (ids, int64)."""
-    return [Row(*row) for row in connection.execute(_AMONG, {"ids": ids.tolist()}).all()]
+def entries_among(connection: sa.Connection, ids: np.ndarray, several: bool = False) -> list[Row]:
+    """The active ones of some entries (ids, int64); with ``several`` once for each of its keys."""
+    rows = list(connection.execute(_AMONG, {"ids": ids.tolist()}))
+    if several:
+        rows += connection.execute(_AMONG_FURTHER, {"ids": ids.tolist()}).all()
+    return [Row(*row) for row in rows]

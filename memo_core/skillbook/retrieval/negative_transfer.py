@@ -82,7 +82,7 @@ def withhold(
     cut: list[Cut] = []
 
     def stays(served: RetrievedEntry) -> bool:
-        own = served.entry.key
+        own = served.about
         if own == query or served.entry.id not in harm:
             return True
         mine = _alikeness(query, [own], key_vectors, weights)[own]

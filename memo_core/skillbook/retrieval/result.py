@@ -47,10 +47,16 @@ class RetrievedEntry:
     exchanged: float = 0.0  # x(q, v): how far its key has the subtask's objects in exchanged roles
     alike: str = ""  # how its key compares with the subtask, one of ``ALIKE``; "" for general statements
     origin: str = ""  # how the prompt introduces it
+    under: str = ""  # of a note with several keys, the one that it was retrieved under, if it is not its first
+
+    @property
+    def about(self) -> Key:
+        """The key that it was retrieved under."""
+        return Key.parse(self.under) if self.under else self.entry.key
 
     @property
     def key(self) -> str:
-        return key_label(self.entry.key)
+        return self.under or key_label(self.entry.key)
 
     @property
     def text(self) -> str:

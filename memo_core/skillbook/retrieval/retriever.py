@@ -155,15 +155,22 @@ class Retriever:
         if keys.global_id is not None and settings.general:
             listed += entries_under(connection, "general", np.array([keys.global_id]), UNDER_KEYS)
         undoing = set(keys.ids[query.opposite].tolist())
-        listed += [row for row in entries_among(connection, proposed) if row.key not in undoing]
+        listed += [row for row in entries_among(connection, proposed, keys.several) if row.key not in undoing]
         gripping = self._about_gripping(connection, query, keys)
         last: list[int] = []
         if settings.newest and settings.corrections:
             own = keys.ids[(query.scores.scores >= 1 - TIE) & ~query.opposite]
             last = newest_of_people(self._database, connection, own.tolist(), settings.corrections)
-            listed += entries_among(connection, np.array(last, np.int64))
-        rows = {row.id: row for row in (*gripping, *listed)}
+            listed += entries_among(connection, np.array(last, np.int64), keys.several)
+        rows = {row.id: row for row in self._nearest_last(query, keys, [*gripping, *listed])}
         return _Found([*rows.values()], frozenset(last), frozenset(row.id for row in gripping))
+
+    def _nearest_last(self, query: _Query, keys: BookKeys, rows: list[Row]) -> list[Row]:
+        """Rows in their order, of a note with several keys the nearest last."""
+        if not keys.several:
+            return rows
+        score = {key: float(query.scores.scores[row]) for key, row in keys.row_of.items()}
+        return sorted(rows, key=lambda row: score.get(row.key, 0.0))
 
     def _about_gripping(self, connection: sa.Connection, query: _Query, keys: BookKeys) -> list[Row]:
         """Remarks about how to hold a thing, made at an action that undoes this one: how hard to grip is often noticed
@@ -204,6 +211,7 @@ class Retriever:
                 float(terms.overlap[n]),
                 passes=bool(terms.key[n] >= self._settings.cut - TIE),
                 exchanged=float(terms.exchanged[n]),
+                under="" if entries[rows[n].id].key == keys.of(rows[n].key) else str(keys.of(rows[n].key)),
             )
             for n in best
             if rows[n].id in entries
@@ -303,7 +311,7 @@ class Retriever:
                     one,
                     rank=rank,
                     provenance=known.get(one.entry.id, Provenance()),
-                    alike=alike(query.key, one.entry.key, self._actions) if one.entry.key.objects else "",
+                    alike=alike(query.key, one.about, self._actions) if one.entry.key.objects else "",
                 )
                 for rank, one in enumerate(some, start=1)
             )
@@ -352,9 +360,10 @@ def _under(connection: sa.Connection, kind: str, keys: BookKeys, rows: np.ndarra
     before = np.cumsum(sizes) - sizes
     whole = rows[before + sizes <= UNDER_KEYS]
     partly = rows[(before < UNDER_KEYS) & (before + sizes > UNDER_KEYS)]
-    found = entries_under(connection, kind, keys.ids[whole], UNDER_KEYS) if len(whole) else []
+    several = keys.several and kind == "correction"
+    found = entries_under(connection, kind, keys.ids[whole], UNDER_KEYS, several) if len(whole) else []
     if len(partly):
-        found += entries_under(connection, kind, keys.ids[partly], UNDER_KEYS - len(found))
+        found += entries_under(connection, kind, keys.ids[partly], max(0, UNDER_KEYS - len(found)), several)
     return found
 
 

@@ -289,7 +289,8 @@ def _heir(connection: sa.Connection, old: int, change: GroupChange, made: Sequen
     """The new function that calls of a replaced one went to, if any."""
     mine = set(queries.ids_of(connection.execute(sa.select(_C.entry).where(_C.function == old))))
     taken = [sum(entry in mine for entry, _ in function.calls) for function in change.functions]
-    return made[taken.index(max(taken))] if taken and max(taken) else None
+    most = max(taken, default=0)
+    return made[taken.index(most)] if most else None
 
 
 def _key(connection: sa.Connection, entry: int) -> int:

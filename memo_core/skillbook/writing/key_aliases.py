@@ -168,6 +168,11 @@ def _move(database: Database, connection: sa.Connection, old: int, target: int, 
     connection.execute(sa.delete(tables.records).where(records.key == old, records.entry.in_(both)))
     connection.execute(sa.update(tables.records).where(records.key == old).values(key=target))
     connection.execute(sa.delete(tables.clusterings).where(clusterings.key == old))
+    further = tables.entry_keys.c
+    for note in queries.ids_of(connection.execute(sa.select(further.entry).where(further.key == old))):
+        connection.execute(database.upsert(tables.entry_keys).values(entry=note, key=target))
+    home = sa.select(entries.id).where(entries.key == target)
+    connection.execute(sa.delete(tables.entry_keys).where(further.key == target, further.entry.in_(home)))
     connection.execute(sa.update(tables.revisions).where(tables.revisions.c.key == old).values(key=target))
     connection.execute(sa.update(tables.aliases).where(tables.aliases.c.key == old).values(key=target))
     connection.execute(sa.delete(tables.keys).where(tables.keys.c.id == old))

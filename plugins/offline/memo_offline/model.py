@@ -19,6 +19,7 @@ class OfflineModel(LanguageModel):
 
     name = "offline"
     deterministic = True
+    calls_functions = False
 
     def __init__(self) -> None:
         self._imagination = Imagination()
