@@ -116,7 +116,7 @@ def merge_programs(
     programs |= {call.id: call for one in learnt for call in one.calls}
     written = [_as_template(program, function_of.get(program.id)) for program in programs.values()]
     reserved = {*taken, *(one.function.name for one in learnt)}
-    done = []
+    done: list[Consolidated] = []
     for found in merge_by_defaults(written, book.settings.actions, set(taken)):
         ids = {program for program, _ in found.calls}
         replaced = [one for one in learnt if ids & {call.id for call in one.calls}]
@@ -139,7 +139,7 @@ def merge_notes(book: Skillbook, again: bool = False, commit: bool = True) -> li
     groups: dict[str, list[Entry]] = {}
     for entry in book.entries("correction"):
         groups.setdefault(same_words(entry.text), []).append(entry)
-    done = []
+    done: list[Consolidated] = []
     for notes in groups.values():
         if len({note.key for note in notes}) > 1:
             ids = tuple(note.id for note in notes)

@@ -16,6 +16,8 @@ import pytest
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.process.worker_processes import WorkersDied, in_processes
 
+pytestmark = pytest.mark.process  # also pgrep, by which joblib finds the children of a worker
+
 
 def die_once(folder, number):
     mark = folder / f"died-{number}"
