@@ -137,7 +137,7 @@ class Generalised:
 def stays(group: Group, proposal: Generalised) -> tuple[Entry, ...]:
     """The functions of the group that stay as they are, because calls of them are left."""
     called = {group.members[one.number - 1].calls for one in proposal.left}
-    return tuple(entry for entry in group.functions if _name_of(entry) in called)
+    return tuple(entry for entry in group.functions if name_of(entry) in called)
 
 
 def problem_with(group: Group, proposal: Generalised, skill_names: Collection[str], taken: Collection[str]) -> str:
@@ -152,7 +152,7 @@ def problem_with(group: Group, proposal: Generalised, skill_names: Collection[st
     Returns:
         The first problem; "" if there is none.
     """
-    own = {_name_of(entry) for entry in group.functions}
+    own = {name_of(entry) for entry in group.functions}
     return (
         _problem_with_functions(proposal, {*skill_names, *dir(builtins)}, {*taken} - own)
         or _problem_with_calls(proposal)
@@ -351,7 +351,8 @@ def _problem_with_size(group: Group, proposal: Generalised) -> str:
     return ""
 
 
-def _name_of(function: Entry) -> str:
+def name_of(function: Entry) -> str:
+    """The name of the function that an entry holds; "" if it holds none."""
     try:
         return read_function(function.text).name
     except NotAFunction:
