@@ -124,7 +124,7 @@ def test_exported_prompts_are_used_or_refused_in_one_line(kept):
     assert code == 0, err
 
 
-@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("phase", [phase for phase in PHASES if phase != "generalise"])  # which came later
 def test_exported_prompts_are_rendered_as_before(kept, phase):
     """The text of the file in one user message, every placeholder filled in."""
     text = Path("prompts", f"{phase}.md.j2").read_text(encoding="utf-8")

@@ -47,8 +47,8 @@ class Usage:
 
 @attrs.frozen
 class Request:
-    """One question. ``phase`` names the prompt from which it was rendered (plan, code, feedback, template, cluster),
-    for logs and recordings only; backends use ``messages`` alone."""
+    """One question. ``phase`` names the prompt from which it was rendered (plan, code, feedback, template, …), for
+    logs and recordings only; backends use ``messages`` alone."""
 
     phase: str
     messages: tuple[Message, ...]

@@ -107,6 +107,15 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "covered": "the number of the template whose repetitions among the notes may go, or 0",
         "characters": "how many characters all entries may have together",
     },
+    "generalise": {
+        "skills": _SKILLS,
+        "subset": _SUBSET,
+        "programs": "programs of several subtasks, each with .key, .built (how the thing is built), .code and .tried "
+        "(calls that failed for it, a line each)",
+        "functions": "functions learnt that may be written anew, each with .text",
+        "notes": "the notes of these subtasks, each with .key and .text",
+        "characters": "how many characters functions, calls, what is left and notes may have together",
+    },
 }
 OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of them is filled in with
     "plan": {"corrected": (), "notes": ()},
@@ -124,6 +133,7 @@ REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be a
     "template": ("code",),
     "merge": ("programs",),
     "cluster": ("key", "entries", "templates", "characters"),
+    "generalise": ("skills", "programs", "notes", "characters"),
 }
 PHASES = tuple(name for name in PLACEHOLDERS if name != SYSTEM)
 
@@ -150,6 +160,9 @@ class _Attempt:
     subtask: str = "OPEN(jar)"
     words: str = "lift it straight up"
     notes: tuple[_Entry, ...] = (_Entry(),)
+    key: str = "OPEN(jar)"
+    built: str = "a lid on top of the jar"
+    tried: tuple[str, ...] = ("lift_lid('jar') failed: MotionError",)
 
 
 SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
@@ -370,6 +383,7 @@ class PromptSettings:
     template: str = _override("template")
     merge: str = _override("merge")
     cluster: str = _override("cluster")
+    generalise: str = _override("generalise")
 
 
 class Prompts:

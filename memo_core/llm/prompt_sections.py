@@ -17,6 +17,7 @@ from memo_core.scene.scene_table import NotASceneTable, read_scene_table
 
 PHASE_TITLES = {  # words of a prompt's title, phase
     "condense": "cluster",
+    "generalise": "generalise",
     "merge": "merge",
     "plan": "plan",
     "write": "code",
@@ -98,7 +99,7 @@ class Prompt:
 
     @property
     def phase(self) -> str:
-        """plan, code, feedback, template, merge or cluster, by the title's words. Raises ``UnreadablePrompt``."""
+        """The phase (one of ``PHASE_TITLES``), by the title's words. Raises ``UnreadablePrompt``."""
         words = re.findall(r"[a-z]+", self.title)
         # "Turn code that worked into a template" also says code: the last telling word decides.
         found = [PHASE_TITLES[word] for word in words if word in PHASE_TITLES]

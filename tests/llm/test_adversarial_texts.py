@@ -38,6 +38,10 @@ for unit in units:
 print("read")
 """
 IMPORTS = "from memo_core.llm.readers import read_code, read_notes, read_plan, read_template"
+GROUPS = """
+from memo_core.llm.readers.generalised import read_generalised
+from memo_core.skillbook.consolidation.function_rules import Group
+"""
 NAMES = """
 from memo_core.scene.graph import Observation, SceneGraph
 from memo_core.scene.name_corrections import read_name_corrections
@@ -63,13 +67,25 @@ redact = Redactor((("sk-aaaaaaaa", "KEY"),))
         (IMPORTS, "read_code(text)", 20_000),
         (IMPORTS, "read_notes(text)", 20_000),
         (IMPORTS, "read_template(text)", 20_000),
+        (GROUPS, "read_generalised(text, Group(()), (), ())", 20_000),
         (NAMES, "read_name_corrections(text, scene, 'ana', ['cup']), meaning_of(text)", "LONGEST_WORDS - 60"),
         (NAMES, "read_name_corrections(text, scene, 'ana', ['cup']), meaning_of(text)", 1_000_000),
         (ELSEWHERE, "one_line(text), quoted(text), unfenced(text), redact(text), printable(text)", 50_000),
         (ELSEWHERE, "looks_personal(text, ['P01'], set())", 50_000),
         (ELSEWHERE, "Key.parse('OPEN(' + text.strip('()') + ')')", 50_000),
     ],
-    ids=["plan", "code", "notes", "template", "names", "long names", "prompt and output", "export", "key"],
+    ids=[
+        "plan",
+        "code",
+        "notes",
+        "template",
+        "generalised",
+        "names",
+        "long names",
+        "prompt and output",
+        "export",
+        "key",
+    ],
 )
 def test_no_text_takes_the_square_of_its_length(imports, call, length):
     script = READ.format(seconds=PROCESSOR_S, imports=imports, call=call, length=length)

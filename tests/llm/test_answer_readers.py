@@ -129,6 +129,7 @@ def test_a_template_is_one_documented_function():
         ("def f(name):\n    '''x'''\n    move_to([0.45, 0.1, -0.2])\n", r"\[0.45, 0.1, -0.2\] is a hard-coded"),
         ("def f(name):\n    '''x'''\n    move_to(get_position(name), (0.7, 0.0, 0.7, 0.1))\n", "hard-coded"),
         ("def f(name:\n", "does not parse"),
+        ("def f(name):\n    '''x'''\n    move_to([1, 1, " + "-" * 1500 + "2])\n", "nested too deeply"),
     ],
 )
 def test_a_template_that_is_none_says_why(code, reason):

@@ -32,7 +32,7 @@ WORDS = [
     "rim",
 ]
 PHRASE = st.lists(st.sampled_from(WORDS), min_size=1, max_size=6).map(" ".join)
-NUMBER = st.one_of(st.integers(-1, 8), st.sampled_from(["1", "x", None, 1.0, 2.5, True]))
+NUMBER = st.one_of(st.integers(-1, 8), st.sampled_from(["1", "x", "²", "9" * 5000, None, 1.0, 2.5, True]))
 ENTRY = st.fixed_dictionaries(
     {}, optional={"text": st.one_of(PHRASE, st.just(""), st.none()), "from": st.one_of(st.lists(NUMBER), NUMBER)}
 )

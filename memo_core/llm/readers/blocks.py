@@ -36,6 +36,16 @@ def code_blocks(text: str) -> list[str]:
     return blocks[-MOST_BLOCKS:]
 
 
+def outside_code(text: str) -> str:
+    """An answer without its Python blocks. A block without a language that begins with a brace is JSON, and stays."""
+    return _FENCE.sub(lambda match: match[0] if _is_data(match) else "\n", text)
+
+
+def _is_data(fence: re.Match[str]) -> bool:
+    tongue = fence["tongue"].lower()
+    return tongue not in PYTHON or (not tongue and fence["body"].lstrip().startswith("{"))
+
+
 def left_open(text: str) -> bool:
     """Whether the last fence of an answer is never closed."""
     return any(match["open"] is not None for match in _FENCE.finditer(text))

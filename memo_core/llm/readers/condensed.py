@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from memo_core.llm.readers.json_objects import json_objects
+from memo_core.llm.readers.json_objects import json_objects, whole_number
 from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.llm.readers.unreadable import Unreadable
 from memo_core.skillbook.consolidation.rules import Cluster, Condensed, Dropped, Merged, problem_with
@@ -60,10 +60,7 @@ def _dropped(item: dict[str, Any], cluster: Cluster, text: str) -> Dropped:
 
 
 def _number(value: Any, where: str, text: str) -> int:
-    if isinstance(value, str) and value.strip().isdigit():
-        value = int(value)
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    if not isinstance(value, int) or isinstance(value, bool):
+    number = whole_number(value)
+    if number is None:
         raise Unreadable(PHASE, f"{where} is {value!r}, not a whole number", text)
-    return value
+    return number

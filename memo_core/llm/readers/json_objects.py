@@ -10,6 +10,7 @@ from typing import Any
 
 MOST = 50  # braces that are tried as the beginning of an object
 LAST = 5  # closing braces that are tried as its end
+MOST_DIGITS = 20  # of a number that is written as text
 LONGEST_DEVIATION = 40_000  # characters of an object that is no strict JSON
 _COMMENT = re.compile(r"/\*.*?(?:\*/|\Z)", re.DOTALL)
 _KEY = re.compile(r"([{,]\s*+)([A-Za-z_]++(?: +[A-Za-z_]+)*+)\s*+:")
@@ -29,6 +30,15 @@ def json_objects(text: str) -> Iterator[dict[str, Any]]:
             yield value
             yield from _within(value)
         at = text.find("{", end)
+
+
+def whole_number(value: Any) -> int | None:
+    """The number that a value of an answer states, also as text or as ``2.0``; None if it states none."""
+    if isinstance(value, str) and value.strip().isdecimal() and len(value) <= MOST_DIGITS:
+        return int(value)
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
 def _within(value: Any) -> Iterator[dict[str, Any]]:

@@ -192,14 +192,14 @@ def _lossy(cluster: Cluster, proposal: Condensed) -> str:
     for position, one in enumerate(proposal.entries, start=1):
         said = [cluster.members[number - 1].text for number in one.of]
         same = any(one.text.split() == text.split() for text in said)
-        if not same and not _words(one.text) & set().union(*map(_words, said)):
+        if not same and not words_of(one.text) & set().union(*map(words_of, said)):
             return f"entry {position} has no word in common with what it derives from"
         for number, text in zip(one.of, said, strict=True):
             if number in in_part:
                 if one.text.split() == text.split():
                     return f"number {number} is dropped, and yet entry {position} is the whole of it"
                 continue
-            lost = sorted(set(_NUMBER.findall(text)) - set(_NUMBER.findall(one.text)))
+            lost = sorted(amounts(text) - amounts(one.text))
             if lost:
                 return f"entry {position} loses the amount {lost[0]} of number {number}"
     return ""
@@ -232,10 +232,10 @@ def _not_covered(cluster: Cluster, proposal: Condensed, gone: Dropped) -> str:
         return f"which is not of {cluster.label}"
     if any(gone.number in one.of for one in proposal.entries):
         return "and yet stands in an entry"
-    lost = sorted(set(_NUMBER.findall(text)) - set(_NUMBER.findall(template.text)))
+    lost = sorted(amounts(text) - amounts(template.text))
     if lost:
         return f"which does not have the amount {lost[0]}"
-    return "" if _words(text) & _words(template.text) else "which has no word in common with it"
+    return "" if words_of(text) & words_of(template.text) else "which has no word in common with it"
 
 
 def _grown(cluster: Cluster, proposal: Condensed) -> str:
@@ -271,5 +271,11 @@ def state_digest(members: Iterable[int], templates: Iterable[int], said_after: I
     return ":".join(hashlib.sha256(ids.encode()).hexdigest()[:20] for ids in listed)
 
 
-def _words(text: str) -> set[str]:
+def amounts(text: str) -> set[str]:
+    """The numbers in a text, as they are written."""
+    return set(_NUMBER.findall(text))
+
+
+def words_of(text: str) -> set[str]:
+    """The words in a text, without case and numbers."""
     return set(re.findall(r"[^\W\d_]+", text.casefold()))

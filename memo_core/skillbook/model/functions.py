@@ -75,7 +75,10 @@ def read_function(code: str) -> Function:
     docstring = ast.get_docstring(function)
     if not docstring:
         raise NotAFunction(f"the function {function.name} has no docstring")
-    signature = f"{function.name}({ast.unparse(function.args)})"
+    try:
+        signature = f"{function.name}({ast.unparse(function.args)})"
+    except RecursionError:
+        raise NotAFunction(f"the defaults of {function.name} are nested too deeply") from None
     return Function(function.name, signature, docstring, _parameters(function))
 
 

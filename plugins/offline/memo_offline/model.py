@@ -72,6 +72,8 @@ class OfflineModel(LanguageModel):
             return noted.text, noted.not_understood
         if phase == "cluster":
             return condense(prompt), ()
+        if phase == "generalise":
+            raise LanguageModelError(self.name, "it writes no functions from several programs", cause="refusal")
         if phase == "merge":
             # Each of its programs does the whole subtask, from wherever things are: the last is the one that worked.
             return f"```python\n{prompt.last_code('programs')}\n```", ()
