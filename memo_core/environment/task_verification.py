@@ -30,7 +30,13 @@ class Verified:
 
 
 def run_code(
-    world: SimulatedEnvironment, code: str, sandbox: Sandbox, on_print: Callable[[str], None] | None = None
+    world: SimulatedEnvironment,
+    code: str,
+    sandbox: Sandbox,
+    on_print: Callable[[str], None] | None = None,
+    *,
+    wall_seconds: float | None = None,
+    robot_seconds: float | None = None,
 ) -> Execution:
     """Run robot code with the workspace and the stop of a run, then let objects come to rest.
 
@@ -41,6 +47,8 @@ def run_code(
         code: Python source of the robot code.
         sandbox: open sandbox that runs it.
         on_print: called with each piece of output as it is printed.
+        wall_seconds: limit on the wall clock (s), as in ``Sandbox.run``.
+        robot_seconds: limit on the robot's clock (s), as in ``Sandbox.run``.
 
     Returns:
         Result of the code; its errors, limits and a stop during it are in ``ended`` and ``error``.
@@ -56,6 +64,8 @@ def run_code(
         workspace=Workspace.around(world.robot.reach, world.description.table_height),
         on_print=on_print,
         clock=world.time,
+        wall_seconds=wall_seconds,
+        robot_seconds=robot_seconds,
     )
     if not world.link.stopped:
         world.settle(world.task.settle)

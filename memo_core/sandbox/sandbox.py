@@ -133,6 +133,7 @@ class Sandbox:
         on_print: Callable[[str], None] | None = None,
         clock: Callable[[], float] | None = None,
         wall_seconds: float | None = None,
+        robot_seconds: float | None = None,
     ) -> Execution:
         """Check code, then run it until its end, an error, a limit or a stop.
 
@@ -150,6 +151,7 @@ class Sandbox:
             on_print: called with every piece of printed text.
             clock: the robot's clock (s), which the code's ``time.time()`` reads; None: the sum of waiting times.
             wall_seconds: remainder of a longer limit (s); it shortens this sandbox's own but leaves at least 1 s.
+            robot_seconds: the same for the limit on the robot's clock.
 
         Returns:
             How the code ended, what it printed and called, and its error or findings.
@@ -166,9 +168,11 @@ class Sandbox:
         if program.findings:
             return refused(program.findings)
         with self._workers.session() as session:
-            limits = self.limits
-            if wall_seconds is not None and wall_seconds < limits.wall_seconds:
-                limits = attrs.evolve(limits, wall_seconds=max(1.0, wall_seconds))
+            limits = attrs.evolve(
+                self.limits,
+                wall_seconds=_shorter(self.limits.wall_seconds, wall_seconds),
+                robot_seconds=_shorter(self.limits.robot_seconds, robot_seconds),
+            )
             run = _Run(self.skills, limits, control, workspace, stopped, on_call, on_print, clock)
             return run.execute(session, program)
 
@@ -409,6 +413,11 @@ class _Run:
             f"the code computed longer than {self._limits.seconds_between_calls:g} s between two skill calls or "
             f"{self._limits.seconds_in_all:g} s in all; it was {since}"
         )
+
+
+def _shorter(limit: float, remainder: float | None) -> float:
+    """The limit (s), shortened to the remainder of a longer one, of which at least 1 s is left."""
+    return limit if remainder is None else min(limit, max(1.0, remainder))
 
 
 def _given(snapshot: FunctionSnapshot, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:

@@ -12,40 +12,15 @@ import pytest
 from memo_sim_mujoco.simulator import MujocoSimulator, SimulationDiverged
 
 from memo_core.cli.main import main
-from memo_core.config import load_experiment
-from memo_core.maintenance.retesting import CannotRetest, Planned, Retesting, program, start_of
+from memo_core.maintenance.retesting import Planned, Retesting
+from memo_core.maintenance.template_sources import CannotRetest, program_of, start_of
 from memo_core.plugins.registry import Registry
-from memo_core.policy.method_interface import LanguageMethod
-from memo_core.policy.methods import METHODS
-from memo_core.policy.settings import RunSettings, TeachingSettings
 from memo_core.runlog.log_history import History, LogEntry as Effect
-from memo_core.runs.factories import environment_of, library_of, sandbox_of, task_of
-from memo_core.runs.folder import RunFolder, new_run_folder
-from memo_core.runs.run import RunComponents, perform
-from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.keys import Key
-from memo_core.teachers.scripted import Line, ScriptedTeacher, ScriptSettings
-from memo_core.testing.fake_embedder import FakeEmbedder
-from memo_core.testing.fake_llm import ScriptedModel
-from memo_core.testing.fake_store import FakeStore
-
-GRASP = """
-    look()
-    hand = top_orientation()
-    place = get_position(thing)
-    open_gripper()
-    move_to([place[0], place[1], place[2] + 0.1], hand)
-    move_straight(place, hand)
-    close_gripper()
-    move_straight([place[0], place[1], place[2] + 0.15], hand)
-"""
-PICK = f'def pick(thing):\n    """Grasp it from above."""{GRASP}'
-FAILING = 'def pick(thing):\n    """Only look."""\n    look()\n'
-CODE = f"```python\n{PICK}\npick('cube')\n```"
-RUN = {"plan": ["LIFT(cube)", "DONE"], "code": [CODE], "template": [f"```python\n{PICK}```"]}
+from tests.support.taught_book import FAILING, teach
 
 
 @pytest.fixture(scope="module")
@@ -57,23 +32,7 @@ def registry():
 def taught(registry, tmp_path_factory) -> Path:
     """A folder with a book, ``book.db``, and the run that taught it a template."""
     folder = tmp_path_factory.mktemp("taught")
-    experiment = load_experiment(registry, None, ("task=put-the-cube-away",), SECTIONS)
-    task = task_of(experiment, "put-the-cube-away")
-    components = RunComponents(
-        method=LanguageMethod("memo", METHODS["memo"]),
-        llm=ScriptedModel(RUN),
-        make_environment=lambda: environment_of(experiment, task, 0),
-        sandbox=sandbox_of(experiment),
-        skills=library_of(experiment),
-        settings=RunSettings(video="off"),
-        book=Skillbook(f"sqlite:///{folder / 'book.db'}", FakeEmbedder(), FakeStore()),
-        teacher=ScriptedTeacher(ScriptSettings(lines=(Line("LIFT(*)"),))),
-        teaching=TeachingSettings(replan=False),
-    )
-    report = perform(
-        components, task, 0, lambda: RunFolder(new_run_folder(folder, task.name, 0)), registry, experiment.public()
-    )
-    assert [one.status for one in report.result.subtasks] == ["approved"]
+    teach(registry, folder)
     return folder
 
 
@@ -239,9 +198,9 @@ def template(code: str, key: str = "PLACE(cup, shelf)") -> Entry:
     ],
 )
 def test_parameters_without_a_default_are_the_things_of_the_subtask(head, call):
-    assert program(template(f"def f({head}):\n    look()\n")).endswith(f"\n\n\n{call}\n")
+    assert program_of(template(f"def f({head}):\n    look()\n")).endswith(f"\n\n\n{call}\n")
 
 
 def test_a_function_that_needs_more_than_names_cannot_be_run():
     with pytest.raises(CannotRetest, match="needs more"):
-        program(template("def f(thing, place, height):\n    look()\n"))
+        program_of(template("def f(thing, place, height):\n    look()\n"))

@@ -107,3 +107,17 @@ def test_whatever_the_text_is_the_sandbox_answers_in_one_line(sandbox, data):
     assert execution.ended in ("done", "error", "limit")
     assert "\n" not in execution.error
     assert all(finding.line >= 1 for finding in execution.findings)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("robot_seconds", "ended_at"), [(20.0, 30.0), (-5.0, 10.0), (900.0, 70.0), (None, 70.0)])
+def test_one_run_may_be_given_less_time_on_the_robots_clock_and_never_more(sandbox, robot_seconds, ended_at):
+    control = FakeControl()
+    execution = sandbox.run(
+        "while True:\n    wait(10)",
+        control,
+        stopped=control.stopped,
+        clock=lambda: control.time,
+        robot_seconds=robot_seconds,
+    )
+    assert execution.ended == "limit" and control.time == ended_at
