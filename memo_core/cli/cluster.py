@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,10 +22,12 @@ from memo_core.text.terminal import console
 if TYPE_CHECKING:
     from memo_core.config import Experiment
     from memo_core.policy.consolidation import Clustering, ClusterOutcome
+    from memo_core.policy.generalising import GroupOutcome
     from memo_core.process.stop_switch import StopSwitch
     from memo_core.runs.consolidation import Spending
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.consolidation.rules import Cluster
+    from memo_core.skillbook.functions import Consolidated
     from memo_core.skillbook.writing.key_aliases import NearKeys
 
 
@@ -44,28 +46,32 @@ def command(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Condense what people taught into fewer notes without losing content.
+    """Condense what people taught into fewer notes and general functions without losing content.
 
     A language model gets all corrections under one key, or the general statements, with the templates related to them.
-    Each cluster is stored separately; if the command is stopped, the book is valid and the next call continues.
+    Then notes with the same words become one note of several keys, and programs of several keys become one function and
+    a call for each: without a model where they differ in defaults only, else by a model, each call being run in a
+    simulator against the program whose work it does. Each result is stored separately; if the command is stopped, the
+    book is valid and the next call continues.
     """
     if watch and (dry_run or all_):
         raise InvalidArgument("--watch", "beside --dry-run or --all", "one of them")
     if interval is not None and not watch:
         raise InvalidArgument("--interval", "without --watch", "both of them")
-    _, experiment = load(config, overrides)
+    registry, experiment = load(config, overrides)
     from memo_core.runs.consolidation import Spending, check_method, clustering_of
     from memo_core.runs.factories import book_of
 
     check_method(experiment)
     with book_of(experiment, book, read_only=True):
         pass  # a mistyped path is an error, not a new empty book
+    from memo_core.cli.execute import stopping as stopping_robots
+    from memo_core.maintenance.paired_trials import PairedTrials
+
     spending = Spending()
-    with (
-        stopping() as stop,
-        book_of(experiment, book, read_only=dry_run) as opened,
-        clustering_of(experiment, opened, spending.note, stop, keep) as clustering,
-    ):
+    with stopping() as stop, book_of(experiment, book, read_only=dry_run) as opened, ExitStack() as stack:
+        tester = PairedTrials(opened, registry, stopping_robots)
+        clustering = stack.enter_context(clustering_of(experiment, opened, spending.note, stop, keep, tester))
         if keep is not None and not dry_run:
             opened.note_place("run", keep)  # for memo skillbook forget
         if watch:
@@ -85,6 +91,7 @@ class _Once:
     dry_run: bool
     joined: list[NearKeys] = attrs.field(factory=list)
     outcomes: list[ClusterOutcome] = attrs.field(factory=list)
+    groups: list[Consolidated | GroupOutcome] = attrs.field(factory=list)
     waiting: int = 0
 
     def run(self, unchanged: bool) -> None:
@@ -114,9 +121,13 @@ class _Once:
                 self.waiting -= 1
                 advance(cluster, 1)
         self.waiting = 0
+        with progress_bar() as bar:
+            bar.add_task("functions of several keys", total=None)
+            for made in self.clustering.consolidate_groups(unchanged, commit=not self.dry_run):
+                self.groups.append(made)
 
     def _report(self) -> None:
-        from memo_core.runs.consolidation import outcome_record
+        from memo_core.runs.consolidation import group_record, outcome_record
 
         done = self.outcomes
         totals = {
@@ -141,10 +152,11 @@ class _Once:
                     **totals,
                     **spent,
                     "outcomes": records,
+                    "groups": [group_record(one) for one in self.groups],
                 }
             )
             return
-        if not self.joined and not done and not self.waiting:
+        if not self.joined and not done and not self.waiting and not self.groups:
             print("nothing to condense")
             return
         for near in self.joined:
@@ -157,7 +169,55 @@ class _Once:
             f"{totals['clusters']} clusters: {totals['entries_before']} entries {verb} {totals['entries_after']}, "
             f"{totals['characters_before']} characters {totals['characters_after']}"
         )
+        for group in self.groups:
+            print_group(group)
         print(_said_of(self.spending))
+
+
+def print_group(outcome: Consolidated | GroupOutcome) -> None:
+    """What was made of entries of several keys, as a diff: programs and notes that are replaced, the functions with
+    their calls, and how the calls did."""
+    from rich.text import Text
+
+    from memo_core.policy.generalising import GroupOutcome
+    from memo_core.skillbook.model.entries import headline, key_label
+
+    shown = console(width=None if sys.stdout.isatty() else 400, highlight=False)
+    group = outcome if isinstance(outcome, GroupOutcome) else None
+    made = outcome.made if isinstance(outcome, GroupOutcome) else outcome
+    if group is not None and made is None:
+        why = group.problem or "nothing belongs together"
+        shown.print(Text(f"{group.label}: {len(group.group.members)} programs are unchanged: {why}", style="bold"))
+    if made is not None:
+        keys = ", ".join(dict.fromkeys(key_label(entry.key) for entry in made.members))
+        counts = f"{made.entries_before} -> {made.entries_after} entries"
+        shown.print(Text(f"{keys}: {counts}, {made.characters_before} -> {made.characters_after} characters", "bold"))
+        texts = {entry.id: f"{key_label(entry.key)} {headline(entry.kind, entry.text)}" for entry in made.members}
+        for function in made.change.functions:
+            for line in function.code.rstrip().splitlines():
+                shown.print(Text(f"  + {line}", style="green"))
+            for entry, call in function.calls:
+                shown.print(Text(f"  - {entry}: {texts[entry]}", style="red"))
+                shown.print(Text(f"  + {call}", style="green") + Text(_tested(group, entry), style="dim"))
+        for note, index in made.change.inside:
+            name = made.change.functions[index].name
+            shown.print(Text(f"  - {note}: {texts[note]}", style="red") + Text(f"   [{name} does that]", style="dim"))
+        for wider in made.change.notes:
+            for note in wider.of:
+                shown.print(Text(f"  - {note}: {texts[note]}", style="red"))
+            shown.print(Text(f"  + {wider.text}", style="green") + Text("   [under all these keys]", style="dim"))
+        for former in made.functions:
+            shown.print(Text(f"  - {former.id}: {headline(former.kind, former.text)}", style="red"))
+    for entry, why in (group.left if group is not None else {}).items():
+        shown.print(Text(f"  {entry} is left as it is: {why}", style="dim"))
+    if group is not None and group.untested:
+        shown.print(Text(f"  not tested: {group.untested}", style="yellow"))
+
+
+def _tested(group: GroupOutcome | None, entry: int) -> str:
+    """How the call in place of an entry did, for a list."""
+    starts = () if group is None else group.tested.get(entry, ())
+    return f"   [succeeded from {sum(ok for _, ok, _ in starts)} of {len(starts)} starts]" if starts else ""
 
 
 def print_outcome(outcome: ClusterOutcome) -> None:
@@ -211,11 +271,15 @@ def _watch(
     json: bool,
 ) -> None:
     from memo_core.policy.consolidation import ClusterOutcome
-    from memo_core.runs.consolidation import outcome_record, watch
+    from memo_core.policy.generalising import GroupOutcome
+    from memo_core.runs.consolidation import group_record, outcome_record, watch
+    from memo_core.skillbook.functions import Consolidated
     from memo_core.skillbook.writing.key_aliases import NearKeys
 
     def report(news: Any) -> None:
-        if isinstance(news, ClusterOutcome):
+        if isinstance(news, (Consolidated, GroupOutcome)):
+            print(dumps(group_record(news), ensure_ascii=False), flush=True) if json else print_group(news)
+        elif isinstance(news, ClusterOutcome):
             print(dumps(outcome_record(news), ensure_ascii=False), flush=True) if json else print_outcome(news)
         elif isinstance(news, NearKeys):
             line = {"joined": str(news.spelling), "into": str(news.key), "cosine": news.cosine}

@@ -45,8 +45,14 @@ class ObservedBook(Skillbook):
         self.questions = read_questions(file) if file.exists() else []
         make_writable(file)  # a run that asks nothing has a file all the same
 
-    def retrieve(self, subtask: Key | str, context: SubtaskContext | None = None, clustered: bool = True) -> Retrieval:
-        found = super().retrieve(subtask, context, clustered)
+    def retrieve(
+        self,
+        subtask: Key | str,
+        context: SubtaskContext | None = None,
+        clustered: bool = True,
+        functions: bool = True,
+    ) -> Retrieval:
+        found = super().retrieve(subtask, context, clustered, functions)
         key = subtask if isinstance(subtask, Key) else Key.parse(subtask)
         question = Question(key, context or SubtaskContext(), given(found, self.memory))
         if question not in self.questions:
@@ -72,20 +78,25 @@ def given(found: Retrieval, memory: Memory) -> str:
         found.general if memory.general else (),
         found.templates if memory.templates else (),
     )
-    people = list(dict.fromkeys(name for part in parts for one in part for name in one.provenance.who))
-    moments = sorted({one.provenance.when for part in parts for one in part})
+    calls = tuple(call for function in found.functions if memory.templates for call in function.calls)
+    people = list(dict.fromkeys(name for part in (*parts, calls) for one in part for name in one.provenance.who))
+    moments = sorted({one.provenance.when for part in (*parts, calls) for one in part})
 
     def row(one: RetrievedEntry) -> list[Any]:
         who = [people.index(name) for name in one.provenance.who]
         return [one.key, one.text, one.alike, one.passes, who, moments.index(one.provenance.when)]
 
-    return json.dumps([[row(one) for one in part] for part in parts], ensure_ascii=False)
+    functions = [[one.entry.text, *(row(call) for call in one.calls)] for one in found.functions if memory.templates]
+    rows: list[list[Any]] = [[row(one) for one in part] for part in parts]
+    return json.dumps([*rows, *([functions] if functions else [])], ensure_ascii=False)
 
 
-def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question]) -> bool:
+def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question], functions: bool = True) -> bool:
     """Whether a book would give a method the same answers. A method without memory asks nothing and gets nothing."""
     for one in questions:
-        found = book.retrieve(one.subtask, one.context, clustered=memory.clusters) if memory.any else _NOTHING
+        found = _NOTHING
+        if memory.any:
+            found = book.retrieve(one.subtask, one.context, clustered=memory.clusters, functions=functions)
         if given(found, memory) != one.given:
             return False
     return True

@@ -292,7 +292,8 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
                 questions = read_questions(place.of(other) / QUESTIONS)
             except OSError:
                 continue
-            if same_answers(book, memory, questions):
+            used = experiment.section("skillbook").functions != "off"
+            if same_answers(book, memory, questions, used):
                 return row | _about(trial, place) | {"same_as": other.id, "wall_s": 0.0}
     return None
 

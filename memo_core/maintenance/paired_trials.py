@@ -46,6 +46,11 @@ class Verdict:
     trials: tuple[PairedTrial, ...] = ()
     untestable: str = ""  # why nothing could be run or judged; nothing is then known against the program
 
+    @property
+    def starts(self) -> tuple[tuple[str, bool, str], ...]:
+        """Each start, whether the program succeeded from it, and if not, why."""
+        return tuple((one.start, one.after.success, one.after.reason) for one in self.trials)
+
 
 @attrs.frozen
 class _OwnRun:

@@ -125,7 +125,7 @@ def start_of(history: History, approval: int) -> bytes | None:
         elif effect.name == "checkpoint" and planned:
             world = (effect.value or {}).get("world")
             start, planned = zlib.decompress(base64.b85decode(world)) if world else None, False
-        elif effect.name == "add a template" and effect.about == f"approval {approval}":
+        elif effect.name in ("add a template", "add a call") and effect.about == f"approval {approval}":
             return start
     return None
 

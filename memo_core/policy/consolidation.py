@@ -6,7 +6,7 @@ the book is valid, and a second call continues where the first one ended."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Container, Iterator
 from typing import Any, Literal
 
 import attrs
@@ -16,11 +16,14 @@ from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers.condensed import read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
+from memo_core.policy.generalising import Generalising, GroupOutcome
 from memo_core.policy.model_questions import put
 from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.condensing import ClusterChanged, ClusterLimits, Clusters
+from memo_core.skillbook.consolidation.grouping import entries_of
 from memo_core.skillbook.consolidation.rules import Cluster, Clustered, Condensed, Merged
+from memo_core.skillbook.functions import Consolidated, merge_notes, merge_programs
 from memo_core.skillbook.model.entries import key_label
 from memo_core.skillbook.writing.key_aliases import NearKeys
 
@@ -104,8 +107,22 @@ class Clustering:
         prompts: Prompts | None = None,
         emit: Callable[[Event], None] = lambda event: None,
         seed: int = 0,
+        generalising: Generalising | None = None,
+        names: Collection[str] = (),
     ) -> None:
-        """``model`` is the name that is stored with its results."""
+        """Prepare; nothing is asked.
+
+        Args:
+            book: the book.
+            calls: the model.
+            model: name that is stored with its results.
+            settings: clustering settings; None: the defaults.
+            prompts: prompt files; None: the shipped ones.
+            emit: receives events.
+            seed: seed of the model.
+            generalising: makes functions of groups of keys; None: only where no model need be asked.
+            names: names that no function may have: those of the robot's functions.
+        """
         self._book = book
         self._calls = calls
         self._model = model
@@ -113,6 +130,8 @@ class Clustering:
         self._prompts = prompts or Prompts()
         self._emit = emit
         self._seed = seed
+        self._generalising = generalising
+        self._names = names
 
     @property
     def model(self) -> str:
@@ -131,12 +150,51 @@ class Clustering:
         condensed."""
         return consolidating.each_cluster(self._book, unchanged, self._limits)
 
-    def condense_all(self, unchanged: bool = False) -> Iterator[ClusterOutcome]:
-        """Merge near-identical keys, then condense every cluster that needs it. Raises as ``condense``."""
+    def condense_all(self, unchanged: bool = False) -> Iterator[ClusterOutcome | Consolidated | GroupOutcome]:
+        """Merge near-identical keys, condense every cluster that needs it, then consolidate groups of keys. Raises as
+        ``condense`` and ``Generalising.generalise``."""
         for near in self.near_keys():
             self.join(near)
         for cluster in self.clusters(unchanged):
             yield self.condense(cluster)
+        yield from self.consolidate_groups(unchanged)
+
+    def consolidate_groups(
+        self, again: bool = False, commit: bool = True, skip: Container[tuple[int, ...]] = ()
+    ) -> Iterator[Consolidated | GroupOutcome]:
+        """Consolidate entries of several keys: notes with the same words, programs that differ in defaults only, then
+        what a model makes of programs for things that are built alike.
+
+        Args:
+            again: also groups that were considered already.
+            commit: False writes nothing.
+            skip: entries of groups about which no model is asked.
+
+        Yields:
+            What was made of each group.
+        """
+        if not self._settings.groups:
+            return
+        for made in merge_notes(self._book, again, commit):
+            yield self._noted(made)
+        for made in merge_programs(self._book, self._names, again, commit):
+            yield self._noted(made)
+        if self._generalising is None:
+            return
+        for group in self._generalising.groups(again):
+            if entries_of(group) in skip:
+                continue
+            outcome = self._generalising.generalise(group, commit)
+            if outcome.made is not None:
+                self._noted(outcome.made)
+            yield outcome
+
+    def _noted(self, made: Consolidated) -> Consolidated:
+        if made.revision is not None:
+            keys = ", ".join(dict.fromkeys(key_label(entry.key) for entry in made.members))
+            counts = (made.entries_before, made.entries_after, made.characters_before, made.characters_after)
+            self._emit(ClusterDone(keys, *counts))
+        return made
 
     def condense(self, cluster: Cluster, commit: bool = True) -> ClusterOutcome:
         """Ask, check, and (with ``commit``) store. Raises ``LanguageModelError``, ``BudgetExceeded``, ``Stopped``;

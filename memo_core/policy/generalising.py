@@ -2,10 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Protocol
 
-from memo_core.skillbook.consolidation.function_rules import Group, name_of
-from memo_core.skillbook.model.entries import key_label
+import attrs
+
+from memo_core.llm.calls import ModelCalls
+from memo_core.llm.prompt_files import Prompts
+from memo_core.llm.readers.generalised import read_generalised
+from memo_core.llm.readers.unreadable import Unreadable
+from memo_core.policy.model_questions import put
+from memo_core.robot.description import RobotDescription
+from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.consolidation.function_rules import (
+    LEAST_KEYS,
+    Generalised,
+    Group,
+    Left,
+    MergedNote,
+    name_of,
+    stays,
+)
+from memo_core.skillbook.consolidation.grouping import entries_of
+from memo_core.skillbook.functions import Consolidated, consolidated_groups, functions_of, program_behind, store
+from memo_core.skillbook.model.entries import Entry, key_label
+from memo_core.skillbook.model.functions import GeneralFunction, as_program
+from memo_core.skillbook.writing.functions import GroupChange, GroupChanged, WiderNote
+from memo_core.skills.contract import documentation
+from memo_core.skills.skill import Skill
 
 PHASE = "generalise"
 
@@ -38,3 +62,247 @@ def prompt_context(group: Group, skills: str, subset: str) -> dict[str, Any]:
         "notes": [{"key": key_label(note.key), "text": " ".join(note.text.split())} for note in group.notes],
         "characters": group.characters,
     }
+
+
+class Verdict(Protocol):
+    """Whether a call may stand in for a program (``memo_core.maintenance.paired_trials``)."""
+
+    @property
+    def accepted(self) -> bool: ...
+
+    @property
+    def reason(self) -> str:
+        """Why it may not, as one sentence."""
+
+    @property
+    def untestable(self) -> str:
+        """Why nothing could be run; "" if it was."""
+
+    @property
+    def starts(self) -> Sequence[tuple[str, bool, str]]:
+        """Each start, whether the call succeeded from it, and if not, why."""
+
+
+class Tester(Protocol):
+    """Runs a program in place of a template."""
+
+    def compare(self, template: Entry, program: str) -> Verdict:
+        """Run both from the same starts. Raises ``KeyboardInterrupt`` for a stop, ``MemoError`` of the simulator."""
+
+
+@attrs.frozen
+class GroupOutcome:
+    """The result for one group of programs.
+
+    Attributes:
+        group: programs, notes and functions as they were read.
+        status: ``generalised``; ``unchanged``: nothing belonged together; ``left``: no usable answer; ``changed``: the
+            book had changed since it was read.
+        made: what was stored, or by a dry run would be.
+        left: why programs stay as they are, by their entries.
+        tested: starts and how the calls did from them, by the entry of the program; empty: not tested.
+        untested: why the calls could not be run; empty: they were, or there are none.
+        problem: why there was no usable answer.
+        calls: questions to the model.
+    """
+
+    group: Group
+    status: Literal["generalised", "unchanged", "left", "changed"]
+    made: Consolidated | None = None
+    left: dict[int, str] = attrs.field(factory=dict)
+    tested: dict[int, tuple[tuple[str, bool, str], ...]] = attrs.field(factory=dict)
+    untested: str = ""
+    problem: str = ""
+    calls: int = 0
+
+    @property
+    def label(self) -> str:
+        return ", ".join(dict.fromkeys(key_label(member.key) for member in self.group.members))
+
+
+class Generalising:
+    """Makes functions of the groups of one book with one model, each call run before it is believed."""
+
+    def __init__(
+        self,
+        book: Skillbook,
+        calls: ModelCalls,
+        prompts: Prompts,
+        robot: RobotDescription,
+        skills: Mapping[str, Skill],
+        subset: str,
+        tester: Tester | None = None,
+        reasks: int = 2,
+        seed: int = 0,
+    ) -> None:
+        """Prepare; nothing is asked.
+
+        Args:
+            book: the book.
+            calls: the model.
+            prompts: prompt files.
+            robot: the robot whose functions are called.
+            skills: the robot's functions by name.
+            subset: the Python that the sandbox runs.
+            tester: runs calls in place of programs; None: what is made is not tested.
+            reasks: times that the model is asked again, after an unusable answer and after calls that failed.
+            seed: seed of the model.
+        """
+        self._book = book
+        self._calls = calls
+        self._prompts = prompts
+        self._robot = robot
+        self._skills = skills
+        self._subset = subset
+        self._tester = tester
+        self._reasks = reasks
+        self._seed = seed
+
+    def groups(self, again: bool = False) -> list[Group]:
+        """The groups that could be generalised; those considered already only with ``again``."""
+        return consolidated_groups(self._book, again)
+
+    def generalise(self, group: Group, commit: bool = True) -> GroupOutcome:
+        """Ask, check, run, and (with ``commit``) store.
+
+        A call that does worse than its program is shown to the model with what happened, at most ``reasks`` times;
+        after that its program is left as it is, and a function that is left with programs of one key is given up.
+
+        Returns:
+            The outcome.
+
+        Raises:
+            LanguageModelError, BudgetExceeded, Stopped: then the group is as it was.
+            KeyboardInterrupt: if a stop came while programs were run.
+            MemoError: if the simulator failed.
+        """
+        asked, shown = 0, group
+        for round_ in range(self._reasks + 1):
+            try:
+                proposal, answered = self._ask(shown)
+            except Unreadable as error:
+                return GroupOutcome(group, "left", problem=error.problem, calls=asked + self._reasks + 1)
+            asked += answered
+            trials = _Trials(self._book, self._tester).run(group, proposal)
+            if not trials.failed or round_ == self._reasks:
+                break
+            shown = trials.shown_in(shown)
+        return self._settled(group, trials.without_failed(group, proposal), trials, asked, commit)
+
+    def _ask(self, group: Group) -> tuple[Generalised, int]:
+        taken = {one.function.name for one in functions_of(self._book)}
+        context = prompt_context(group, documentation(dict(self._skills)), self._subset) | {"robot": self._robot}
+        messages = self._prompts.messages(PHASE, context)
+
+        def read(text: str) -> Generalised:
+            return read_generalised(text, group, self._skills, taken)
+
+        stamp = self._prompts.text(PHASE).stamp
+        proposal, asked = put(self._calls, PHASE, messages, read, self._reasks, self._seed, stamp)
+        return proposal, asked.calls
+
+    def _settled(self, group: Group, proposal: Generalised, trials: _Trials, asked: int, commit: bool) -> GroupOutcome:
+        change = change_of(group, proposal, trials.trials)
+        left = {group.members[one.number - 1].entry.id: one.why for one in proposal.left}
+        entries = {entry.id: entry for entry in (*(member.entry for member in group.members), *group.notes)}
+        functions = {entry.id: entry for entry in group.functions}
+        gone = tuple(entries[number] for number in change.gone if number in entries)
+        made = Consolidated(change, gone, tuple(functions[number] for number in change.replaced))
+        outcome = GroupOutcome(
+            group,
+            "generalised" if change.gone else "unchanged",
+            made if change.gone else None,
+            left,
+            trials.trials,
+            trials.untested if proposal.functions else "",
+            calls=asked,
+        )
+        if not commit:
+            return outcome
+        try:
+            revision = store(self._book, change, self._calls.model)
+        except GroupChanged as error:
+            return attrs.evolve(outcome, status="changed", made=None, problem=str(error))
+        return outcome if revision is None else attrs.evolve(outcome, made=attrs.evolve(made, revision=revision))
+
+
+@attrs.define
+class _Trials:
+    """Runs the calls of one proposal."""
+
+    book: Skillbook
+    tester: Tester | None
+    failed: dict[int, str] = attrs.field(factory=dict)  # number of the program: the call, and what came of it
+    trials: dict[int, tuple[tuple[str, bool, str], ...]] = attrs.field(factory=dict)  # by the program's entry
+    untested: str = ""
+
+    def run(self, group: Group, proposal: Generalised) -> _Trials:
+        """Run every call in place of its program; what cannot be run is not held against it."""
+        if self.tester is None:
+            self.untested = "no simulator was at hand"
+            return self
+        for function in proposal.functions:
+            for number, call in function.calls:
+                member = group.members[number - 1]
+                verdict = self.tester.compare(program_behind(self.book, member.entry), as_program(function.code, call))
+                if verdict.untestable:
+                    self.untested = verdict.untestable
+                    continue
+                self.trials[member.entry.id] = tuple(verdict.starts)
+                if not verdict.accepted:
+                    self.failed[number] = f"{call} failed: {verdict.reason}"
+        return self
+
+    def shown_in(self, group: Group) -> Group:
+        """The group with what failed beside the programs."""
+        members = [
+            attrs.evolve(member, tried=(*member.tried, self.failed[number])) if number in self.failed else member
+            for number, member in enumerate(group.members, start=1)
+        ]
+        return attrs.evolve(group, members=tuple(members))
+
+    def without_failed(self, group: Group, proposal: Generalised) -> Generalised:
+        """The proposal without the calls that failed, and without functions that are then left with one key or lose a
+        program that already called them. A note inside a function given up stays."""
+        functions, left = [], list(proposal.left)
+        for function in proposal.functions:
+            stay = tuple((number, call) for number, call in function.calls if number not in self.failed)
+            lost = [group.members[number - 1] for number, _ in function.calls if number in self.failed]
+            keys = {group.members[number - 1].key for number, _ in stay}
+            given_up = len(keys) < LEAST_KEYS or any(member.calls == function.name for member in lost)
+            gone = [number for number, _ in function.calls if given_up or number in self.failed]
+            left += [Left(number, self.failed.get(number, "its function was given up")) for number in gone]
+            if not given_up:
+                functions.append(attrs.evolve(function, calls=stay))
+        names = {function.name: function for function in functions}
+        inside, notes = [], list(proposal.notes)
+        for note, name in proposal.inside:
+            called = {group.members[number - 1].key for number, _ in names[name].calls} if name in names else set()
+            if group.notes[note - 1].key in called:
+                inside.append((note, name))
+            else:
+                notes.append(MergedNote(group.notes[note - 1].text, (note,)))
+        return Generalised(tuple(functions), tuple(left), tuple(notes), tuple(inside))
+
+
+def change_of(
+    group: Group, proposal: Generalised, trials: Mapping[int, Sequence[tuple[str, bool, str]]]
+) -> GroupChange:
+    """A proposal as a change of the book."""
+    names = [function.name for function in proposal.functions]
+    entry_of = [member.entry.id for member in group.members]
+    staying = {entry.id for entry in stays(group, proposal)}
+    changed = [
+        one for one in proposal.notes if len(one.of) > 1 or one.text.split() != group.notes[one.of[0] - 1].text.split()
+    ]
+    return GroupChange(
+        tuple(
+            GeneralFunction(one.code, tuple((entry_of[number - 1], call.strip()) for number, call in one.calls))
+            for one in proposal.functions
+        ),
+        tuple(entry.id for entry in group.functions if entry.id not in staying) if proposal.functions else (),
+        tuple((group.notes[note - 1].id, names.index(name)) for note, name in proposal.inside),
+        tuple(WiderNote(one.text, tuple(group.notes[note - 1].id for note in one.of)) for one in changed),
+        entries_of(group),
+        {entry: tuple(starts) for entry, starts in trials.items()},
+    )

@@ -17,13 +17,18 @@ from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.spending import Spent
 from memo_core.policy.consolidation import Clustering, ClusteringSettings, ClusterOutcome
+from memo_core.policy.generalising import Generalising, GroupOutcome, Tester
 from memo_core.process.freed_memory import give_back_freed_memory
 from memo_core.process.signal_safe import Wake
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.run_log import RunLog
-from memo_core.runs.factories import budget_of, prompts_of
+from memo_core.runs.factories import budget_of, library_of, prompts_of, sandbox_of
 from memo_core.runs.folder import RunFolder
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.consolidation.grouping import entries_of
+from memo_core.skillbook.functions import Consolidated
+from memo_core.skillbook.model.entries import key_label
+from memo_core.skillbook.writing.functions import GroupChange
 from memo_core.skillbook.writing.key_aliases import NearKeys
 
 LATE_CALLS_S = 2.0
@@ -108,12 +113,22 @@ def clustering_of(
     emit: Callable[[Event], None],
     stop: StopSwitch,
     keep: Path | None = None,
+    tester: Tester | None = None,
 ) -> Iterator[Clustering]:
-    """The clustering of an open book. Raises as ``calls_without_a_run``."""
+    """The clustering of an open book. ``tester`` runs the calls of new functions; without one they are not tested.
+    Raises as ``calls_without_a_run``."""
     settings: ClusteringSettings = experiment.section("clustering")
     choice = settings.llm if settings.llm is not None else experiment.choice("llm")
-    with calls_without_a_run(experiment, choice.create(), emit, stop, "cluster", keep) as calls:
-        yield Clustering(book, calls, calls.model, settings, prompts_of(experiment), emit, experiment.seed)
+    llm: LanguageModel = choice.create()
+    with calls_without_a_run(experiment, llm, emit, stop, "cluster", keep) as calls:
+        skills, prompts = library_of(experiment), prompts_of(experiment)
+        generalising = None
+        if llm.calls_functions:
+            robot, subset = experiment.create("robot"), sandbox_of(experiment).subset()
+            generalising = Generalising(
+                book, calls, prompts, robot, skills, subset, tester, settings.reasks, experiment.seed
+            )
+        yield Clustering(book, calls, calls.model, settings, prompts, emit, experiment.seed, generalising, skills)
 
 
 @attrs.frozen(eq=False)
@@ -122,18 +137,22 @@ class AfterRun:
 
     settings: ClusteringSettings
     prompts: Prompts
+    names: frozenset[str] = frozenset()  # of the robot's functions
 
     def condense(self, book: Skillbook, calls: ModelCalls, emit: Callable[[Event], None], seed: int) -> None:
-        """Condense what changed, with the run's seed and budget, and with its model unless the settings name another.
-        What a model cannot answer is reported, for the run itself has ended before. Raises ``Stopped``."""
+        """Condense what changed, and make functions where no model need be asked (``memo cluster`` does the rest).
+
+        With the run's seed and budget, and with its model unless the settings name another. What a model cannot answer
+        is reported, for the run itself has ended before. Raises ``Stopped``.
+        """
         own: LanguageModel | None = self.settings.llm.create() if self.settings.llm is not None else None
         try:
             if own is not None:
                 own.open()
                 calls = calls.to(own)
-            clustering = Clustering(book, calls, calls.model, self.settings, self.prompts, emit, seed)
+            clustering = Clustering(book, calls, calls.model, self.settings, self.prompts, emit, seed, names=self.names)
             for outcome in clustering.condense_all():
-                if outcome.problem:
+                if isinstance(outcome, ClusterOutcome) and outcome.problem:
                     emit(Problem(f"cluster {outcome.cluster.label}", f"stays as it was: {outcome.problem}"))
         except Stopped:
             raise
@@ -149,7 +168,7 @@ def after_run(experiment: Experiment) -> AfterRun | None:
     if experiment.section("skillbook").cluster == "off" or experiment.section("skillbook").read_only:
         return None
     check_method(experiment)
-    return AfterRun(experiment.section("clustering"), prompts_of(experiment))
+    return AfterRun(experiment.section("clustering"), prompts_of(experiment), frozenset(library_of(experiment)))
 
 
 def watch(
@@ -159,7 +178,7 @@ def watch(
     merged, each ``ClusterOutcome``, and each error after which it continues. A cluster for which the model gave no
     usable answer is not asked about again until it changes. Raises ``Stopped``, and errors that make continuing
     pointless: ``BudgetExceeded``, a deleted book."""
-    tried: set[tuple[str, str]] = set()
+    tried: set[tuple[Any, ...]] = set()
     seen = -1
     while True:
         generation = book.generation()
@@ -168,7 +187,7 @@ def watch(
         _pause(stop, interval_s if seen >= 0 else max(interval_s, 10.0))
 
 
-def _round(clustering: Clustering, tried: set[tuple[str, str]], report: Callable[[Any], None]) -> bool:
+def _round(clustering: Clustering, tried: set[tuple[Any, ...]], report: Callable[[Any], None]) -> bool:
     """Whether everything that could be done was done."""
     near: NearKeys
     for near in clustering.near_keys():
@@ -188,6 +207,14 @@ def _round(clustering: Clustering, tried: set[tuple[str, str]], report: Callable
             tried.add(state)
         done = done and outcome.status != "changed"
         report(outcome)
+    try:
+        for made in clustering.consolidate_groups(skip=tried):
+            if isinstance(made, GroupOutcome) and made.status == "left":
+                tried.add(entries_of(made.group))
+            report(made)
+    except LanguageModelError as error:
+        report(error)
+        return False
     return done
 
 
@@ -196,6 +223,43 @@ def _pause(stop: StopSwitch, seconds: float) -> None:
     with stop.waking(news.set):
         news.wait(seconds)
     stop.check("waiting for changes")
+
+
+def group_record(outcome: Consolidated | GroupOutcome) -> dict[str, Any]:
+    """What was made of entries of several keys as JSON values, with entries by their ids in the book."""
+    group = outcome if isinstance(outcome, GroupOutcome) else None
+    made = group.made if group is not None else outcome if isinstance(outcome, Consolidated) else None
+    change = made.change if made is not None else GroupChange()
+    record: dict[str, Any] = {
+        "keys": sorted({key_label(entry.key) for entry in made.members}) if made else [],
+        "status": group.status if group is not None else "generalised",
+        "revision": made.revision if made else None,
+        "functions": [
+            {"name": one.name, "code": one.code, "calls": [{"entry": entry, "call": call} for entry, call in one.calls]}
+            for one in change.functions
+        ],
+        "replaced": list(change.replaced),
+        "notes": [{"text": note.text, "from": list(note.of)} for note in change.notes],
+        "inside": [{"entry": note, "function": change.functions[index].name} for note, index in change.inside],
+        "entries_before": made.entries_before if made else 0,
+        "entries_after": made.entries_after if made else 0,
+        "characters_before": made.characters_before if made else 0,
+        "characters_after": made.characters_after if made else 0,
+    }
+    if group is not None:
+        record |= {
+            "keys": sorted({key_label(member.key) for member in group.group.members}),
+            "left": [{"entry": entry, "reason": why} for entry, why in group.left.items()],
+            "tested": [
+                {"entry": entry, "start": start, "success": success, "reason": why}
+                for entry, starts in group.tested.items()
+                for start, success, why in starts
+            ],
+            "untested": group.untested or None,
+            "problem": group.problem or None,
+            "calls": group.calls,
+        }
+    return record
 
 
 def outcome_record(outcome: ClusterOutcome) -> dict[str, Any]:

@@ -10,7 +10,9 @@ import sqlalchemy as sa
 
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.defaults import merge_by_defaults
-from memo_core.skillbook.model.entries import Entry, same_words
+from memo_core.skillbook.consolidation.function_rules import Group
+from memo_core.skillbook.consolidation.grouping import entries_of, find_groups
+from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry, same_words
 from memo_core.skillbook.model.functions import Function, GeneralFunction, as_template, read_function, with_name
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.writing import functions
@@ -70,6 +72,28 @@ def functions_of(book: Skillbook) -> list[LearntFunction]:
         ]
 
 
+def consolidated_groups(book: Skillbook, again: bool = False) -> list[Group]:
+    """Groups of programs that one function may be able to do (``consolidation.grouping``); those that were considered
+    already only with ``again``."""
+    return find_groups(book.database, book.settings.actions, again)
+
+
+def program_behind(book: Skillbook, entry: Entry) -> Entry:
+    """The template that a program is tested against: the one that a call stands in for, or the call's function with
+    its arguments if it was approved as a call."""
+    changes, database = tables.changes.c, book.database
+    at = entry
+    with database.read() as connection:
+        while at.kind == "call":
+            gave_way = sa.select(changes.entry).where(changes.because == at.id, changes.change == "superseded")
+            before = queries.entries_where(connection, _E.id.in_(gave_way), _E.kind.in_(PROGRAM_KINDS))
+            if not before:
+                function = functions.functions_called(database, connection, [at.id], active=False)[at.id]
+                return attrs.evolve(at, text=as_template(function.text, at.text))
+            at = before[-1]
+    return at
+
+
 def store(book: Skillbook, change: GroupChange, model: str = "") -> int | None:
     """Commit what consolidation made of a group.
 
@@ -87,7 +111,21 @@ def store(book: Skillbook, change: GroupChange, model: str = "") -> int | None:
     """
     reason = f"{FUNCTIONS} by {model}" if model else FUNCTIONS
     with book.database.write() as connection:
-        return functions.store_group(book.database, connection, change, reason, model)
+        revision = functions.store_group(book.database, connection, change, reason, model)
+    if revision is not None:
+        _note_settled(book, revision, change, model)
+    return revision
+
+
+def _note_settled(book: Skillbook, revision: int, change: GroupChange, model: str) -> None:
+    """Note groups of nothing but new calls and programs that were left as considered."""
+    with book.database.read() as connection:
+        new = queries.entries_where(connection, _E.revision == revision)
+    settled = {*change.considered, *(entry.id for entry in new)}
+    for group in consolidated_groups(book):
+        if set(entries_of(group)) <= settled:
+            with book.database.write() as connection:
+                functions.note_considered(book.database, connection, entries_of(group), model)
 
 
 # -- what needs no model -----------------------------------------------------------------------------------------------

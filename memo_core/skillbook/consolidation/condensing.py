@@ -29,6 +29,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import supersede
 from memo_core.skillbook.vectors.key_vectors import KeyVectors
+from memo_core.skillbook.writing.functions import calls_as_templates
 from memo_core.skillbook.writing.templates import Records, records_of
 
 _E, _K, _S, _C = tables.entries.c, tables.keys.c, tables.sources.c, tables.clusterings.c
@@ -120,6 +121,7 @@ def find_clusters(
         for number, entry in connection.execute(notes):
             ids.setdefault(number, []).append(entry)
         templates = queries.entries_where(connection, valid, _E.kind == "template")
+        templates += calls_as_templates(database, connection)
         clustered = _clustered(database, connection)
         records = records_of(database, connection)
     related = _related([known[number] for number in ids], templates, key_vectors, settings)

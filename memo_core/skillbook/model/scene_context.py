@@ -62,6 +62,13 @@ def structures_of(names: Sequence[str], scene: SceneGraph) -> tuple[Structure | 
     return tuple(structure_of(scene, nodes[0]) if nodes else None for nodes in seen)
 
 
+def parts_of(names: Sequence[str], scene: SceneGraph) -> list[Node]:
+    """The nodes of the things that these names stand for, with all their parts, in the scene's order."""
+    by_id = {node.id: node for node in scene.nodes}
+    wholes = {_whole(node, by_id).id for name in names for node in _named(name, scene.nodes)}
+    return [node for node in scene.nodes if _whole(node, by_id).id in wholes]
+
+
 def _once(words: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(words))
 

@@ -80,12 +80,17 @@ class BuiltDifferently:
         at = _own_scene(connection.execute(seen).all(), by_id)
         shown = sa.select(_F.id, _F.scene_graph).where(_F.id.in_(sorted(set(at.values()))))
         scenes = {int(feedback): str(scene) for feedback, scene in connection.execute(shown)}
-        self._built = {entry: _structures(by_id[entry].key.objects, scenes[feedback]) for entry, feedback in at.items()}
+        self.scenes = {entry: scenes[feedback] for entry, feedback in at.items()}  # as they were seen
+        self._built = {entry: _structures(by_id[entry].key.objects, scene) for entry, scene in self.scenes.items()}
 
     def __call__(self, one: int, other: int) -> bool:
         """False where it is not known how one of them is built."""
-        value = _compared(self._built.get(one, ()), self._built.get(other, ()))
+        value = self.likeness(one, other)
         return value is not None and value < _DIFFERENT
+
+    def likeness(self, one: int, other: int) -> float | None:
+        """How alike the things of two entries are built, 0 to 1; None if that is not known."""
+        return _compared(self._built.get(one, ()), self._built.get(other, ()))
 
 
 def _own_scene(rows: Iterable[Sequence[Any]], entries: dict[int, Entry]) -> dict[int, int]:

@@ -27,6 +27,7 @@ from memo_core.skillbook.model.functions import (
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import supersede
+from memo_core.skillbook.store.trials import TemplateTrial, keep_trial
 from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
 
 FUNCTIONS = "functions"  # how the reasons of revisions begin that bring in functions
@@ -63,6 +64,8 @@ class GroupChange:
         notes: notes with several keys in place of those that they were made of.
         considered: all programs and notes of the group, left ones too: as long as they are the same, the group is not
             considered again.
+        trials: by the program that a call stands in for, each start from which the call was run, whether it succeeded,
+            and if not, why.
     """
 
     functions: tuple[GeneralFunction, ...] = ()
@@ -70,6 +73,7 @@ class GroupChange:
     inside: tuple[tuple[int, int], ...] = ()
     notes: tuple[WiderNote, ...] = ()
     considered: tuple[int, ...] = ()
+    trials: Mapping[int, Sequence[tuple[str, bool, str]]] = attrs.field(factory=dict)
 
     @property
     def gone(self) -> tuple[int, ...]:
@@ -119,6 +123,8 @@ def store_group(
             call = new.entry("call", _key(connection, member), text, entries[member].scene, FUNCTION, place, member)
             queries.insert_plain(connection, tables.calls, entry=call, function=made[-1])
             supersede(connection, revision, member, f"{function.name} does it", call)
+            for start, success, reason_why in change.trials.get(member, ()):
+                keep_trial(connection, call, TemplateTrial(start, success, when, reason_why))
         for note in notes:
             supersede(connection, revision, note, f"{function.name} does that at every call", made[-1])
     for old in change.replaced:
@@ -155,14 +161,17 @@ def note_considered(database: Database, connection: sa.Connection, entries: Iter
     connection.execute(database.upsert(tables.groupings).values(**values))
 
 
-def functions_called(database: Database, connection: sa.Connection, calls: Iterable[int]) -> dict[int, Entry]:
-    """The active function of each call, by the call's id; calls without one are left out."""
+def functions_called(
+    database: Database, connection: sa.Connection, calls: Iterable[int], active: bool = True
+) -> dict[int, Entry]:
+    """The active function of each call, by the call's id; calls without one are left out. With ``active`` False the
+    newest version, active or not."""
     if not database.has(connection, tables.calls):
         return {}
     query = (
         sa.select(_C.entry, _C.function)
         .join(tables.entries, _C.function == _E.id)
-        .where(_C.entry.in_(list(calls)), _E.superseded_by.is_(None))
+        .where(_C.entry.in_(list(calls)), _E.superseded_by.is_(None) if active else sa.true())
         .order_by(_C.function)
     )
     function_of = {int(call): int(function) for call, function in connection.execute(query)}
@@ -187,6 +196,17 @@ def follow(connection: sa.Connection, former: int, entry: int) -> None:
         queries.insert_plain(connection, tables.calls, entry=entry, function=row.function)
     for row in connection.execute(sa.select(tables.entry_keys).where(_K.entry == former)).all():
         queries.insert_plain(connection, tables.entry_keys, entry=entry, key=row.key)
+
+
+def calls_as_templates(database: Database, connection: sa.Connection) -> list[Entry]:
+    """The active calls, each with its function and arguments as its text."""
+    calls = queries.entries_where(connection, _E.kind == "call", _E.superseded_by.is_(None))
+    function_of = functions_called(database, connection, [call.id for call in calls])
+    return [
+        attrs.evolve(call, text=as_template(function_of[call.id].text, call.text))
+        for call in calls
+        if call.id in function_of
+    ]
 
 
 def calls_to_templates(connection: sa.Connection, without: Iterable[int] = ()) -> None:
