@@ -27,6 +27,7 @@ COMMANDS = {
     "tasks": "The tasks there are, and whether they can be done.",
     "cluster": "Condense what people taught: fewer notes, none lost.",
     "new": "Begin a plugin of your own, of any kind: one that works.",
+    "skills": "Functions that robot code may call, learnt ones too.",
     "skillbook": "List, search, edit and export the entries of a skillbook.",
     "config": "Experiment files: show, check, schema.",
     "plugins": "Plugins and their backends.",

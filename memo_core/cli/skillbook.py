@@ -36,9 +36,8 @@ skillbook_editing.register(app)
 skillbook_rebuild.register(app)
 skillbook_retest.register(app)
 
-KINDS = ("correction", "general", "template")
 WAITING = ("id", "who", "time", "task", "subtask", "words", "status", "reason")  # of feedback without entries
-Kind = Annotated[str | None, typer.Option("--kind", help="Only correction, general or template.")]
+Kind = Annotated[str | None, typer.Option("--kind", help="Only correction, general, template, function or call.")]
 
 
 @app.command("list")
@@ -53,10 +52,11 @@ def list_entries(
     json: Json = False,
 ) -> None:
     """List entries in the order in which they were stored, and feedback from which no entry was made yet."""
-    if kind is not None and kind not in KINDS:
-        raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
+    from memo_core.skillbook.model.entries import KINDS
     from memo_core.skillbook.model.keys import Key
 
+    if kind is not None and kind not in KINDS:
+        raise InvalidArgument("--kind", f"{kind!r} is no kind of entry{close_match(kind, KINDS)}", " or ".join(KINDS))
     with _reading(book, config, overrides) as opened:
         entries = opened.entries(kind, key, who, superseded)
         note_unknown("person", who, opened.people())
@@ -96,9 +96,27 @@ def show(
         state = f"superseded by revision {found.superseded_by}" if found.superseded_by else "valid"
         print(f"entry {found.id}: {found.kind}, key {_label(found)}, {state}")
         print(f"served {found.uses} times to code that ran, {found.confirmed_uses} times approved\n\n{found.text}")
+        if found.kind in ("function", "call"):
+            _show_function(opened, found)
         for origin in origins:
             about = f"{origin.subtask} ({origin.task})"
             print(f"\nfrom {origin.who}, {local_time(origin.time)}, about {about}:\n  {origin.words or '(approved)'}")
+
+
+def _show_function(book: Skillbook, entry: Entry) -> None:
+    """The calls of a function, the programs they replaced and how they did when they were run; for a call its
+    function."""
+    from memo_core.skillbook.functions import functions_of, record_of
+
+    for learnt in functions_of(book):
+        if entry.id == learnt.entry.id or entry.id in {call.id for call in learnt.calls}:
+            record = record_of(book, learnt)
+            print(f"\nfunction {learnt.entry.id}: {learnt.function.signature}; tested: {record.tested}")
+            for call, program in zip(learnt.calls, record.replaced, strict=True):
+                print(f"  call {call.id} [{call.key}] {call.text}  (in place of {program.kind} {program.id})")
+                for trial in record.trials.get(call.id, []):
+                    ended = "succeeded" if trial.success else f"failed ({trial.reason})"
+                    print(f"    {ended} from {trial.start}")
 
 
 @app.command()

@@ -157,7 +157,12 @@ def why(
             )
         print("of equal s: likeness of the text to the subtask, then approved uses, then the newest")
         columns = ("rank", "s", "r", "action", "objects", "text", "terms", "approved", "when", "id", "key", "entry")
-        for name, served in (("corrections", found.corrections), ("templates", found.templates)):
+        calls = tuple(call for function in found.functions for call in function.calls)
+        for name, served in (
+            ("corrections", found.corrections),
+            ("templates", found.templates),
+            ("calls of functions", calls),
+        ):
             print(f"\n{name}: {len(served)}")
             if served:
                 print_table(columns, [_served_row(s) for s in served])
@@ -294,7 +299,7 @@ def _version(version: Version) -> dict[str, Any]:
 
 
 def _retrieval(found: Retrieval) -> dict[str, Any]:
-    served = {
+    served: dict[str, Any] = {
         name: [
             {"rank": s.rank, "entry": s.entry.id, "key": s.key, "text": s.text, "score": s.score}
             | {"key_score": s.key_score, "action_cosine": s.action_cosine, "objects_cosine": s.objects_cosine}
@@ -306,7 +311,20 @@ def _retrieval(found: Retrieval) -> dict[str, Any]:
         ]
         for name in ("corrections", "general", "templates")
     }
-    return served | {"cut": [attrs.asdict(one) for one in found.cut], "generation": found.generation}
+    functions = [
+        {"entry": one.entry.id, "signature": one.signature, "tested": one.standing.tested}
+        | {
+            "calls": [
+                {"entry": call.entry.id, "key": call.key, "call": call.text, "score": call.score} for call in one.calls
+            ]
+        }
+        for one in found.functions
+    ]
+    return served | {
+        "functions": functions,
+        "cut": [attrs.asdict(one) for one in found.cut],
+        "generation": found.generation,
+    }
 
 
 def _count(retired: dict[Any, list[Entry]]) -> dict[str, int]:

@@ -19,7 +19,7 @@ from memo_core.skillbook.retrieval.retriever import Retrieval
 _BESIDE = ("look", "print")  # calls that do nothing to the world
 
 
-def as_used(found: Retrieval, use: FunctionUse, skills: Collection[str]) -> Retrieval:
+def as_used(found: Retrieval, use: FunctionUse, skills: Collection[str], approvals: int = 0) -> Retrieval:
     """A retrieval whose functions are used as the settings say.
 
     Args:
@@ -27,17 +27,21 @@ def as_used(found: Retrieval, use: FunctionUse, skills: Collection[str]) -> Retr
         use: ``call`` keeps functions that can be called; ``show`` turns each into a template of its best call; ``off``
             leaves them out.
         skills: names of the robot's functions; a learnt function with such a name is left out.
+        approvals: an untested function is shown as a template until so many programs written with it were approved.
 
     Returns:
         The retrieval.
     """
-    functions = tuple(one for one in found.functions if read_function(one.entry.text).name not in skills)
-    if use == "call":
-        return attrs.evolve(found, functions=functions)
-    shown = tuple(one.as_template() for one in functions if use == "show")
+    functions = [one for one in found.functions if read_function(one.entry.text).name not in skills]
+    called = tuple(
+        one for one in functions if use == "call" and (one.standing.tested or one.standing.approved >= approvals)
+    )
+    shown = [one.as_template() for one in functions if use != "off" and one not in called]
+    if not shown:
+        return attrs.evolve(found, functions=called)
     ranked = sorted((*found.templates, *shown), key=lambda one: -one.score)
     templates = tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(ranked, start=1))
-    return attrs.evolve(found, templates=templates, functions=())
+    return attrs.evolve(found, templates=templates, functions=called)
 
 
 def read_program(text: str, functions: Sequence[RetrievedFunction]) -> str:

@@ -25,7 +25,7 @@ from memo_core.skillbook.model.entries import longest_entry
 from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import SubtaskContext
-from memo_core.skillbook.retrieval.result import RetrievedFunction
+from memo_core.skillbook.retrieval.result import RetrievedFunction, Standing
 from memo_core.skillbook.retrieval.retriever import Cut, Retrieval, RetrievedEntry
 
 _ONE_AT_A_TIME = threading.Lock()  # one that was given up may still be at work on the book's index
@@ -38,7 +38,7 @@ def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> R
         return Retrieval(key)
     corrections = tuple(one for one in found.corrections if not is_of_plans(one.entry.key))
     use: FunctionUse = "show" if session.functions == "call" and not session.llm.calls_functions else session.functions
-    found = as_used(attrs.evolve(found, corrections=corrections), use, session.skills)
+    found = as_used(attrs.evolve(found, corrections=corrections), use, session.skills, session.approvals)
     session.emit(found.event())
     return found
 
@@ -175,7 +175,7 @@ def _keep(found: Retrieval) -> dict[str, Any]:
     parts = [len(found.corrections), len(found.general), len(found.templates)]
     cut = [[one.key, one.score, one.rule] for one in found.cut]
     kept = {"served": rows, "parts": parts, "sources": list(found.sources), "cut": cut}
-    functions = [[one.entry.id, len(one.calls)] for one in found.functions]
+    functions = [[one.entry.id, len(one.calls), one.standing.tested, one.standing.approved] for one in found.functions]
     return kept | ({"functions": functions} if functions else {})
 
 
@@ -191,8 +191,8 @@ def _read(record: dict[str, Any], key: Key, book: Skillbook) -> Retrieval:
     of_kinds = iter(every)
     corrections, general, templates = (tuple(islice(of_kinds, count)) for count in record["parts"])
     functions = tuple(
-        RetrievedFunction(entries_of(book, [function])[0], tuple(islice(of_kinds, calls)))
-        for function, calls in record.get("functions", ())
+        RetrievedFunction(entries_of(book, [function])[0], tuple(islice(of_kinds, calls)), Standing(tested, approved))
+        for function, calls, tested, approved in record.get("functions", ())
     )
     cut = tuple(Cut(*cut) for cut in record["cut"])
     return Retrieval(key, corrections, general, templates, cut, sources=tuple(record["sources"]), functions=functions)

@@ -41,6 +41,7 @@ class Session:
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
     functions: FunctionUse = "call"
+    approvals: int = 3  # of programs written with an untested function before it may be called
     prompts: Prompts = attrs.field(factory=Prompts)
     budget: Budget = attrs.field(factory=Budget)
     on_text: Callable[[str, str], None] | None = None  # called with (phase, piece) while an answer is written

@@ -140,6 +140,7 @@ class RunComponents:
     clustering: AfterRun | None = None  # condensing the book at the end
     teaching: TeachingSettings = attrs.field(factory=TeachingSettings)
     functions: FunctionUse = "call"
+    approvals: int = 3
     time_is_up: Callable[[float, int, int], bool] | None = None  # see ``Person``
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
     attended: bool = False  # whether the run breaks off, to be resumed, when its teacher has left
@@ -238,6 +239,7 @@ def components_of(
         clustering=clustering,
         teaching=experiment.section("teaching"),
         functions=experiment.section("skillbook").functions,
+        approvals=experiment.section("skillbook").approvals,
         images=experiment.section("policy").images,
     )
 
@@ -509,6 +511,7 @@ class _Run:
             seed=self.seed,
             teaching=made.teaching,
             functions=made.functions,
+            approvals=made.approvals,
             images=made.images,
             prompts=made.prompts,
             budget=self.budget,

@@ -34,6 +34,14 @@ class SkillbookSettings:
             "(so does a model that cannot call them), or off: read the templates that they were made of"
         },
     )
+    approvals: int = attrs.field(
+        default=3,
+        validator=attrs.validators.ge(0),
+        metadata={
+            "help": "a function whose calls could not be run (hardware, imported, edited) is shown as a template until "
+            "so many programs written with it were approved"
+        },
+    )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})
 
 

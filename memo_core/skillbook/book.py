@@ -43,7 +43,7 @@ from memo_core.skillbook.vectors.text_vectors import TextVectors, batched
 from memo_core.skillbook.writing import templates
 from memo_core.skillbook.writing.adding import add_notes, add_template
 from memo_core.skillbook.writing.feedback import checked_name, feedback_by_id, insert_feedback, set_status
-from memo_core.skillbook.writing.functions import FUNCTIONS, check_call, functions_called
+from memo_core.skillbook.writing.functions import FUNCTIONS, check_call, functions_called, standing_of
 from memo_core.skillbook.writing.revising import edit, kept_read_backs, read_back, remove
 
 _F, _E = tables.feedback.c, tables.entries.c
@@ -538,7 +538,8 @@ class Skillbook:
         with self.database.read() as connection:
             calls = [one.entry.id for one in found.templates if one.entry.kind == "call"]
             called = functions_called(self.database, connection, calls) if calls else {}
-        return select_templates(found, self.settings, called)
+            standing = standing_of(self.database, connection, {one.id: one for one in called.values()}.values())
+        return select_templates(found, self.settings, called, standing)
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Find the active entries whose texts are most similar to a text.

@@ -12,9 +12,11 @@ from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.defaults import merge_by_defaults
 from memo_core.skillbook.consolidation.function_rules import Group
 from memo_core.skillbook.consolidation.grouping import entries_of, find_groups
-from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry, same_words
+from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry, Feedback, same_words
 from memo_core.skillbook.model.functions import Function, GeneralFunction, as_template, read_function, with_name
+from memo_core.skillbook.retrieval.result import Standing
 from memo_core.skillbook.store import queries, tables
+from memo_core.skillbook.store.trials import TemplateTrial, trials_of
 from memo_core.skillbook.writing import functions
 from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, GroupChange, GroupChanged, WiderNote
 
@@ -59,6 +61,52 @@ class LearntFunction:
     @property
     def function(self) -> Function:
         return read_function(self.entry.text)
+
+
+@attrs.frozen
+class FunctionRecord:
+    """A function with what stands behind it.
+
+    Attributes:
+        learnt: the function and its calls.
+        standing: whether it was tested, and how often programs written with it were approved.
+        trials: how its calls did when they were run, by the call's entry.
+        replaced: the programs that its calls stand in for.
+        said: feedback that it derives from, oldest first.
+    """
+
+    learnt: LearntFunction
+    standing: Standing
+    trials: dict[int, list[TemplateTrial]]
+    replaced: tuple[Entry, ...]
+    said: tuple[Feedback, ...]
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Whose words and approvals it derives from."""
+        return tuple(dict.fromkeys(one.who for one in self.said))
+
+    @property
+    def tested(self) -> str:
+        """Where it was tested, in a few words."""
+        starts = [trial for trials in self.trials.values() for trial in trials]
+        if starts:
+            return f"{sum(trial.success for trial in starts)} of {len(starts)} starts"
+        if self.standing.tested:
+            return "the code of approved programs"
+        return f"not tested, approved {self.standing.approved} times"
+
+
+def record_of(book: Skillbook, learnt: LearntFunction) -> FunctionRecord:
+    """What stands behind a function."""
+    database = book.database
+    ids = [call.id for call in learnt.calls]
+    with database.read() as connection:
+        standing = functions.standing_of(database, connection, [learnt.entry])[learnt.entry.id]
+        trials = trials_of(database, connection, ids)
+    replaced = tuple(program_behind(book, call) for call in learnt.calls)
+    said = tuple(book.feedback(number) for number in book.sources([learnt.entry.id, *ids]))
+    return FunctionRecord(learnt, standing, trials, replaced, said)
 
 
 def functions_of(book: Skillbook) -> list[LearntFunction]:

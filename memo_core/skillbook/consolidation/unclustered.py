@@ -9,9 +9,9 @@ import sqlalchemy as sa
 
 from memo_core.skillbook.consolidation.condensing import CLUSTERED, DUPLICATES
 from memo_core.skillbook.model.entries import Entry
-from memo_core.skillbook.sharing.export import IMPORTED
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
+from memo_core.skillbook.store.origins import IMPORTED
 from memo_core.skillbook.vectors.text_vectors import batched
 from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
 from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, calls_to_templates

@@ -69,11 +69,25 @@ class RetrievedEntry:
 
 
 @attrs.frozen
+class Standing:
+    """What speaks for a function.
+
+    Attributes:
+        tested: calls of it succeeded when they were run, or its code was approved as it is.
+        approved: programs written with it that were approved.
+    """
+
+    tested: bool = True
+    approved: int = 0
+
+
+@attrs.frozen
 class RetrievedFunction:
     """A function with those of its calls that were retrieved, best first."""
 
     entry: Entry
     calls: tuple[RetrievedEntry, ...]
+    standing: Standing = Standing()
 
     @property
     def signature(self) -> str:

@@ -10,7 +10,7 @@ import attrs
 from memo_core.skillbook.model.code_shape import code_shape
 from memo_core.skillbook.model.entries import Entry
 from memo_core.skillbook.model.functions import read_function
-from memo_core.skillbook.retrieval.result import Cut, Retrieval, RetrievedEntry, RetrievedFunction
+from memo_core.skillbook.retrieval.result import Cut, Retrieval, RetrievedEntry, RetrievedFunction, Standing
 from memo_core.skillbook.retrieval.score import TIE
 from memo_core.skillbook.retrieval.settings import RetrievalSettings
 
@@ -28,7 +28,10 @@ class _Program:
 
 
 def select_templates(
-    found: Retrieval, settings: RetrievalSettings, functions: Mapping[int, Entry] | None = None
+    found: Retrieval,
+    settings: RetrievalSettings,
+    functions: Mapping[int, Entry] | None = None,
+    standing: Mapping[int, Standing] | None = None,
 ) -> Retrieval:
     """Select from the ranked templates and calls.
 
@@ -40,6 +43,7 @@ def select_templates(
         found: a retrieval whose ``templates`` are templates and calls, best first.
         settings: retrieval settings.
         functions: the function of each call, by the call's id; calls without one are left out.
+        standing: what speaks for each function, by its id; None: not known, which counts as tested.
 
     Returns:
         The retrieval with templates and functions apart, and what was cut.
@@ -64,7 +68,11 @@ def select_templates(
         found,
         templates=tuple(attrs.evolve(one, rank=rank) for rank, one in enumerate(templates, start=1)),
         functions=tuple(
-            RetrievedFunction(program.function, tuple(program.calls[:MOST_CALLS]))
+            RetrievedFunction(
+                program.function,
+                tuple(program.calls[:MOST_CALLS]),
+                (standing or {}).get(program.function.id, Standing()),
+            )
             for program in selected
             if program.function is not None
         ),

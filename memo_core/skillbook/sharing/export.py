@@ -14,13 +14,12 @@ import sqlalchemy as sa
 
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
-from memo_core.skillbook.store.origins import origins_of
+from memo_core.skillbook.store.origins import IMPORTED, origins_of
 from memo_core.skillbook.writing.revising import kept_read_backs
 
 FORMAT = 4  # 1 has no origins, changes, uses and withdrawn rows, 2 no read-backs, 3 no functions
 # Kinds of records whose number the first record says, so that a file with lines missing is noticed.
 COUNTED = {"feedback": tables.feedback, "revision": tables.revisions, "entry": tables.entries}
-IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
 
 
 def records(database: Database, connection: sa.Connection) -> Iterator[dict[str, Any]]:

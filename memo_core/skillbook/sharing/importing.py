@@ -20,11 +20,10 @@ import sqlalchemy as sa
 from memo_core.skillbook.forgetting.in_database import forget_feedback
 from memo_core.skillbook.model.entries import PROGRAM_KINDS
 from memo_core.skillbook.model.keys import Key
-from memo_core.skillbook.sharing.export import IMPORTED
 from memo_core.skillbook.sharing.import_records import BadImport, ImportRecords, When, key_of, phase_of
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
-from memo_core.skillbook.store.origins import Origin, origins_of
+from memo_core.skillbook.store.origins import IMPORTED, Origin, origins_of
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.writing import templates
 from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION

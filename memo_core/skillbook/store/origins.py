@@ -16,6 +16,7 @@ from memo_core.skillbook.store.database import Database
 
 _O = tables.origins.c
 _CHUNK = 500
+IMPORTED = "imported "  # how the reasons of revisions begin that were made in another book
 TABLES = {"feedback": tables.feedback, "entry": tables.entries, "revision": tables.revisions}
 
 Origin = tuple[str, str]  # book, id there

@@ -24,15 +24,18 @@ from memo_core.skillbook.model.functions import (
     read_call,
     read_function,
 )
+from memo_core.skillbook.retrieval.result import Standing
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
+from memo_core.skillbook.store.origins import IMPORTED
 from memo_core.skillbook.store.superseding import supersede
-from memo_core.skillbook.store.trials import TemplateTrial, keep_trial
-from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
+from memo_core.skillbook.store.trials import TemplateTrial, keep_trial, trials_of
+from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
 
 FUNCTIONS = "functions"  # how the reasons of revisions begin that bring in functions
 SAME_WORDS = "the same words"  # of those that give a note several keys
-_E, _S, _C, _K = tables.entries.c, tables.sources.c, tables.calls.c, tables.entry_keys.c
+_E, _S, _R = tables.entries.c, tables.sources.c, tables.revisions.c
+_C, _K = tables.calls.c, tables.entry_keys.c
 
 
 @attrs.define(auto_exc=True, eq=False)
@@ -134,6 +137,21 @@ def store_group(
         _widen(connection, revision, when, wider, ordinal, entries)
     database.next_generation(connection)
     return revision
+
+
+def standing_of(database: Database, connection: sa.Connection, functions: Iterable[Entry]) -> dict[int, Standing]:
+    """The standing of functions, by their ids."""
+    found = {}
+    for one in functions:
+        reason = connection.execute(sa.select(_R.reason).where(_R.id == one.revision)).scalar() or ""
+        mine = sa.select(_C.entry).where(_C.function == one.id)
+        run = trials_of(database, connection, queries.ids_of(connection.execute(mine)))
+        succeeded = any(trial.success for trials in run.values() for trial in trials)
+        reason = reason.removeprefix(IMPORTED)
+        as_approved = reason == FUNCTIONS  # merged without a model: the code is the templates'
+        edited = reason.startswith(EDIT)  # what ran was another text
+        found[one.id] = Standing(as_approved or (succeeded and not edited), one.confirmed_uses)
+    return found
 
 
 def check_call(code: str, call: str) -> None:
