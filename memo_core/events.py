@@ -64,7 +64,7 @@ class EntryServed:
     """One retrieved entry and the reason why it was served."""
 
     entry: int
-    kind: str  # "correction", "general", "template"
+    kind: str  # "correction", "general", "template", "call", "function"
     key: str
     text: str
     score: float

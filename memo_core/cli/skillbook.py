@@ -177,6 +177,37 @@ def stats(book: Book = None, config: ConfigFile = None, overrides: Overrides = N
 
 
 @app.command()
+def growth(
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it, as .png or .svg.")] = None,
+    book: Book = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Show how the book grew: entries, characters, functions, and the share of subtasks done by calling one."""
+    from memo_core.skillbook import stats as book_stats
+
+    with _reading(book, config, overrides) as opened:
+        found = book_stats.growth_of(opened)
+    if plot is not None:
+        from memo_core.report.figures import draw_growth
+
+        draw_growth(found, resolved(plot))
+        note(f"drawn: {plot}")
+    if json:
+        print_json({"revisions": [attrs.asdict(one) for one in found]})
+    elif plot is None:
+        columns = ("revision", "when", "entries", "characters", "functions", "done by a call")
+        shown = [(*attrs.astuple(one)[2:5], _percent(one.by_call)) for one in found]
+        when = [(one.revision, local_time(one.time)) for one in found]
+        print_table(columns, [(*at, *counts) for at, counts in zip(when, shown, strict=True)])
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.0f} %"
+
+
+@app.command()
 def export(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write; without it, stdout.")] = None,
     book: Book = None,

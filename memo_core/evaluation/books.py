@@ -29,6 +29,7 @@ from memo_core.runs.factories import book_of
 from memo_core.runs.folder import json_text
 from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.model.entries import KINDS
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
 from memo_core.text.parsing import parse_json
@@ -155,7 +156,7 @@ def _when(key: BookKey, settings: BooksSettings) -> str:
 
 def _told(book: Skillbook, key: BookKey, until: int, journal: Journal) -> dict[str, Any]:
     entries = book.entries()
-    kinds = {kind: sum(entry.kind == kind for entry in entries) for kind in ("correction", "general", "template")}
+    kinds = {kind: sum(entry.kind == kind for entry in entries) for kind in KINDS}
     return {
         "file": key.file,
         "history": key.history,

@@ -99,7 +99,8 @@ def _condense(
     choice: Any = settings.llm if settings.llm is not None else experiment.choice("llm")
     model = AnswersOfBook(choice.create(), source)
     with calls_without_a_run(experiment, model, _ignore, stop, "rebuild") as calls:
-        clustering = Clustering(target, calls, calls.model, settings, prompts_of(experiment), _ignore, experiment.seed)
+        names, prompts = library_of(experiment), prompts_of(experiment)
+        clustering = Clustering(target, calls, calls.model, settings, prompts, _ignore, experiment.seed, names=names)
         rebuilding.condense(clustering, model, when)
 
 

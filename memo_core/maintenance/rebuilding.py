@@ -137,6 +137,8 @@ class Rebuilding:
                 model.about = frozenset(there[here] for here in self._target.sources(of) if here in there)
                 clustering.condense(cluster)
                 self.result.clusters += 1
+            for _ in clustering.consolidate_groups():
+                self.result.clusters += 1
         self._sum_up(model)
 
     def _sum_up(self, model: AnswersOfBook) -> None:

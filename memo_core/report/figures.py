@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import attrs
 import numpy as np
 
+from memo_core.errors import InvalidArgument
 from memo_core.report.findings import Findings
 from memo_core.report.statistics import Interval, Outcomes, interval, performance_profile
 from memo_core.report.tables import rate_of
+from memo_core.skillbook.stats import Growth
 
 COLOURS = {"memo": "#0072b2", "memo-c": "#56b4e9", "memo-s": "#7f7f7f", "droc-v": "#d55e00"}  # safe for colour-blind
 MARKERS = {"memo": "o", "memo-c": "s", "memo-s": "", "droc-v": "^"}
@@ -45,14 +48,20 @@ def all_figures(findings: Findings, folder: Path) -> list[Figure]:
     return found
 
 
-def _drawn(
-    findings: Findings, folder: Path, name: str, title: str, maker: Callable[[Findings, Any], bool]
-) -> Figure | None:
+def _pyplot() -> Any:
+    """Matplotlib's pyplot, drawing into files only."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    return pyplot
+
+
+def _drawn(
+    findings: Findings, folder: Path, name: str, title: str, maker: Callable[[Findings, Any], bool]
+) -> Figure | None:
+    pyplot = _pyplot()
     pyplot.rcParams["svg.hashsalt"] = name  # the same figure is the same file
     figure, axes = pyplot.subplots(figsize=(7.0, 4.2), layout="constrained")
     try:
@@ -173,3 +182,39 @@ def _books(findings: Findings, axes: Any) -> bool:
     if shown:
         axes.legend(frameon=False, fontsize=9)
     return shown
+
+
+def draw_growth(growth: Sequence[Growth], file: Path) -> None:
+    """Draw how a book grew: entries and characters above, functions and the share of subtasks done by a call below.
+
+    Args:
+        growth: the book after each revision.
+        file: .png or .svg.
+
+    Raises:
+        ImportError: without matplotlib.
+        InvalidArgument: if the file's ending is another, or it cannot be written.
+    """
+    if file.suffix not in (".png", ".svg"):
+        raise InvalidArgument("--plot", f"{file.name} is neither .png nor .svg", "a file that ends in one of these")
+    pyplot = _pyplot()
+    figure, (above, below) = pyplot.subplots(2, 1, figsize=(7.0, 5.0), layout="constrained", sharex=True)
+    steps = range(1, len(growth) + 1)
+    above.step(steps, [one.characters for one in growth], where="post", color=COLOURS["memo"], label="characters")
+    above.set(ylabel="characters", title="the book after each revision")
+    beside = above.twinx()
+    beside.step(steps, [one.entries for one in growth], where="post", color=COLOURS["memo-c"], label="entries")
+    beside.set(ylabel="entries")
+    figure.legend(frameon=False, fontsize=9, loc="outside upper right")
+    share = [math.nan if one.by_call is None else 100 * one.by_call for one in growth]
+    below.step(steps, share, where="post", color=COLOURS["memo"])
+    below.set(xlabel="revision", ylabel="% of approved subtasks\ndone by a call", ylim=(-2, 102))
+    functions = below.twinx()
+    functions.step(steps, [one.functions for one in growth], where="post", color=COLOURS["memo-c"])
+    functions.set(ylabel="functions")
+    try:
+        figure.savefig(file, dpi=DOTS_PER_INCH, metadata={"Date": None} if file.suffix == ".svg" else None)
+    except OSError as error:
+        raise InvalidArgument("--plot", f"{file}: {error.strerror}", "a file that can be written") from None
+    finally:
+        pyplot.close(figure)

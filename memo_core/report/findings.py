@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from memo_core.evaluation.books import contents
 from memo_core.evaluation.references import read_references
 from memo_core.evaluation.table import ERRORS, read_table
 from memo_core.runs.factories import book_of, tasks_of
+from memo_core.skillbook.functions import functions_of, record_of
 from memo_core.skillbook.model.entries import GLOBAL_KEY
 from memo_core.study.history import BOOK
 from memo_core.study.journal import Journal
@@ -36,6 +38,7 @@ class Findings:
     people: dict[str, Any]
     books: tuple[dict[str, Any], ...]
     rows: tuple[dict[str, Any], ...]
+    functions: tuple[dict[str, Any], ...]  # learnt in each history, with what stands behind them
     errors: tuple[dict[str, Any], ...]  # trials that could not be carried out: in no rate
     references: dict[str, dict[str, Any]]  # by task: reference solution and doing nothing, where measured
 
@@ -95,6 +98,7 @@ def gather(registry: Any, folder: Path) -> Findings:
         people={who: attrs.asdict(told) for who, told in People(study).all().items()},
         books=tuple(contents(folder / "books")),
         rows=tuple(read_table(evaluation)),
+        functions=tuple(_functions(experiment, journals)) if experiment is not None else (),
         errors=tuple(read_table(evaluation, ERRORS)),
         references=read_references(evaluation),
     )
@@ -127,8 +131,31 @@ def _feedback(experiment: Experiment, journals: list[Journal]) -> list[dict[str,
                     about = by_instruction.get(said.task) if said is not None else None
                     if about is not None:
                         kind = "general" if entry.key == GLOBAL_KEY else entry.kind
-                        about[{"correction": "notes", "general": "general", "template": "templates"}[kind]] += 1
+                        about[_MADE[kind]] += 1
     return list(rows.values())
+
+
+def _functions(experiment: Experiment, journals: list[Journal]) -> Iterator[dict[str, Any]]:
+    """A row a function that was learnt: its calls, what they replaced, where it was tested, what people said."""
+    for journal in journals:
+        if not (journal.folder / BOOK).exists():
+            continue
+        with book_of(experiment, str(journal.folder / BOOK), read_only=True) as book:
+            for one in (record_of(book, learnt) for learnt in functions_of(book)):
+                yield {
+                    "history": journal.folder.name,
+                    "function": one.learnt.function.signature,
+                    "calls": [f"{call.key}: {call.text}" for call in one.learnt.calls],
+                    "replaced": sum(len(program.text) for program in one.replaced),
+                    "characters": sum(len(entry.text) for entry in (one.learnt.entry, *one.learnt.calls)),
+                    "tested": one.tested,
+                    "people": list(one.people),
+                    "said": [said.words for said in one.said if said.words.strip()],
+                    "approved": f"{one.learnt.entry.confirmed_uses}/{one.learnt.entry.uses}",
+                }
+
+
+_MADE = {"correction": "notes", "general": "general", "template": "templates", "call": "templates"}
 
 
 def _empty(task: str, kind: str, instruction: str) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import yaml
 from memo_core.evaluation.settings import EMPTY
 from memo_core.report.findings import Findings
 from memo_core.report.statistics import Interval, Outcomes, difference, interval, probability_of_improvement, wilson
+from memo_core.skillbook.model.entries import KINDS
 
 
 @attrs.frozen(eq=False)
@@ -54,6 +55,7 @@ def all_tables(findings: Findings) -> list[Table]:
         comparisons,
         floor_and_ceiling,
         books,
+        functions,
         retrieval,
         failures,
         ablations,
@@ -173,14 +175,33 @@ def books(findings: Findings) -> Table:
         for method in ("memo-c", "memo", "droc-v"):
             of = [b for b in findings.books if b["hours"] == hours and b["method"] == method and not b["ablation"]]
             if of:
-                means = [sum(b[name] for b in of) / len(of) for name in _COUNTED]
+                means = [sum(b.get(name, 0) for b in of) / len(of) for name in _COUNTED]
                 rows.append((f"{hours:g}", method, of[0]["clustering"], *(f"{mean:.1f}" for mean in means), len(of)))
     note = "Means over histories. Before clustering: memo-c; after: memo."
-    columns = ("hours", "method", "clustered", "entries", "characters", "corrections", "general", "templates", "books")
+    columns = ("hours", "method", "clustered", *_COUNTED[:2], *(f"{kind}s" for kind in _COUNTED[2:]), "books")
     return Table("books", "Entries and characters before and after clustering", columns, tuple(rows), note)
 
 
-_COUNTED = ("entries", "characters", "correction", "general", "template")
+_COUNTED = ("entries", "characters", *KINDS)
+
+
+def functions(findings: Findings) -> Table:
+    rows = [
+        (
+            one["history"],
+            one["function"],
+            "; ".join(one["calls"]),
+            f"{one['replaced']} to {one['characters']}",
+            one["tested"],
+            one["approved"],
+            ", ".join(one["people"]),
+            "; ".join(f"“{said}”" for said in one["said"]),
+        )
+        for one in findings.functions
+    ]
+    note = "Characters: of the programs that it replaced, and of function and calls."
+    columns = ("history", "function", "calls", "characters", "tested", "approved/served", "taught by", "people said")
+    return Table("functions", "Functions learnt from programs of several keys", columns, tuple(rows), note)
 
 
 def retrieval(findings: Findings) -> Table:

@@ -97,6 +97,10 @@ class RetrievedFunction:
     def docstring(self) -> str:
         return read_function(self.entry.text).docstring
 
+    def event(self) -> events.EntryServed:
+        """The function with the key and the scores of its best call."""
+        return attrs.evolve(self.calls[0].event(), entry=self.entry.id, kind=self.entry.kind, text=self.entry.text)
+
     def as_template(self) -> RetrievedEntry:
         """The function with the arguments of its best call as defaults, as the template of that call's key."""
         best = self.calls[0]
@@ -144,6 +148,6 @@ class Retrieval:
     def event(self) -> events.Retrieved:
         return events.Retrieved(
             subtask=str(self.query),
-            served=tuple(one.event() for one in self.served),
+            served=(*(one.event() for one in self.served), *(one.event() for one in self.functions)),
             cut=tuple((c.key, c.score, c.rule) for c in self.cut),
         )
