@@ -18,7 +18,7 @@ from memo_core.policy.feedback_processing import FeedbackProcessor, asking_witho
 from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runs.consolidation import calls_without_a_run
-from memo_core.runs.factories import book_of, prompts_of
+from memo_core.runs.factories import book_of, library_of, prompts_of
 from memo_core.skillbook import raw_log
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Feedback
