@@ -193,11 +193,9 @@ def _normalise(layer: Source) -> list[Issue]:
         if word in named:
             layer.values[name] = dict(named[word])
             layer.origins |= {(name, key): origin for key in named[word]}
-        else:
+        elif guess := close_match(word, named):  # what is like none was meant for a key of the section
             del layer.values[name]
-            problem = (
-                f"{word!r} is no preset of it{close_match(word, named)}; expected keys, or one of: {', '.join(named)}"
-            )
+            problem = f"{word!r} is no preset of it{guess}; expected keys, or one of: {', '.join(named)}"
             issues.append(Issue(origin, name, problem))
     for kind in KINDS:
         if kind not in layer.values:
