@@ -18,7 +18,14 @@ from matplotlib import pyplot
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.functions import functions_of, record_of
 
-SETTINGS = ("llm=offline", "simulator=mujoco", "robot=panda", "perception=ground-truth", "suite=tabletop", "method=memo")
+SETTINGS = (
+    "llm=offline",
+    "simulator=mujoco",
+    "robot=panda",
+    "perception=ground-truth",
+    "suite=tabletop",
+    "method=memo",
+)
 WIDE = dict(fontsize=9, family="monospace", va="top")
 
 
@@ -42,7 +49,9 @@ def _run(at: Path, task: str, teacher: str) -> Path:
 
 def memo(command: str, at: Path, *settings: str) -> None:
     given = [part for one in (*SETTINGS, *settings) for part in ("--set", one)]
-    subprocess.run([str(Path(sys.executable).with_name("memo")), command, *given, "--book", "book.db"], cwd=at, check=True)
+    subprocess.run(
+        [str(Path(sys.executable).with_name("memo")), command, *given, "--book", "book.db"], cwd=at, check=True
+    )
 
 
 def _draw(pictures: list[Path], record: Any, file: Path) -> None:

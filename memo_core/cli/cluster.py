@@ -175,7 +175,7 @@ class _Once:
 
 
 def print_group(outcome: Consolidated | GroupOutcome) -> None:
-    """What was made of entries of several keys, as a diff: programs and notes that are replaced, the functions with
+    """Print what was made of entries of several keys, as a diff: programs and notes that are replaced, the functions with
     their calls, and how the calls did."""
     from rich.text import Text
 
@@ -215,7 +215,7 @@ def print_group(outcome: Consolidated | GroupOutcome) -> None:
 
 
 def _tested(group: GroupOutcome | None, entry: int) -> str:
-    """How the call in place of an entry did, for a list."""
+    """The successes of the call in place of an entry, for a list."""
     starts = () if group is None else group.tested.get(entry, ())
     return f"   [succeeded from {sum(ok for _, ok, _ in starts)} of {len(starts)} starts]" if starts else ""
 

@@ -25,7 +25,7 @@ class StartNotReached(CannotRetest):
 
 @attrs.frozen
 class ProgramOutcome:
-    """How one program ended from one start."""
+    """The end of one program from one start."""
 
     success: bool  # by the task's check of the subtask
     reason: str  # why it failed; empty for a success

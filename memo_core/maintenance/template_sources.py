@@ -1,4 +1,4 @@
-"""Where a template comes from: the run in which it was approved, and the start of its subtask in that run."""
+"""Sources of templates: the run in which it was approved, and the start of its subtask in that run."""
 
 from __future__ import annotations
 

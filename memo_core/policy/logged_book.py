@@ -73,7 +73,7 @@ class LoggedBook:
     def add_call(
         self, approval: int, key: Key | str, call: str, function: int, scene: str, derived_from: Sequence[int]
     ) -> Entry:
-        """As ``Skillbook.add_call``, which is idempotent."""
+        """Store an approved call, as ``Skillbook.add_call`` does, which is idempotent."""
         kind: Effect[Entry] = Effect(
             "add a call", lambda entry: [entry.id], lambda ids: self._entries(ids)[0], outside=True
         )

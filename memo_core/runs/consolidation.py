@@ -226,7 +226,7 @@ def _pause(stop: StopSwitch, seconds: float) -> None:
 
 
 def group_record(outcome: Consolidated | GroupOutcome) -> dict[str, Any]:
-    """What was made of entries of several keys as JSON values, with entries by their ids in the book."""
+    """A consolidation of several keys as JSON values, with entries by their ids in the book."""
     group = outcome if isinstance(outcome, GroupOutcome) else None
     made = group.made if group is not None else outcome if isinstance(outcome, Consolidated) else None
     change = made.change if made is not None else GroupChange()

@@ -25,7 +25,7 @@ _E = tables.entries.c
 
 @attrs.frozen
 class Consolidated:
-    """What was made of a group of entries of several keys: by a dry run what would be."""
+    """A consolidation of entries of several keys, done or (by a dry run) proposed."""
 
     change: GroupChange
     members: tuple[Entry, ...]  # programs and notes that the change retires
@@ -83,12 +83,12 @@ class FunctionRecord:
 
     @property
     def people(self) -> tuple[str, ...]:
-        """Whose words and approvals it derives from."""
+        """People from whose words and approvals it derives."""
         return tuple(dict.fromkeys(one.who for one in self.said))
 
     @property
     def tested(self) -> str:
-        """Where it was tested, in a few words."""
+        """A few words that say where it was tested."""
         starts = [trial for trials in self.trials.values() for trial in trials]
         if starts:
             return f"{sum(trial.success for trial in starts)} of {len(starts)} starts"
@@ -98,7 +98,7 @@ class FunctionRecord:
 
 
 def record_of(book: Skillbook, learnt: LearntFunction) -> FunctionRecord:
-    """What stands behind a function."""
+    """Gather what stands behind a function."""
     database = book.database
     ids = [call.id for call in learnt.calls]
     with database.read() as connection:
@@ -207,7 +207,7 @@ def merge_programs(
         ids = {program for program, _ in found.calls}
         replaced = [one for one in learnt if ids & {call.id for call in one.calls}]
         if len(replaced) > 1 or all(program in function_of for program in ids):
-            continue  # nothing new, or functions that somebody made alike
+            continue  # nothing new, or two functions that were made alike
         if any(call.id not in ids for one in replaced for call in one.calls):
             continue
         function = _renamed(found, replaced[0].function.name if replaced else None, reserved)

@@ -1,4 +1,4 @@
-"""What a group's prompt shows of programs, functions and notes, and who does not answer it."""
+"""The prompt of a group: it shows of programs, functions and notes, and who does not answer it."""
 
 from __future__ import annotations
 

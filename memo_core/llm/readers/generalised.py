@@ -70,7 +70,7 @@ def _items(found: dict[str, Any], name: str, text: str) -> list[dict[str, Any]]:
 
 
 def _function(item: dict[str, Any], codes: dict[str, str], text: str) -> NewFunction:
-    """Of several code blocks that define a function of this name, the last."""
+    """The last of the code blocks that define a function of this name."""
     name, calls = item.get("name"), item.get("calls")
     if not isinstance(name, str) or name not in codes:
         there = f"code blocks define: {', '.join(codes)}" if codes else "there is no code block with a function"

@@ -89,7 +89,7 @@ def _belong(one: Entry, other: Entry, function_of: dict[int, Entry], built: Buil
 
 
 def _fitting(together: list[Entry], function_of: dict[int, Entry]) -> list[Entry]:
-    """As many as one question holds: all calls of functions, then templates in their order."""
+    """Choose as many programs as one question holds: all calls of functions, then templates in their order."""
     chosen = [one for one in together if one.kind == "call"]
     functions = {function_of[one.id].id: function_of[one.id].text for one in chosen}
     left = MOST_CHARACTERS - sum(len(one.text) for one in chosen) - sum(map(len, functions.values()))
@@ -106,7 +106,7 @@ def _member(entry: Entry, function: Entry | None, built: BuiltDifferently) -> Me
 
 
 def built_in_words(objects: tuple[str, ...], table: str) -> str:
-    """How the things with these names and their parts are built and placed, from a scene table; "" if it is not one."""
+    """Describe how the things with these names and their parts are built, from a scene table; "" if it is not one."""
     try:
         scene = read_scene_table(table)
     except NotASceneTable:

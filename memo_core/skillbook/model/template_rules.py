@@ -1,4 +1,4 @@
-"""What the code of a template or of a function learnt must be: one documented function with parameters and without
+"""Rules for the code of a template or of a function learnt: one documented function with parameters and without
 hard-coded positions."""
 
 from __future__ import annotations

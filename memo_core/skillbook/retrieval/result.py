@@ -70,7 +70,7 @@ class RetrievedEntry:
 
 @attrs.frozen
 class Standing:
-    """What speaks for a function.
+    """The evidence for a function.
 
     Attributes:
         tested: calls of it succeeded when they were run, or its code was approved as it is.

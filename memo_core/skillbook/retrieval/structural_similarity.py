@@ -89,12 +89,12 @@ class BuiltDifferently:
         return value is not None and value < _DIFFERENT
 
     def likeness(self, one: int, other: int) -> float | None:
-        """How alike the things of two entries are built, 0 to 1; None if that is not known."""
+        """Compare how the things of two entries are built, 0 to 1; None if that is not known."""
         return _compared(self._built.get(one, ()), self._built.get(other, ()))
 
 
 def _own_scene(rows: Iterable[Sequence[Any]], entries: dict[int, Entry]) -> dict[int, int]:
-    """By entry the newest feedback whose scene is that of the entry: if possible one about its own subtask, since an
+    """Find by entry the newest feedback whose scene is that of the entry: if possible one about its own subtask, since an
     entry may also derive from what was said of others.
 
     Args:

@@ -33,7 +33,7 @@ from memo_core.skillbook.store.trials import TemplateTrial, keep_trial, trials_o
 from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
 
 FUNCTIONS = "functions"  # how the reasons of revisions begin that bring in functions
-SAME_WORDS = "the same words"  # of those that give a note several keys
+SAME_WORDS = "the same words"  # the same for revisions that give a note several keys
 _E, _S, _R = tables.entries.c, tables.sources.c, tables.revisions.c
 _C, _K = tables.calls.c, tables.entry_keys.c
 
@@ -58,7 +58,7 @@ class WiderNote:
 
 @attrs.frozen
 class GroupChange:
-    """What consolidating one group of programs changes.
+    """The changes of consolidating one group of programs.
 
     Attributes:
         functions: new functions; their calls name active templates or calls.
@@ -310,7 +310,7 @@ class _Insert:
 def _widen(
     connection: sa.Connection, revision: int, when: float, wider: WiderNote, ordinal: int, entries: dict[int, Entry]
 ) -> None:
-    """One note under all keys of those that it was made of; the first is its own."""
+    """Store one note under all keys of its sources; the first is its own."""
     new = _Insert(connection, revision, when, _sources(connection, wider.of))
     keys = list(dict.fromkeys(key for note in wider.of for key in _keys(connection, note)))
     scenes = {entries[note].scene for note in wider.of}
