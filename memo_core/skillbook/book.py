@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import UnknownName, spelt_alike
+from memo_core.errors import InvalidArgument, UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
@@ -29,6 +29,7 @@ from memo_core.skillbook.model.entries import (
     Reaction,
     spoken,
 )
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
@@ -362,7 +363,7 @@ class Skillbook:
         """Store an approved program that was one call of a function, and mark the approval processed.
 
         A second call for the same approval changes nothing. A call that is active under the key already gets the
-        approval as a further source.
+        approval as a further source. A call of a function that was retired meanwhile is stored as a template.
 
         Args:
             feedback_id: the recorded approval.
@@ -377,16 +378,20 @@ class Skillbook:
 
         Raises:
             NotAKey: if ``key`` is a text that is not a subtask.
-            UnknownName: if there is no such feedback or function.
-            InvalidArgument: if the function cannot be called so.
+            UnknownName: if there is no such feedback or entry.
+            InvalidArgument: if the entry is not a function, or cannot be called so.
             ReadOnlyBook: if the book is open read-only.
         """
         wanted = as_key(key)
         with self.database.write() as connection:
             called = entry_in(connection, function)
+            if called.kind != "function":
+                raise InvalidArgument("function", f"entry {function} is a {called.kind}", "the entry of a function")
             check_call(called.text, call)
-            more = (feedback_id, wanted, call, scene, derived_from)
-            return add_template(self.database, connection, *more, function=function)
+            retired = called.superseded_by is not None
+            text = as_template(called.text, call) if retired else call
+            more = (feedback_id, wanted, text, scene, derived_from)
+            return add_template(self.database, connection, *more, function=None if retired else function)
 
     def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes made from one feedback.

@@ -21,6 +21,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.vectors.text_vectors import batched
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 from memo_core.skillbook.writing.templates import records_of
 
 _E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
@@ -237,6 +238,7 @@ def _roll_back(database: Database, connection: sa.Connection, revision: int) -> 
             restore(connection, new, row.entry, f"rollback of {revision}")
         elif row.change == "restored":
             supersede(connection, new, row.entry, f"rollback of {revision}")
+    calls_to_templates(connection)
     _part(database, connection, new, [row for row in mine if row.change == "joined"])
     if key is not None:
         _leave_as_it_is(connection, key)

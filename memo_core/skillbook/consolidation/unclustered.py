@@ -14,7 +14,8 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.vectors.text_vectors import batched
 from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
-from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, calls_to_templates
+from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 
 _E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
 CLUSTERING = (CLUSTERED, DUPLICATES, FUNCTIONS, SAME_WORDS)  # how the reasons of all its revisions begin

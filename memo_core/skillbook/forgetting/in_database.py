@@ -12,7 +12,7 @@ from memo_core.skillbook.store.origins import note_withdrawn
 from memo_core.skillbook.store.superseding import gave_way_to, restore
 from memo_core.skillbook.vectors.text_vectors import digest
 from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
-from memo_core.skillbook.writing.functions import calls_to_templates
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 from memo_core.skillbook.writing.templates import succeed
 
 _F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c

@@ -138,12 +138,20 @@ def store_group(
 
 def check_call(code: str, call: str) -> None:
     """Raise ``InvalidArgument`` unless the text is a call that the function accepts."""
-    try:
-        problem = problem_with_call(read_function(code), read_call(call))
-    except (NotAFunction, NotACall) as error:
-        problem = str(error)
-    if problem:
+    if problem := _problem(code, call):
         raise InvalidArgument("call", problem, "one call of the function with literal arguments")
+
+
+def check_function(database: Database, connection: sa.Connection, function: int, text: str) -> None:
+    """Raise ``InvalidArgument`` unless the text can replace a function, with all active calls of it."""
+    try:
+        name = read_function(text).name
+    except NotAFunction as error:
+        raise InvalidArgument("text", str(error), "the code of one documented function") from None
+    if name in _names(connection, [function]):
+        raise InvalidArgument("text", f"the name {name} is taken by another function", "a name that is free")
+    for call in calls_of(database, connection, function):
+        check_call(text, call.text)
 
 
 def is_considered(database: Database, connection: sa.Connection, entries: Iterable[int]) -> bool:
@@ -188,12 +196,17 @@ def calls_of(database: Database, connection: sa.Connection, function: int) -> li
 
 
 def follow(connection: sa.Connection, former: int, entry: int) -> None:
-    """Give a new version of a function the calls of the former one, and a new version of a call its functions; a note
-    its further keys."""
-    for row in connection.execute(sa.select(tables.calls).where(_C.function == former)).all():
-        queries.insert_plain(connection, tables.calls, entry=row.entry, function=entry)
-    for row in connection.execute(sa.select(tables.calls).where(_C.entry == former)).all():
-        queries.insert_plain(connection, tables.calls, entry=entry, function=row.function)
+    """Give a new version of a function the calls of the former one that it accepts, and a new version of a call the
+    functions that accept it; a note its further keys."""
+    text = queries.entries_by_id(connection, [entry])[entry].text
+    calls = queries.entries_where(connection, _E.id.in_(sa.select(_C.entry).where(_C.function == former)))
+    for call in calls:
+        if not _problem(text, call.text):
+            queries.insert_plain(connection, tables.calls, entry=call.id, function=entry)
+    functions = queries.entries_where(connection, _E.id.in_(sa.select(_C.function).where(_C.entry == former)))
+    for function in functions:
+        if not _problem(function.text, text):
+            queries.insert_plain(connection, tables.calls, entry=entry, function=function.id)
     for row in connection.execute(sa.select(tables.entry_keys).where(_K.entry == former)).all():
         queries.insert_plain(connection, tables.entry_keys, entry=entry, key=row.key)
 
@@ -207,22 +220,6 @@ def calls_as_templates(database: Database, connection: sa.Connection) -> list[En
         for call in calls
         if call.id in function_of
     ]
-
-
-def calls_to_templates(connection: sa.Connection, without: Iterable[int] = ()) -> None:
-    """Make templates of the active calls none of whose functions is active, ``without`` these functions; their texts
-    are those of the newest function that they called."""
-    gone = sa.or_(_E.superseded_by.is_not(None), _E.id.in_(list(without)))
-    function = tables.entries.alias()
-    called = sa.select(_C.entry).join(function, _C.function == function.c.id)
-    alive = called.where(function.c.superseded_by.is_(None), function.c.id.not_in(list(without)))
-    for call in queries.entries_where(connection, _E.kind == "call", _E.superseded_by.is_(None), _E.id.not_in(alive)):
-        theirs = sa.select(_C.function).where(_C.entry == call.id)
-        functions = queries.entries_where(connection, _E.id.in_(theirs), gone)
-        if functions:
-            text = as_template(functions[-1].text, call.text)
-            mine = sa.update(tables.entries).where(_E.id == call.id)
-            connection.execute(mine.values(kind="template", text=text))
 
 
 def _check(connection: sa.Connection, change: GroupChange) -> None:
@@ -240,14 +237,31 @@ def _check(connection: sa.Connection, change: GroupChange) -> None:
             raise GroupChanged(f"entry {entry} is a {entries[entry].kind}")
     if len(set(change.gone)) < len(change.gone):
         raise GroupChanged("an entry is named twice")
-    others = queries.entries_where(
-        connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(change.replaced)
-    )
-    taken = {read_function(entry.text).name for entry in others}
+    for function in change.replaced:
+        mine = queries.entries_where(connection, _E.id.in_(sa.select(_C.entry).where(_C.function == function)))
+        if left := [call.id for call in mine if call.superseded_by is None and call.id not in change.gone]:
+            raise GroupChanged(f"entry {left[0]} calls function {function}, which would be replaced")
+    taken = _names(connection, change.replaced)
     names = [function.name for function in change.functions]
     for name in names:
         if name in taken or names.count(name) > 1:
             raise GroupChanged(f"the name {name} is taken by another function")
+
+
+def _names(connection: sa.Connection, without: Sequence[int]) -> set[str]:
+    """The names of the active functions, ``without`` these."""
+    others = queries.entries_where(
+        connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(list(without))
+    )
+    return {read_function(entry.text).name for entry in others}
+
+
+def _problem(code: str, call: str) -> str:
+    """Why a function cannot be called so; "" if it can."""
+    try:
+        return problem_with_call(read_function(code), read_call(call))
+    except (NotAFunction, NotACall) as error:
+        return str(error)
 
 
 @attrs.frozen

@@ -22,6 +22,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.store.trials import failing
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 
 _E, _R, _K, _C = tables.entries.c, tables.records.c, tables.keys.c, tables.changes.c
 
@@ -122,6 +123,7 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
                 supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)
         if best not in valid:
             restore(connection, revision, best.id, "the best record")
+    calls_to_templates(connection)
     return revision
 
 
