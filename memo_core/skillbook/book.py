@@ -574,7 +574,7 @@ class Skillbook:
 
         Args:
             kind: only ``correction``, ``general``, ``template``, ``function`` or ``call`` entries; None: all kinds.
-            key: only entries under this key; None: all keys.
+            key: only entries under this key, also as a further key of a note; None: all keys.
             who: only entries that derive from this person's words; None: all people.
             superseded: whether superseded entries are included.
 
@@ -588,8 +588,7 @@ class Skillbook:
         if kind is not None:
             conditions.append(_E.kind == kind)
         if key is not None:
-            wanted = as_key(key)
-            conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == queries.objects_text(wanted)]
+            conditions.append(self._is_under(as_key(key)))
         if who is not None:
             of_person = (
                 sa.select(tables.sources.c.entry)
@@ -687,6 +686,16 @@ class Skillbook:
         )
 
     # -- inside --------------------------------------------------------------------------------------------------------
+    def _is_under(self, key: Key) -> sa.ColumnElement[bool]:
+        """Whether an entry is under a key."""
+        keys = tables.keys.c
+        wanted = sa.and_(keys.action == key.action, keys.objects == queries.objects_text(key))
+        if not self.database.has_table(tables.entry_keys):
+            return wanted
+        number = sa.select(keys.id).where(wanted)
+        further = sa.select(tables.entry_keys.c.entry).where(tables.entry_keys.c.key.in_(number))
+        return sa.or_(_E.key.in_(number), _E.id.in_(further))
+
     def _without_harm(self, found: Retrieval) -> Retrieval:
         """Drop entries that were corrected when they were retrieved for such a subtask."""
         served = [one.entry.id for one in found.served]

@@ -211,6 +211,28 @@ def follow(connection: sa.Connection, former: int, entry: int) -> None:
         queries.insert_plain(connection, tables.entry_keys, entry=entry, key=row.key)
 
 
+def with_several_keys(database: Database, connection: sa.Connection) -> set[int]:
+    """Notes, active or not, that have further keys."""
+    if not database.has(connection, tables.entry_keys):
+        return set()
+    return set(queries.ids_of(connection.execute(sa.select(_K.entry).distinct())))
+
+
+def take_keys_of_parts(connection: sa.Connection, entries: Iterable[int]) -> None:
+    """Give the notes that were made of these entries the keys of all their parts, after the entries were moved."""
+    changes = tables.changes.c
+    found, new = set[int](), set(entries)
+    while new:
+        found |= new
+        made = sa.select(changes.because).where(changes.entry.in_(new), changes.change == "superseded")
+        new = set(queries.ids_of(connection.execute(made.where(changes.because.is_not(None))))) - found
+    for note in queries.entries_where(connection, _E.id.in_(found), _E.kind == "correction"):
+        own = _key(connection, note.id)
+        connection.execute(sa.delete(tables.entry_keys).where(_K.entry == note.id))
+        for key in _keys_of_parts(connection, note.id) - {own}:
+            queries.insert_plain(connection, tables.entry_keys, entry=note.id, key=key)
+
+
 def calls_as_templates(database: Database, connection: sa.Connection) -> list[Entry]:
     """The active calls, each with its function and arguments as its text."""
     calls = queries.entries_where(connection, _E.kind == "call", _E.superseded_by.is_(None))
@@ -334,6 +356,13 @@ def _key(connection: sa.Connection, entry: int) -> int:
 def _keys(connection: sa.Connection, note: int) -> list[int]:
     further = queries.ids_of(connection.execute(sa.select(_K.key).where(_K.entry == note).order_by(_K.key)))
     return [_key(connection, note), *further]
+
+
+def _keys_of_parts(connection: sa.Connection, note: int) -> set[int]:
+    changes = tables.changes.c
+    parts = sa.select(changes.entry).where(changes.because == note, changes.change == "superseded")
+    below = [_keys_of_parts(connection, part) for part in queries.ids_of(connection.execute(parts)) if part < note]
+    return {_key(connection, note)}.union(*below)
 
 
 def _sources(connection: sa.Connection, entries: Iterable[int]) -> list[int]:
