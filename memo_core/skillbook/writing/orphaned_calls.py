@@ -21,13 +21,16 @@ def calls_to_templates(connection: sa.Connection, gone: Collection[int] = (), ba
 
     Args:
         connection: a write transaction.
-        gone: entries that are about to be deleted.
+        gone: calls and functions that are about to be deleted; a call that would have no function left, active or not,
+            becomes a template too.
         back: calls and functions that are about to become active again.
     """
     function = tables.entries.alias()
     served = sa.select(_C.entry).join(function, _C.function == function.c.id)
     served = served.where(_stays(function.c, gone, back))
-    for call in queries.entries_where(connection, _E.kind == "call", _stays(_E, gone, back), _E.id.not_in(served)):
+    linked = sa.select(_C.entry).where(_C.function.not_in(list(gone)))
+    orphaned = sa.or_(sa.and_(_stays(_E, gone, back), _E.id.not_in(served)), _E.id.not_in(linked))
+    for call in queries.entries_where(connection, _E.kind == "call", _E.id.not_in(list(gone)), orphaned):
         called = sa.select(_C.function).where(_C.entry == call.id)
         codes = [one.text for one in queries.entries_where(connection, _E.id.in_(called))]
         text = next(filter(None, (_program(code, call.text) for code in reversed(codes))), None)
