@@ -712,7 +712,7 @@ class Skillbook:
         """An in-memory copy of the book without the changes of clustering for some reasons; None if there are none."""
         with self.database.read() as connection:
             generation = int(self.database.meta(connection)["generation"])
-            changed = has_changes(connection, reasons)
+            changed = has_changes(self.database, connection, reasons)
         if reasons in self._copies and (not changed or self._copies[reasons][0] != generation):
             self._copies.pop(reasons)[1].close()
         if changed and reasons not in self._copies:
