@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import json
+from collections import Counter
+from typing import Any
 
 from memo_core.skillbook import exchange
 from memo_core.skillbook.book import Skillbook
@@ -68,5 +71,30 @@ def programs(book: Skillbook) -> dict[str, set[str]]:
     return found
 
 
-def exported(book: Skillbook) -> list[dict[str, object]]:
-    return list(exchange.export(book))
+def exported(book: Skillbook) -> list[dict[str, Any]]:
+    """As a file would hold it."""
+    return [json.loads(json.dumps(record)) for record in exchange.export(book)]
+
+
+def content(book: Skillbook) -> dict[str, Counter[tuple[object, ...]]]:
+    """What a book holds, without numbers."""
+    records = exported(book)
+    said = {r["id"]: (r["words"], r["who"], r["subtask"], r["kind"]) for r in records if r["record"] == "feedback"}
+    entries = {r["id"]: r for r in records if r["record"] == "entry"}
+    texts = {number: record["text"] for number, record in entries.items()}
+    return {
+        "feedback": Counter(said.values()),
+        "entries": Counter(
+            (
+                *(r[name] for name in ("kind", "action", "text", "scene", "uses")),
+                *(tuple(r["objects"]), r["superseded_by"] is None),
+                tuple(sorted(said[source] for source in r["sources"])),
+                tuple(sorted(texts[function] for function in r.get("calls", ()))),
+                tuple(sorted(map(tuple, r.get("keys", ())))),
+            )
+            for r in entries.values()
+        ),
+        "uses": Counter(
+            (texts[r["entry"]], r["action"], tuple(r["objects"]), r["uses"]) for r in records if r["record"] == "uses"
+        ),
+    }
