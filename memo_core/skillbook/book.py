@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 import sqlalchemy as sa
 
-from memo_core.errors import UnknownName, spelt_alike
+from memo_core.errors import InvalidArgument, UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
@@ -29,6 +29,7 @@ from memo_core.skillbook.model.entries import (
     Reaction,
     spoken,
 )
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
@@ -362,7 +363,7 @@ class Skillbook:
         """Store an approved program that was one call of a function, and mark the approval processed.
 
         A second call for the same approval changes nothing. A call that is active under the key already gets the
-        approval as a further source.
+        approval as a further source. A call of a function that was retired meanwhile is stored as a template.
 
         Args:
             feedback_id: the recorded approval.
@@ -377,16 +378,20 @@ class Skillbook:
 
         Raises:
             NotAKey: if ``key`` is a text that is not a subtask.
-            UnknownName: if there is no such feedback or function.
-            InvalidArgument: if the function cannot be called so.
+            UnknownName: if there is no such feedback or entry.
+            InvalidArgument: if the entry is not a function, or cannot be called so.
             ReadOnlyBook: if the book is open read-only.
         """
         wanted = as_key(key)
         with self.database.write() as connection:
             called = entry_in(connection, function)
+            if called.kind != "function":
+                raise InvalidArgument("function", f"entry {function} is a {called.kind}", "the entry of a function")
             check_call(called.text, call)
-            more = (feedback_id, wanted, call, scene, derived_from)
-            return add_template(self.database, connection, *more, function=function)
+            retired = called.superseded_by is not None
+            text = as_template(called.text, call) if retired else call
+            more = (feedback_id, wanted, text, scene, derived_from)
+            return add_template(self.database, connection, *more, function=None if retired else function)
 
     def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes made from one feedback.
@@ -570,7 +575,7 @@ class Skillbook:
 
         Args:
             kind: only ``correction``, ``general``, ``template``, ``function`` or ``call`` entries; None: all kinds.
-            key: only entries under this key; None: all keys.
+            key: only entries under this key, also as a further key of a note; None: all keys.
             who: only entries that derive from this person's words; None: all people.
             superseded: whether superseded entries are included.
 
@@ -584,8 +589,7 @@ class Skillbook:
         if kind is not None:
             conditions.append(_E.kind == kind)
         if key is not None:
-            wanted = as_key(key)
-            conditions += [tables.keys.c.action == wanted.action, tables.keys.c.objects == queries.objects_text(wanted)]
+            conditions.append(self._is_under(as_key(key)))
         if who is not None:
             of_person = (
                 sa.select(tables.sources.c.entry)
@@ -683,6 +687,16 @@ class Skillbook:
         )
 
     # -- inside --------------------------------------------------------------------------------------------------------
+    def _is_under(self, key: Key) -> sa.ColumnElement[bool]:
+        """Whether an entry is under a key."""
+        keys = tables.keys.c
+        wanted = sa.and_(keys.action == key.action, keys.objects == queries.objects_text(key))
+        if not self.database.has_table(tables.entry_keys):
+            return wanted
+        number = sa.select(keys.id).where(wanted)
+        further = sa.select(tables.entry_keys.c.entry).where(tables.entry_keys.c.key.in_(number))
+        return sa.or_(_E.key.in_(number), _E.id.in_(further))
+
     def _without_harm(self, found: Retrieval) -> Retrieval:
         """Drop entries that were corrected when they were retrieved for such a subtask."""
         served = [one.entry.id for one in found.served]
@@ -699,7 +713,7 @@ class Skillbook:
         """An in-memory copy of the book without the changes of clustering for some reasons; None if there are none."""
         with self.database.read() as connection:
             generation = int(self.database.meta(connection)["generation"])
-            changed = has_changes(connection, reasons)
+            changed = has_changes(self.database, connection, reasons)
         if reasons in self._copies and (not changed or self._copies[reasons][0] != generation):
             self._copies.pop(reasons)[1].close()
         if changed and reasons not in self._copies:

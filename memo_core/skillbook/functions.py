@@ -225,9 +225,11 @@ def merge_notes(book: Skillbook, again: bool = False, commit: bool = True) -> li
     groups: dict[str, list[Entry]] = {}
     for entry in book.entries("correction"):
         groups.setdefault(same_words(entry.text), []).append(entry)
+    with book.database.read() as connection:
+        several = functions.with_several_keys(book.database, connection)
     done: list[Consolidated] = []
     for notes in groups.values():
-        if len({note.key for note in notes}) > 1:
+        if len({note.key for note in notes}) > 1 or (len(notes) > 1 and several & {note.id for note in notes}):
             ids = tuple(note.id for note in notes)
             change = GroupChange(notes=(WiderNote(notes[-1].text, ids),), considered=ids)
             done += _stored(book, Consolidated(change, tuple(notes)), again, commit, SAME_WORDS)

@@ -21,6 +21,8 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.vectors.text_vectors import batched
+from memo_core.skillbook.writing.functions import take_keys_of_parts
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 from memo_core.skillbook.writing.templates import records_of
 
 _E, _R, _C, _K = tables.entries.c, tables.revisions.c, tables.changes.c, tables.keys.c
@@ -236,12 +238,20 @@ def _roll_back(database: Database, connection: sa.Connection, revision: int) -> 
         if row.change == "superseded":
             restore(connection, new, row.entry, f"rollback of {revision}")
         elif row.change == "restored":
-            supersede(connection, new, row.entry, f"rollback of {revision}")
+            heir = _gave_way_to(connection, row.entry, revision)
+            supersede(connection, new, row.entry, f"rollback of {revision}", heir)
+    calls_to_templates(connection)
     _part(database, connection, new, [row for row in mine if row.change == "joined"])
     if key is not None:
         _leave_as_it_is(connection, key)
     database.next_generation(connection)
     return new
+
+
+def _gave_way_to(connection: sa.Connection, entry: int, before: int) -> int | None:
+    """What an entry gave way to before a revision restored it: what is superseded again comes back if that goes."""
+    where = (_C.entry == entry, _C.change == "superseded", _C.revision < before)
+    return connection.execute(sa.select(_C.because).where(*where).order_by(_C.revision.desc()).limit(1)).scalar()
 
 
 def _check(connection: sa.Connection, revision: int) -> None:
@@ -306,6 +316,7 @@ def _part(database: Database, connection: sa.Connection, new: int, joined: list[
         queries.insert_plain(
             connection, tables.changes, revision=new, entry=row.entry, change="joined", why=was, because=None
         )
+    take_keys_of_parts(connection, [row.entry for row in joined])
 
 
 def _leave_as_it_is(connection: sa.Connection, key: int) -> None:

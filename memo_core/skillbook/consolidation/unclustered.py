@@ -3,7 +3,7 @@ without functions only."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import sqlalchemy as sa
 
@@ -14,7 +14,8 @@ from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.origins import IMPORTED
 from memo_core.skillbook.vectors.text_vectors import batched
 from memo_core.skillbook.writing.adding import CLUSTER, FUNCTION
-from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, calls_to_templates
+from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 
 _E, _R, _C = tables.entries.c, tables.revisions.c, tables.changes.c
 CLUSTERING = (CLUSTERED, DUPLICATES, FUNCTIONS, SAME_WORDS)  # how the reasons of all its revisions begin
@@ -22,10 +23,13 @@ _DERIVED = ("vectors",)  # tables that are not copied
 _CHUNK = 500
 
 
-def has_changes(connection: sa.Connection, reasons: Sequence[str]) -> bool:
-    """Whether revisions for these reasons superseded an entry that is still superseded."""
-    changed = sa.select(_E.id).where(_E.superseded_by.in_(_revisions(reasons))).limit(1)
-    return connection.execute(changed).first() is not None
+def has_changes(database: Database, connection: sa.Connection, reasons: Sequence[str]) -> bool:
+    """Whether revisions for these reasons superseded an entry that is still superseded, or is again."""
+    revisions = _revisions(reasons)
+    gave_way: sa.ColumnElement[bool] = _E.superseded_by.in_(revisions)
+    if database.has(connection, tables.changes):
+        gave_way = sa.or_(gave_way, _gave_way_to(sa.select(_E.id).where(_made(revisions))))
+    return connection.execute(sa.select(_E.id).where(gave_way).limit(1)).first() is not None
 
 
 def copy_without(database: Database, copy: Database, reasons: Sequence[str]) -> None:
@@ -45,16 +49,19 @@ def copy_without(database: Database, copy: Database, reasons: Sequence[str]) -> 
 
 def _undo(connection: sa.Connection, reasons: Sequence[str]) -> None:
     clusterings = set(queries.ids_of(connection.execute(_revisions(reasons))))
-    made = sa.and_(_E.phase.in_((CLUSTER, FUNCTION)), _E.revision.in_(clusterings))
+    made = _made(clusterings)
     merged = {entry.id: entry for entry in queries.entries_where(connection, made)}
-    query = sa.select(_C.revision, _C.entry, _C.because).where(_C.change == "superseded", _C.revision.in_(clusterings))
+    because = sa.or_(_C.revision.in_(clusterings), _C.because.in_(merged))
+    query = sa.select(_C.revision, _C.entry, _C.because).where(_C.change == "superseded", because)
     gave_way_to = {(row.revision, row.entry): row.because for row in connection.execute(query)}
-    retired = queries.entries_where(connection, _E.superseded_by.in_(clusterings), sa.not_(made))
+    gave_way = sa.or_(_E.superseded_by.in_(clusterings), _gave_way_to(merged))
+    retired = queries.entries_where(connection, gave_way, sa.not_(made))
     back = [entry.id for entry in retired if _stands(entry, clusterings, merged, gave_way_to)]
     mine = sa.update(tables.entries)
     for part in batched(back, _CHUNK):
         connection.execute(mine.where(_E.id.in_(part)).values(superseded_by=None))
-    connection.execute(mine.where(made, _E.superseded_by.is_(None)).values(superseded_by=_E.revision))
+    edited = _E.kind == "function"
+    connection.execute(mine.where(sa.or_(made, edited), _E.superseded_by.is_(None)).values(superseded_by=_E.revision))
     calls_to_templates(connection)
 
 
@@ -63,9 +70,23 @@ def _stands(
 ) -> bool:
     """Whether only clustering superseded an entry, and likewise the entries into which it was merged, recursively."""
     at: Entry | None = entry
-    while at is not None and at.superseded_by in clusterings:
-        at = merged.get(gave_way_to.get((at.superseded_by or 0, at.id)) or 0)
-    return at is None or at.superseded_by is None
+    while at is not None and at.superseded_by is not None:
+        heir = merged.get(gave_way_to.get((at.superseded_by, at.id)) or 0)
+        if heir is None and at.superseded_by not in clusterings:
+            return False
+        at = heir
+    return True
+
+
+def _made(revisions: Iterable[int] | sa.Select[tuple[int]]) -> sa.ColumnElement[bool]:
+    """Whether an entry was made by one of these revisions of clustering."""
+    return sa.and_(_E.phase.in_((CLUSTER, FUNCTION)), _E.revision.in_(revisions))
+
+
+def _gave_way_to(merged: Iterable[int] | sa.Select[tuple[int]]) -> sa.ColumnElement[bool]:
+    """Whether an entry is superseded because of one of these, also if that was undone and done again."""
+    because = sa.select(_C.entry).where(_C.because.in_(merged), _C.change == "superseded")
+    return _E.id.in_(because.where(_C.revision == _E.superseded_by).correlate(tables.entries))
 
 
 def _revisions(reasons: Sequence[str]) -> sa.Select[tuple[int]]:

@@ -6,13 +6,14 @@ import time
 
 import sqlalchemy as sa
 
+from memo_core.skillbook.forgetting.scrubbing import letters_of
 from memo_core.skillbook.model.entries import PROGRAM_KINDS, Forgotten, spoken
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.origins import note_withdrawn
 from memo_core.skillbook.store.superseding import gave_way_to, restore
 from memo_core.skillbook.vectors.text_vectors import digest
 from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
-from memo_core.skillbook.writing.functions import calls_to_templates
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 from memo_core.skillbook.writing.templates import succeed
 
 _F, _E, _S, _R, _C = tables.feedback.c, tables.entries.c, tables.sources.c, tables.revisions.c, tables.changes.c
@@ -54,14 +55,19 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     note_withdrawn(connection, queries.ids_of(connection.execute(theirs)))
     of_them = sa.select(_S.entry).where(_S.feedback.in_(theirs))
     of_others = sa.select(_S.entry).where(_S.feedback.not_in(theirs))
+    made_of_several = sa.and_(_E.phase.in_((CLUSTER, FUNCTION)), _E.id.not_in(_approved_since(connection, theirs)))
     own_wording = sa.and_(_E.phase == EDIT, _E.feedback.in_(theirs))
-    goes = sa.or_(_E.id.not_in(of_others), own_wording, _E.phase.in_((CLUSTER, FUNCTION)))
+    goes = sa.or_(_E.id.not_in(of_others), own_wording, made_of_several)
     doomed = list(connection.execute(sa.select(_E.id, _E.key, _E.kind, _E.text).where(_E.id.in_(of_them), goes)))
     ids, texts = [row.id for row in doomed], sorted({row.text for row in doomed})
     back = [
         entry for start in range(0, len(ids), _CHUNK) for entry in gave_way_to(connection, ids[start : start + _CHUNK])
     ]
-    calls_to_templates(connection, [row.id for row in doomed if row.kind == "function"])
+    calls_to_templates(
+        connection,
+        [row.id for row in doomed if row.kind in ("function", "call")],
+        _calls_and_functions(connection, back),
+    )
     _forget_reasons(connection, ids)
     _forget_answers(connection, theirs)
     connection.execute(sa.delete(tables.read_backs).where(tables.read_backs.c.feedback.in_(theirs)))
@@ -83,7 +89,29 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
     counted = tables.keys.c.id.in_(sa.select(tables.records.c.key))  # what entries did for it is still evidence
     unused = sa.and_(tables.keys.c.id.not_in(_KEYS_OF_ENTRIES), sa.not_(counted))
     keys = connection.execute(sa.delete(tables.keys).where(unused, tables.keys.c.action != "")).rowcount
-    return Forgotten(who, feedback, len(ids), keys), gone
+    quoted = _in_programs(connection, {row.text for row in doomed if row.kind in (*PROGRAM_KINDS, "function")})
+    return Forgotten(who, feedback, len(ids), keys), [text for text in gone if text not in quoted]
+
+
+def _approved_since(connection: sa.Connection, theirs: sa.Select[tuple[int]]) -> list[int]:
+    """Calls that were made with their function and that somebody else approved later as they are."""
+    call, approval, of_function = tables.calls.c, tables.sources.alias(), tables.sources.alias()
+    made_with = sa.exists().where(
+        call.entry == approval.c.entry,
+        of_function.c.entry == call.function,
+        of_function.c.feedback == approval.c.feedback,
+    )
+    query = sa.select(approval.c.entry).join(tables.entries, approval.c.entry == _E.id)
+    since = query.where(_E.kind == "call", _E.phase == FUNCTION, approval.c.feedback.not_in(theirs), sa.not_(made_with))
+    return queries.ids_of(connection.execute(since.distinct()))
+
+
+def _calls_and_functions(connection: sa.Connection, entries: list[int]) -> list[int]:
+    found = []
+    for start in range(0, len(entries), _CHUNK):
+        among = (_E.id.in_(entries[start : start + _CHUNK]), _E.kind.in_(("function", "call")))
+        found += queries.ids_of(connection.execute(sa.select(_E.id).where(*among)))
+    return found
 
 
 def _no_longer_there(connection: sa.Connection, texts: list[str]) -> list[str]:
@@ -95,10 +123,23 @@ def _no_longer_there(connection: sa.Connection, texts: list[str]) -> list[str]:
     return sorted(left)
 
 
+def _in_programs(connection: sa.Connection, texts: set[str]) -> set[str]:
+    """The given texts that a program of others has, whatever its layout: such as the call ``open_hinged('door')`` in
+    ``def open_hinged(door, angle=85)``. Elsewhere they must stay too, or these programs would be taken out there."""
+    letters = {text: letters_of(text) for text in texts}
+    found = set[str]()
+    for entry in queries.each_entry(connection, _E.kind.in_(("template", "function"))) if texts else ():
+        program = letters_of(entry.text)
+        found |= {text for text in letters.keys() - found if letters[text] in program}
+    return found
+
+
 def _forget_reasons(connection: sa.Connection, doomed: list[int]) -> None:
-    """Delete the reasons of revisions that touched a deleted entry, because a model's reason may quote the entry."""
+    """Delete the reasons of revisions that touched a deleted entry, because a model's reason may quote the entry, or
+    the name of a function."""
     for start in range(0, len(doomed), _CHUNK):
-        touched = sa.select(_C.revision).where(_C.entry.in_(doomed[start : start + _CHUNK]))
+        part = doomed[start : start + _CHUNK]
+        touched = sa.select(_C.revision).where(sa.or_(_C.entry.in_(part), _C.because.in_(part)))
         connection.execute(
             sa.update(tables.changes).where(_C.revision.in_(touched), _C.change != "joined").values(why="")
         )

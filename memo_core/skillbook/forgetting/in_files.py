@@ -16,8 +16,9 @@ import attrs
 
 from memo_core.errors import MemoError, UnknownName
 from memo_core.skillbook.forgetting.scrubbing import Scrubber
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.store.known_copies import Place
-from memo_core.skillbook.writing.adding import CLUSTER, EDIT
+from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
 from memo_core.text.parsing import parse_json
 
 BEYOND = (
@@ -103,7 +104,11 @@ def _export_without(records: list[dict[str, Any]], who: str) -> list[dict[str, A
         return records
     book = str(records[0].get("book", ""))
     entries = [one for one in records if one.get("record") == "entry"]
-    gone = {one["id"] for one in entries if _goes(one, set(theirs))}
+    made_with = {one["id"]: set(one["sources"]) for one in entries if one["kind"] == "function"}
+    gone = {one["id"] for one in entries if _goes(one, set(theirs), made_with)}
+    touched = {
+        one["revision"] for one in records if one.get("record") == "change" and gone & {one["entry"], one["because"]}
+    }
     gave_way = {
         (one["entry"], one["revision"])
         for one in records
@@ -129,7 +134,10 @@ def _export_without(records: list[dict[str, Any]], who: str) -> list[dict[str, A
                 "feedback": None if one["feedback"] in theirs else one["feedback"],
                 "superseded_by": None if back else one["superseded_by"],
             }
+        if kind == "change" and one["revision"] in touched and one["change"] != "joined":
+            one = one | {"why": ""}  # it may quote the entry
         kept.append(one)
+    _calls_to_templates(kept, {one["id"]: one for one in entries})
     if (counts := kept[0].get("counts")) is not None:
         left = Counter(str(one.get("record")) for one in kept)
         kept[0] = kept[0] | {"counts": {kind: left[kind] for kind in counts}}
@@ -137,9 +145,27 @@ def _export_without(records: list[dict[str, Any]], who: str) -> list[dict[str, A
     return kept + [{"record": "withdrawn", "kind": "feedback", "origin": origin} for origin in origins]
 
 
-def _goes(entry: dict[str, Any], theirs: set[int]) -> bool:
+def _goes(entry: dict[str, Any], theirs: set[int], made_with: dict[int, set[int]]) -> bool:
     sources = set(entry["sources"])
     if not sources & theirs:
         return False
     mine = entry.get("phase") == EDIT and entry["feedback"] in theirs
-    return mine or entry.get("phase") == CLUSTER or sources <= theirs
+    of_function = {source for function in entry.get("calls") or () for source in made_with.get(function, ())}
+    approved_since = entry["kind"] == "call" and sources - theirs - of_function
+    several = entry.get("phase") in (CLUSTER, FUNCTION) and not approved_since
+    return mine or several or sources <= theirs
+
+
+def _calls_to_templates(kept: list[dict[str, Any]], before: dict[int, dict[str, Any]]) -> None:
+    """Make templates of calls that have no function left, or are active without an active one."""
+    left = {one["id"]: one["superseded_by"] is None for one in kept if one.get("record") == "entry"}
+    for place, one in enumerate(kept):
+        if one.get("record") != "entry" or one["kind"] != "call":
+            continue
+        calls = [function for function in one.get("calls") or () if function in left]
+        if any(left[function] for function in calls) or (calls and not left[one["id"]]):
+            kept[place] = one | {"calls": calls}
+        elif one.get("calls"):
+            text = as_template(before[max(one["calls"])]["text"], one["text"])
+            kept[place] = {name: value for name, value in one.items() if name != "calls"}
+            kept[place] |= {"kind": "template", "text": text}

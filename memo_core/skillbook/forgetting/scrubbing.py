@@ -37,7 +37,7 @@ class Scrubber:
     """Knows the words, finds and replaces them."""
 
     def __init__(self, words: Iterable[str]) -> None:
-        plain = {_plain(text) for text in words} - {""}
+        plain = {letters_of(text) for text in words} - {""}
         self._long = sorted(text for text in plain if len(text) >= _LEAST)
         self._short = {text for text in plain if len(text) < _LEAST}
 
@@ -55,13 +55,13 @@ class Scrubber:
     def text(self, text: str) -> str:
         """The text, ``[withdrawn]`` in its place, or the text with ``[withdrawn]`` in place of lines that consist only
         of the words."""
-        plain = _plain(text)
+        plain = letters_of(text)
         if plain in self._short or any(words in plain for words in self._long):
             return WITHDRAWN
         if not self._short:
             return text
         lines = text.split("\n")
-        return "\n".join(WITHDRAWN if _plain(line) in self._short else line for line in lines)
+        return "\n".join(WITHDRAWN if letters_of(line) in self._short else line for line in lines)
 
     def value(self, value: Any) -> Any:
         """A JSON value with every text in it scrubbed, names of objects' members too."""
@@ -80,7 +80,7 @@ class Scrubber:
         return self.value(value)
 
     def _part(self, text: str) -> bool:
-        plain = _plain(text)
+        plain = letters_of(text)
         return bool(plain) and any(plain in words for words in (*self._long, *self._short))
 
     def _file(self, file: Path) -> bool:
@@ -91,7 +91,7 @@ class Scrubber:
             before = file.read_text(encoding="utf-8")
         except UnicodeDecodeError:
             return False
-        plain = _plain(before)
+        plain = letters_of(before)
         if "not_understood" not in before and not any(words in plain for words in (*self._long, *self._short)):
             return False
         after = self._content(file, before)
@@ -130,7 +130,7 @@ class Scrubber:
             scrubbed = self.value(value)
             lines.append(line if scrubbed == value else json.dumps(scrubbed, ensure_ascii=False))
         joined = "\n".join(lines)
-        plain = _plain(joined)
+        plain = letters_of(joined)
         return WITHDRAWN + "\n" if any(words in plain for words in self._long) else joined
 
 
@@ -141,7 +141,7 @@ def _files(path: Path) -> Iterator[Path]:
         yield path
 
 
-def _plain(text: str) -> str:
+def letters_of(text: str) -> str:
     """Letters and digits only, case aside; escapes as what they stand for."""
     if "\\" in text:
         text = _BREAK.sub(" ", _ESCAPED.sub(lambda found: chr(int(found[1], 16)), text))

@@ -132,9 +132,11 @@ _FURTHER = (  # the same for the further keys of notes that were said of several
     sa.select(_E.id, _E.kind, _K.key, _E.text).join(tables.entries, _K.entry == _E.id).where(_E.superseded_by.is_(None))
 )
 _AMONG_FURTHER = _FURTHER.where(_E.id.in_(sa.bindparam("ids", expanding=True)))
-_UNDER_FURTHER = _FURTHER.where(
-    _E.kind == sa.bindparam("kind"), _K.key.in_(sa.bindparam("keys", expanding=True))
-).limit(sa.bindparam("most"))
+_UNDER_FURTHER = (
+    _FURTHER.where(_E.kind == sa.bindparam("kind"), _K.key.in_(sa.bindparam("keys", expanding=True)))
+    .order_by(_E.id.desc())
+    .limit(sa.bindparam("most"))
+)
 _FURTHER_SIZES = (
     sa.select(_K.key, _E.kind, sa.func.count())
     .join(tables.entries, _K.entry == _E.id)

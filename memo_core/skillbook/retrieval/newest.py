@@ -25,12 +25,17 @@ class _HasEntry(Protocol):
     @property
     def entry(self) -> Entry: ...
 
+    @property
+    def about(self) -> Key: ...
+
 
 _WithEntry = TypeVar("_WithEntry", bound=_HasEntry)
 _E, _F, _S = tables.entries.c, tables.feedback.c, tables.sources.c
 
 
-def newest_of_people(database: Database, connection: sa.Connection, keys: Sequence[int], most: int) -> list[int]:
+def newest_of_people(
+    database: Database, connection: sa.Connection, keys: Sequence[int], most: int, several: bool = False
+) -> list[int]:
     """Corrections made of each person's last words under some keys, the latest speaker's first.
 
     Args:
@@ -38,17 +43,19 @@ def newest_of_people(database: Database, connection: sa.Connection, keys: Sequen
         connection: a connection to it.
         keys: ids of the keys that mean the subtask itself.
         most: if there are more, only one correction per remark, so that every person is represented.
+        several: whether a key may be a further one of a note.
 
     Returns:
         Ids of entries.
     """
-    latest = (
-        sa.select(_E.id)
-        .where(_E.key.in_(keys), _E.kind == "correction", _E.superseded_by.is_(None))
-        .order_by(_E.id.desc())
-        .limit(LATEST)
-        .subquery()
-    )
+    corrections = sa.select(_E.id).where(_E.kind == "correction", _E.superseded_by.is_(None))
+    under = corrections.where(_E.key.in_(keys))
+    if several:
+        further = corrections.where(
+            _E.id.in_(sa.select(tables.entry_keys.c.entry).where(tables.entry_keys.c.key.in_(keys)))
+        )
+        under = sa.select(sa.union(under, further).subquery().c.id)
+    latest = under.order_by(under.selected_columns.id.desc()).limit(LATEST).subquery()
     query = (
         sa.select(latest.c.id, _F.who, _F.id, _F.time)
         .join(tables.sources, _S.entry == latest.c.id)
@@ -77,7 +84,7 @@ def newest_before_older(retrieved: Sequence[_WithEntry], known: Mapping[int, Pro
     for place, one in enumerate(retrieved):
         who = known[one.entry.id].who if one.entry.id in known else ()
         if len(who) == 1:
-            places_of.setdefault((one.entry.key, who[0]), []).append(place)
+            places_of.setdefault((one.about, who[0]), []).append(place)
     ordered = list(retrieved)
     for held in places_of.values():
         if len(held) == 1:

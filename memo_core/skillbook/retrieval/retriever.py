@@ -160,7 +160,7 @@ class Retriever:
         last: list[int] = []
         if settings.newest and settings.corrections:
             own = keys.ids[(query.scores.scores >= 1 - TIE) & ~query.opposite]
-            last = newest_of_people(self._database, connection, own.tolist(), settings.corrections)
+            last = newest_of_people(self._database, connection, own.tolist(), settings.corrections, keys.several)
             listed += entries_among(connection, np.array(last, np.int64), keys.several)
         rows = {row.id: row for row in self._nearest_last(query, keys, [*gripping, *listed])}
         return _Found([*rows.values()], frozenset(last), frozenset(row.id for row in gripping))
@@ -325,7 +325,7 @@ class Retriever:
         """The nearest keys of which nothing, or not everything, was retrieved."""
         nothing: list[Cut] = []
         beyond: dict[str, list[Cut]] = {kind: [] for kind in KINDS}
-        taken = {kind: Counter(one.entry.key for one in some) for kind, some in retrieved.items()}
+        taken = {kind: self._taken(keys, some) for kind, some in retrieved.items()}
         for row in query.scores.best_first[:_AMONG_NEAREST].tolist():
             key, passes, undoes = (
                 keys.keys[row],
@@ -343,6 +343,14 @@ class Retriever:
                         _cut_key(keys, query.scores, row, left[kind], f"beyond the first {limit} {kind}s")
                     )
         return tuple(cut for some in (nothing, *beyond.values()) for cut in some[:_NEAR_MISSES])
+
+    def _taken(self, keys: BookKeys, retrieved: Sequence[RetrievedEntry]) -> Counter[Key]:
+        """Of each key the number of entries that are retrieved, a note of several under each of them."""
+        if not keys.several:
+            return Counter(one.entry.key for one in retrieved)
+        with self._database.read() as connection:
+            rows = entries_among(connection, np.array([one.entry.id for one in retrieved], np.int64), True)
+        return Counter(keys.of(row.key) for row in rows if row.key in keys.row_of)
 
 
 def _cut_key(keys: BookKeys, scores: KeyScores, row: int, entries: int, rule: str) -> Cut:

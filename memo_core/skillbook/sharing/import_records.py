@@ -12,6 +12,7 @@ import attrs
 
 from memo_core.errors import MemoError
 from memo_core.skillbook.model.entries import GLOBAL_KEY
+from memo_core.skillbook.model.functions import NotACall, NotAFunction, problem_with_call, read_call, read_function
 from memo_core.skillbook.model.keys import Key, NotAKey
 from memo_core.skillbook.sharing.export import COUNTED, FORMAT
 from memo_core.skillbook.store.origins import Origin
@@ -67,6 +68,8 @@ class ImportRecords:
         self.book: str = book["book"]
         self._check_counts()
         self._check_references()
+        self.functions = {record["id"]: record for record in self.of("entry") if record["kind"] == "function"}
+        self._check_calls()
 
     def of(self, kind: str) -> Iterator[dict[str, Any]]:
         """The records of a kind in their order, read one at a time."""
@@ -97,6 +100,19 @@ class ImportRecords:
             if (found := len(self._places.get(kind, ()))) != expected:
                 problem = f"{found} records of kind {kind!r} where the first one says {expected}"
                 raise BadImport(0, f"lines are missing or added: {problem}; export the book again")
+
+    def _check_calls(self) -> None:
+        """Every call must be one that the functions it calls accept."""
+        for record in self.of("entry"):
+            for number in record.get("calls") or () if record["kind"] == "call" else ():
+                function = self.functions.get(number)
+                problem = f"{number} is no function in the file" if function is None else ""
+                if function is not None:
+                    problem = problem_with_call(read_function(function["text"]), read_call(record["text"]))
+                if problem:
+                    raise BadImport(0, f"entry {record['id']}: calls: {problem}")
+            if record["kind"] == "call" and not record.get("calls"):
+                raise BadImport(0, f"entry {record['id']}: a call without the function that it calls")
 
     def _check_references(self) -> None:
         entries = {record["id"] for record in self.of("entry")}
@@ -196,7 +212,10 @@ def _one_of(*names: str) -> Check:
 
 
 def _keys(value: Any) -> bool:
-    return isinstance(value, list) and all(_texts(one) and len(one) > 1 for one in value)
+    try:
+        return isinstance(value, list) and all(_texts(one) and Key.make(*one) for one in value)
+    except (NotAKey, TypeError):  # no action, no object, or neither
+        return False
 
 
 _KEYED: dict[str, Check] = {"action": _text, "objects": _texts}
@@ -272,6 +291,11 @@ def _check(number: int, record: dict[str, Any]) -> None:
     for name, right in _OPTIONAL.items():
         if record.get(name) is not None and not right(record[name]):
             raise _wrong(number, record, name)
+    if kind == "entry":
+        try:
+            {"function": read_function, "call": read_call}.get(record["kind"], str)(record["text"])
+        except (NotAFunction, NotACall) as error:
+            raise BadImport(number, f"entry: text: {error}") from None
     if "objects" in _FIELDS[kind]:
         try:
             key_of(record)

@@ -19,6 +19,7 @@ import sqlalchemy as sa
 
 from memo_core.skillbook.forgetting.in_database import forget_feedback
 from memo_core.skillbook.model.entries import PROGRAM_KINDS
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.sharing.import_records import BadImport, ImportRecords, When, key_of, phase_of
 from memo_core.skillbook.store import queries, tables
@@ -28,6 +29,7 @@ from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.writing import templates
 from memo_core.skillbook.writing.adding import CLUSTER, EDIT, FUNCTION
 from memo_core.skillbook.writing.key_aliases import join
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 
 _F, _E, _C, _R, _B = tables.feedback.c, tables.entries.c, tables.changes.c, tables.revisions.c, tables.books.c
 
@@ -199,6 +201,8 @@ class _Merging:
         else:
             self._counts["known"] += 1
         self._local[record["id"]] = here
+        if record["kind"] == "template":
+            self._became_template(here, record["text"])
         uses, confirmed = record["uses"], record["confirmed_uses"]
         stored = self._connection.execute(sa.select(_E.uses, _E.confirmed_uses).where(_E.id == here)).one()
         if uses > stored.uses or confirmed > stored.confirmed_uses:
@@ -210,21 +214,47 @@ class _Merging:
         here = self._local.get(record["id"])
         if here is None:
             return
-        for function in record.get("calls") or ():
-            if (there := self._local.get(function)) is not None:
-                values = {"entry": here, "function": there}
-                self._connection.execute(self._database.upsert(tables.calls).values(**values))
+        if record["kind"] == "call":
+            self._link_call(here, record)
+        home = self._connection.execute(sa.select(_E.key).where(_E.id == here)).scalar_one()
         for action, *objects in record.get("keys") or ():
             key = queries.key_id(self._connection, self._upsert, Key.make(action, *objects))
-            self._connection.execute(self._database.upsert(tables.entry_keys).values(entry=here, key=key))
+            if key != home:
+                self._connection.execute(self._database.upsert(tables.entry_keys).values(entry=here, key=key))
+
+    def _link_call(self, here: int, record: dict[str, Any]) -> None:
+        if self._connection.execute(sa.select(_E.kind).where(_E.id == here)).scalar_one() != "call":
+            return  # it became a template here
+        there = [self._local[function] for function in record["calls"] if function in self._local]
+        for function in there:
+            self._connection.execute(self._database.upsert(tables.calls).values(entry=here, function=function))
+        mine = sa.select(tables.calls.c.function).where(tables.calls.c.entry == here)
+        if self._connection.execute(mine).first() is None:  # they were withdrawn here
+            newest = self._records.functions[max(record["calls"])]
+            self._became_template(here, as_template(newest["text"], record["text"]))
+
+    def _became_template(self, here: int, text: str) -> None:
+        """What became a template in one book, because its function was retired, is one in each that has it."""
+        call = (_E.id == here, _E.kind == "call")
+        changed = self._connection.execute(sa.update(tables.entries).where(*call).values(kind="template", text=text))
+        if changed.rowcount:
+            self._connection.execute(sa.delete(tables.calls).where(tables.calls.c.entry == here))
+            self._counts["changes"] += 1
 
     def _withdrawn_with(self, record: dict[str, Any], sources: list[int]) -> bool:
         """Whether an entry is deleted together with withdrawn feedback that it derives from, as in ``forget``."""
         if phase_of(record) in (CLUSTER, FUNCTION) and len(sources) < len(record["sources"]):
-            return True
+            return not self._approved_since(record)
         if phase_of(record) == EDIT and record["feedback"] not in self._heard:
             return True
         return bool(record["sources"]) and not sources
+
+    def _approved_since(self, record: dict[str, Any]) -> bool:
+        """Whether somebody whose words are here approved a call as it is, after it was made with its function."""
+        if record["kind"] != "call":
+            return False
+        made_with = {source for one in record["calls"] for source in self._records.functions[one]["sources"]}
+        return any(source in self._heard and source not in made_with for source in record["sources"])
 
     def _made_here(self, record: dict[str, Any]) -> int | None:
         """The entry that this book itself made of the same feedback; it is identified with the imported one, whatever
@@ -353,6 +383,7 @@ class _Merging:
             if not any(entry.superseded_by is None for entry in mine):
                 self._bring_back(key, [entry.id for entry in mine])
             templates.elect(self._database, self._connection, key, "import")
+        calls_to_templates(self._connection)
 
     def _bring_back(self, key: int, entries: list[int]) -> None:
         """If each of two books preferred the other's version, none would be active; then the superseded versions become

@@ -156,12 +156,20 @@ def standing_of(database: Database, connection: sa.Connection, functions: Iterab
 
 def check_call(code: str, call: str) -> None:
     """Raise ``InvalidArgument`` unless the text is a call that the function accepts."""
-    try:
-        problem = problem_with_call(read_function(code), read_call(call))
-    except (NotAFunction, NotACall) as error:
-        problem = str(error)
-    if problem:
+    if problem := _problem(code, call):
         raise InvalidArgument("call", problem, "one call of the function with literal arguments")
+
+
+def check_function(database: Database, connection: sa.Connection, function: int, text: str) -> None:
+    """Raise ``InvalidArgument`` unless the text can replace a function, with all active calls of it."""
+    try:
+        name = read_function(text).name
+    except NotAFunction as error:
+        raise InvalidArgument("text", str(error), "the code of one documented function") from None
+    if name in _names(connection, [function]):
+        raise InvalidArgument("text", f"the name {name} is taken by another function", "a name that is free")
+    for call in calls_of(database, connection, function):
+        check_call(text, call.text)
 
 
 def is_considered(database: Database, connection: sa.Connection, entries: Iterable[int]) -> bool:
@@ -206,14 +214,41 @@ def calls_of(database: Database, connection: sa.Connection, function: int) -> li
 
 
 def follow(connection: sa.Connection, former: int, entry: int) -> None:
-    """Give a new version of a function the calls of the former one, and a new version of a call its functions; a note
-    its further keys."""
-    for row in connection.execute(sa.select(tables.calls).where(_C.function == former)).all():
-        queries.insert_plain(connection, tables.calls, entry=row.entry, function=entry)
-    for row in connection.execute(sa.select(tables.calls).where(_C.entry == former)).all():
-        queries.insert_plain(connection, tables.calls, entry=entry, function=row.function)
+    """Give a new version of a function the calls of the former one that it accepts, and a new version of a call the
+    functions that accept it; a note its further keys."""
+    text = queries.entries_by_id(connection, [entry])[entry].text
+    calls = queries.entries_where(connection, _E.id.in_(sa.select(_C.entry).where(_C.function == former)))
+    for call in calls:
+        if not _problem(text, call.text):
+            queries.insert_plain(connection, tables.calls, entry=call.id, function=entry)
+    functions = queries.entries_where(connection, _E.id.in_(sa.select(_C.function).where(_C.entry == former)))
+    for function in functions:
+        if not _problem(function.text, text):
+            queries.insert_plain(connection, tables.calls, entry=entry, function=function.id)
     for row in connection.execute(sa.select(tables.entry_keys).where(_K.entry == former)).all():
         queries.insert_plain(connection, tables.entry_keys, entry=entry, key=row.key)
+
+
+def with_several_keys(database: Database, connection: sa.Connection) -> set[int]:
+    """Notes, active or not, that have further keys."""
+    if not database.has(connection, tables.entry_keys):
+        return set()
+    return set(queries.ids_of(connection.execute(sa.select(_K.entry).distinct())))
+
+
+def take_keys_of_parts(connection: sa.Connection, entries: Iterable[int]) -> None:
+    """Give the notes that were made of these entries the keys of all their parts, after the entries were moved."""
+    changes = tables.changes.c
+    found, new = set[int](), set(entries)
+    while new:
+        found |= new
+        made = sa.select(changes.because).where(changes.entry.in_(new), changes.change == "superseded")
+        new = set(queries.ids_of(connection.execute(made.where(changes.because.is_not(None))))) - found
+    for note in queries.entries_where(connection, _E.id.in_(found), _E.kind == "correction"):
+        own = _key(connection, note.id)
+        connection.execute(sa.delete(tables.entry_keys).where(_K.entry == note.id))
+        for key in _keys_of_parts(connection, note.id) - {own}:
+            queries.insert_plain(connection, tables.entry_keys, entry=note.id, key=key)
 
 
 def calls_as_templates(database: Database, connection: sa.Connection) -> list[Entry]:
@@ -225,22 +260,6 @@ def calls_as_templates(database: Database, connection: sa.Connection) -> list[En
         for call in calls
         if call.id in function_of
     ]
-
-
-def calls_to_templates(connection: sa.Connection, without: Iterable[int] = ()) -> None:
-    """Make templates of the active calls none of whose functions is active, ``without`` these functions; their texts
-    are those of the newest function that they called."""
-    gone = sa.or_(_E.superseded_by.is_not(None), _E.id.in_(list(without)))
-    function = tables.entries.alias()
-    called = sa.select(_C.entry).join(function, _C.function == function.c.id)
-    alive = called.where(function.c.superseded_by.is_(None), function.c.id.not_in(list(without)))
-    for call in queries.entries_where(connection, _E.kind == "call", _E.superseded_by.is_(None), _E.id.not_in(alive)):
-        theirs = sa.select(_C.function).where(_C.entry == call.id)
-        functions = queries.entries_where(connection, _E.id.in_(theirs), gone)
-        if functions:
-            text = as_template(functions[-1].text, call.text)
-            mine = sa.update(tables.entries).where(_E.id == call.id)
-            connection.execute(mine.values(kind="template", text=text))
 
 
 def _check(connection: sa.Connection, change: GroupChange) -> None:
@@ -258,14 +277,31 @@ def _check(connection: sa.Connection, change: GroupChange) -> None:
             raise GroupChanged(f"entry {entry} is a {entries[entry].kind}")
     if len(set(change.gone)) < len(change.gone):
         raise GroupChanged("an entry is named twice")
-    others = queries.entries_where(
-        connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(change.replaced)
-    )
-    taken = {read_function(entry.text).name for entry in others}
+    for function in change.replaced:
+        mine = queries.entries_where(connection, _E.id.in_(sa.select(_C.entry).where(_C.function == function)))
+        if left := [call.id for call in mine if call.superseded_by is None and call.id not in change.gone]:
+            raise GroupChanged(f"entry {left[0]} calls function {function}, which would be replaced")
+    taken = _names(connection, change.replaced)
     names = [function.name for function in change.functions]
     for name in names:
         if name in taken or names.count(name) > 1:
             raise GroupChanged(f"the name {name} is taken by another function")
+
+
+def _names(connection: sa.Connection, without: Sequence[int]) -> set[str]:
+    """The names of the active functions, ``without`` these."""
+    others = queries.entries_where(
+        connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(list(without))
+    )
+    return {read_function(entry.text).name for entry in others}
+
+
+def _problem(code: str, call: str) -> str:
+    """Why a function cannot be called so; "" if it can."""
+    try:
+        return problem_with_call(read_function(code), read_call(call))
+    except (NotAFunction, NotACall) as error:
+        return str(error)
 
 
 @attrs.frozen
@@ -338,6 +374,13 @@ def _key(connection: sa.Connection, entry: int) -> int:
 def _keys(connection: sa.Connection, note: int) -> list[int]:
     further = queries.ids_of(connection.execute(sa.select(_K.key).where(_K.entry == note).order_by(_K.key)))
     return [_key(connection, note), *further]
+
+
+def _keys_of_parts(connection: sa.Connection, note: int) -> set[int]:
+    changes = tables.changes.c
+    parts = sa.select(changes.entry).where(changes.because == note, changes.change == "superseded")
+    below = [_keys_of_parts(connection, part) for part in queries.ids_of(connection.execute(parts)) if part < note]
+    return {_key(connection, note)}.union(*below)
 
 
 def _sources(connection: sa.Connection, entries: Iterable[int]) -> list[int]:

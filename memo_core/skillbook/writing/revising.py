@@ -19,7 +19,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import supersede
 from memo_core.skillbook.writing.adding import EDIT
-from memo_core.skillbook.writing.functions import calls_of, check_call, follow, functions_called
+from memo_core.skillbook.writing.functions import calls_of, check_call, check_function, follow, functions_called
 
 _F, _E, _S, _B = tables.feedback.c, tables.entries.c, tables.sources.c, tables.read_backs.c
 _FIELDS = tuple(field.name for field in attrs.fields(KeptReadBack))
@@ -66,8 +66,7 @@ def edit(database: Database, connection: sa.Connection, entry: Entry, text: str,
         for function in functions_called(database, connection, [entry.id]).values():
             check_call(function.text, text)
     elif entry.kind == "function":
-        for call in calls_of(database, connection, entry.id):
-            check_call(text, call.text)
+        check_function(database, connection, entry.id, text)
     [added] = _change(database, connection, entry, Reaction(entry.id, "reworded", text), f"edit of {entry.id}", who)
     return added
 

@@ -10,7 +10,7 @@ count. A version that fails when it is retested in a simulator is replaced by on
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import attrs
 import sqlalchemy as sa
@@ -22,6 +22,7 @@ from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.superseding import restore, supersede
 from memo_core.skillbook.store.trials import failing
+from memo_core.skillbook.writing.orphaned_calls import calls_to_templates
 
 _E, _R, _K, _C = tables.entries.c, tables.records.c, tables.keys.c, tables.changes.c
 
@@ -106,7 +107,9 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
     outdone = {(row.revision, row.entry) for row in connection.execute(gave_way)}
     candidates = [one for one in every if one.superseded_by is None or (one.superseded_by, one.id) in outdone]
     ids = [entry.id for entry in candidates]
-    merit = _merit(records_of(database, connection, ids), failing(database, connection, ids))
+    merit = _merit(
+        records_of(database, connection, ids), failing(database, connection, ids), _made_at(database, connection, ids)
+    )
     elected = []
     for versions in _built_alike(connection, candidates):
         valid = [entry for entry in versions if entry.superseded_by is None]
@@ -122,6 +125,7 @@ def elect(database: Database, connection: sa.Connection, key: int, reason: str) 
                 supersede(connection, revision, entry.id, f"version {best.id} has the better record", best.id)
         if best not in valid:
             restore(connection, revision, best.id, "the best record")
+    calls_to_templates(connection)
     return revision
 
 
@@ -138,5 +142,26 @@ def _built_alike(connection: sa.Connection, entries: Sequence[Entry]) -> list[li
     return groups
 
 
-def _merit(records: Records, failed: set[int]) -> Callable[[Entry], tuple[bool, float, float, int]]:
-    return lambda entry: (entry.id not in failed, records.share(entry), entry.created, entry.id)
+_MadeAt = tuple[float, str, int]  # time of the revision (s since the epoch), book, number there
+
+
+def _merit(
+    records: Records, failed: set[int], made_at: Mapping[int, _MadeAt]
+) -> Callable[[Entry], tuple[bool, float, float, _MadeAt]]:
+    return lambda entry: (entry.id not in failed, records.share(entry), entry.created, made_at[entry.id])
+
+
+def _made_at(database: Database, connection: sa.Connection, entries: Sequence[int]) -> dict[int, _MadeAt]:
+    """When entries were made: the same order in every book that has them, also of a call that is as old as its
+    template."""
+    origins, revisions = tables.origins.c, tables.revisions.c
+    book = database.meta(connection)["book"]
+    of = sa.select(origins.local, origins.book, origins.id).where(
+        origins.kind == "entry", origins.local.in_(list(entries))
+    )
+    made_in = {row.local: (str(row.book), int(row.id)) for row in connection.execute(of) if row.id.isdecimal()}
+    when = sa.select(_E.id, revisions.time).join(tables.revisions, _E.revision == revisions.id)
+    return {
+        entry: (float(time), *made_in.get(entry, (book, entry)))
+        for entry, time in connection.execute(when.where(_E.id.in_(list(entries))))
+    }
