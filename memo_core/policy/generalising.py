@@ -7,6 +7,7 @@ from typing import Any, Literal, Protocol
 
 import attrs
 
+from memo_core.interfaces.llm import Message
 from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers.generalised import read_generalised
@@ -32,6 +33,10 @@ from memo_core.skills.contract import documentation
 from memo_core.skills.skill import Skill
 
 PHASE = "generalise"
+_MEND = (
+    'Calls of this answer failed when they were run; the lines "Tried before" now say which and how. Mend it and '
+    "answer once more with everything, in the form asked for."
+)
 
 
 def prompt_context(group: Group, skills: str, subset: str) -> dict[str, Any]:
@@ -165,8 +170,9 @@ class Generalising:
     def generalise(self, group: Group, commit: bool = True) -> GroupOutcome:
         """Ask, check, run, and (with ``commit``) store.
 
-        A call that does worse than its program is shown to the model with what happened, at most ``reasks`` times;
-        after that its program is left as it is, and a function that is left with programs of one key is given up.
+        A call that does worse than its program is shown to the model with what happened and the answer that it is of,
+        at most ``reasks`` times; after that its program is left as it is, and a function that is left with programs of
+        one key is given up.
 
         Returns:
             The outcome.
@@ -176,10 +182,10 @@ class Generalising:
             KeyboardInterrupt: if a stop came while programs were run.
             MemoError: if the simulator failed.
         """
-        asked, shown = 0, group
+        asked, shown, answer = 0, group, ""
         for round_ in range(self._reasks + 1):
             try:
-                proposal, answered = self._ask(shown)
+                proposal, answered, answer = self._ask(shown, answer)
             except Unreadable as error:
                 return GroupOutcome(group, "left", problem=error.problem, calls=asked + self._reasks + 1)
             asked += answered
@@ -189,17 +195,20 @@ class Generalising:
             shown = trials.shown_in(shown)
         return self._settled(group, trials.without_failed(group, proposal), trials, asked, commit)
 
-    def _ask(self, group: Group) -> tuple[Generalised, int]:
+    def _ask(self, group: Group, before: str) -> tuple[Generalised, int, str]:
+        """A proposal, the times asked, and the answer. ``before``: the answer of which calls failed; "" for none."""
         taken = {one.function.name for one in functions_of(self._book)}
         context = prompt_context(group, documentation(dict(self._skills)), self._subset) | {"robot": self._robot}
         messages = self._prompts.messages(PHASE, context)
+        if before:
+            messages = (*messages, Message("assistant", before), Message("user", _MEND))
 
-        def read(text: str) -> Generalised:
-            return read_generalised(text, group, self._skills, taken)
+        def read(text: str) -> tuple[Generalised, str]:
+            return read_generalised(text, group, self._skills, taken), text
 
         stamp = self._prompts.text(PHASE).stamp
-        proposal, asked = put(self._calls, PHASE, messages, read, self._reasks, self._seed, stamp)
-        return proposal, asked.calls
+        (proposal, answer), asked = put(self._calls, PHASE, messages, read, self._reasks, self._seed, stamp)
+        return proposal, asked.calls, answer
 
     def _settled(self, group: Group, proposal: Generalised, trials: _Trials, asked: int, commit: bool) -> GroupOutcome:
         change = change_of(group, proposal, trials.trials)
@@ -263,7 +272,8 @@ class _Trials:
 
     def without_failed(self, group: Group, proposal: Generalised) -> Generalised:
         """The proposal without the calls that failed, and without functions that are then left with one key or lose a
-        program that already called them. A note inside a function given up stays."""
+        program that already called them. A note inside a function given up stays, and one that names it is not
+        reworded."""
         functions, left = [], list(proposal.left)
         for function in proposal.functions:
             stay = tuple((number, call) for number, call in function.calls if number not in self.failed)
@@ -275,13 +285,17 @@ class _Trials:
             if not given_up:
                 functions.append(attrs.evolve(function, calls=stay))
         names = {function.name: function for function in functions}
-        inside, notes = [], list(proposal.notes)
-        for note, name in proposal.inside:
-            called = {group.members[number - 1].key for number, _ in names[name].calls} if name in names else set()
-            if group.notes[note - 1].key in called:
-                inside.append((note, name))
+        gone_names = {function.name for function in proposal.functions} - names.keys()
+        inside, notes = [], []
+        for note in proposal.notes:
+            lost_names = any(name in note.text for name in gone_names)
+            notes += [MergedNote(group.notes[n - 1].text, (n,)) for n in note.of] if lost_names else [note]
+        for number, name in proposal.inside:
+            called = {group.members[one - 1].key for one, _ in names[name].calls} if name in names else set()
+            if group.notes[number - 1].key in called:
+                inside.append((number, name))
             else:
-                notes.append(MergedNote(group.notes[note - 1].text, (note,)))
+                notes.append(MergedNote(group.notes[number - 1].text, (number,)))
         return Generalised(tuple(functions), tuple(left), tuple(notes), tuple(inside))
 
 

@@ -169,6 +169,7 @@ def test_after_an_error_or_a_stop_the_next_call_goes_on_with_the_rest(book) -> N
     list(clustering(book, kept).condense_all())
     assert all(len(texts(book, key)) == 1 for key in keys)
     assert len(kept.requests) <= 2, "what was done is not asked about again"
+    assert texts(book) == ["One, another thing."], "and the same words of three keys are one note"
 
 
 def test_what_has_not_changed_since_is_passed_over_unless_all_is_asked_for(book) -> None:
