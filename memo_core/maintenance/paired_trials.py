@@ -116,20 +116,22 @@ class PairedTrials:
 
     def _trials(self, template: Entry, program: str, progress: Callable[[str], None]) -> Iterator[PairedTrial]:
         source = self._sources.of(template)
-        program_of(template)  # raises before anything is opened
+        own_program = _own_program(template, source)  # raises before anything is opened
         fresh = islice((seed for seed in self._seeds if seed != source.seed), self._scenes)
         for seed in (None, *fresh):
             progress(source.start_name(seed))
-            if (trial := self._trial(template, source, seed, program)) is not None:
+            if (trial := self._trial(template, source, seed, own_program, program)) is not None:
                 yield trial
 
-    def _trial(self, template: Entry, source: TemplateSource, seed: int | None, program: str) -> PairedTrial | None:
+    def _trial(
+        self, template: Entry, source: TemplateSource, seed: int | None, own_program: str, program: str
+    ) -> PairedTrial | None:
         """One paired trial; None if its start is not reached."""
         at = (template.id, seed)
         if at in self._own and self._own[at] is None:
             return None
         with subtask_scene(source, seed, self._stopping) as scene:
-            own = self._own.get(at) or _own_run(scene, program_of(template))
+            own = self._own.get(at) or _own_run(scene, own_program)
             self._own[at] = own
             if own is None:
                 return None
@@ -140,6 +142,17 @@ class PairedTrials:
                 wall_seconds=LIMIT_TIMES * own.wall_s + LIMIT_MARGIN_S,
             )
             return PairedTrial(source.start_name(seed), own.outcome, outcome)
+
+
+def _own_program(template: Entry, source: TemplateSource) -> str:
+    """The program that a template is compared by: a call of its function, or if that needs arguments which nobody can
+    know, the program that was approved. Raises ``CannotRetest`` if there is neither."""
+    try:
+        return program_of(template)
+    except CannotRetest:
+        if not source.code.strip():
+            raise
+        return source.code
 
 
 def _own_run(scene: SubtaskScene, program: str) -> _OwnRun | None:

@@ -28,7 +28,7 @@ class CannotRetest(Exception):
 @attrs.frozen(eq=False)
 class TemplateSource:
     """The run in which a template was approved. ``start``: checkpoint of the start of its subtask. ``earlier``: the
-    subtasks that were approved before it, with their code."""
+    subtasks that were approved before it, with their code. ``code``: the approved program."""
 
     experiment: Experiment
     task: Task
@@ -37,6 +37,7 @@ class TemplateSource:
     earlier: tuple[tuple[str, str], ...]
     subtask: str  # as the planner called it
     run: str
+    code: str
 
     def start_name(self, seed: int | None) -> str:
         """The name of a start in the book: of the stored one for None, else of a new scene with this seed."""
@@ -89,7 +90,14 @@ class TemplateSources:
         if earlier and earlier[-1][0] == approval.subtask:
             earlier.pop()
         return TemplateSource(
-            experiment, task, int(history.head["seed"]), start, tuple(earlier), approval.subtask, approval.run
+            experiment,
+            task,
+            int(history.head["seed"]),
+            start,
+            tuple(earlier),
+            approval.subtask,
+            approval.run,
+            approval.code,
         )
 
     def _approval(self, template: Entry) -> Feedback:

@@ -86,6 +86,15 @@ def test_a_call_that_does_the_same_from_the_stored_start_and_in_new_scenes_is_ac
 
 
 @pytest.mark.sim
+def test_a_template_that_needs_names_nobody_knows_is_compared_by_the_program_that_was_approved(
+    book, registry, template
+):
+    needy = attrs.evolve(template, text='def lift(thing, handle, side):\n    """Lift."""\n    open_gripper()\n')
+    verdict = PairedTrials(book, registry, scenes=0).compare(needy, general())
+    assert verdict.accepted and verdict.trials[0].before.success
+
+
+@pytest.mark.sim
 def test_the_same_program_has_the_same_outcome_because_both_begin_in_the_same_state(book, registry, template):
     program = f"{template.text}\n\npick('cube')\n"
     for trial in PairedTrials(book, registry, scenes=1).compare(template, program).trials:
