@@ -29,6 +29,7 @@ from memo_core.skillbook.model.entries import (
     Reaction,
     spoken,
 )
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
@@ -374,7 +375,7 @@ class Skillbook:
             derived_from: further feedback that the program is based on.
 
         Returns:
-            The call.
+            The call; if the function was superseded meanwhile, a template that does the same.
 
         Raises:
             NotAKey: if ``key`` is a text that is not a subtask.
@@ -387,7 +388,10 @@ class Skillbook:
             called = entry_in(connection, function)
             check_call(called.text, call)
             more = (feedback_id, wanted, call, scene, derived_from)
-            return add_template(self.database, connection, *more, function=function)
+            if called.superseded_by is None:
+                return add_template(self.database, connection, *more, function=function)
+            stands_alone = as_template(called.text, call)
+            return add_template(self.database, connection, feedback_id, wanted, stands_alone, scene, derived_from)
 
     def read_back(self, feedback_id: int, said: Sequence[Reaction], who: str = "") -> tuple[Entry, ...]:
         """Store and apply, as one revision, a person's reactions to the notes made from one feedback.

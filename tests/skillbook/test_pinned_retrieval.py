@@ -113,6 +113,20 @@ def test_a_function_made_meanwhile_is_not_called_and_its_programs_stay(tmp_path)
             assert later.retrieve(KEY).functions
 
 
+def test_a_call_of_a_function_that_is_replaced_meanwhile_becomes_a_program_of_its_own(tmp_path):
+    with new_book(str(tmp_path / "book.db")) as book:
+        for key, parameters in (("OPEN(microwave)", MICROWAVE), ("OPEN(fridge)", FRIDGE), (KEY, OVEN)):
+            approve(book, key, program(parameters))
+        with_functions(book.url)
+        [function] = book.entries("function")
+        approval = book.record_feedback("", "ana", subtask="OPEN(cupboard)", kind="approval")
+        history.roll_back(book, function.revision)
+        call = "open_hinged('cupboard door', 'cupboard handle', angle=70)"
+        added = book.add_call(approval, "OPEN(cupboard)", call, function.id)
+        assert added.kind == "template" and "angle=70" in added.text
+        assert book.add_call(approval, "OPEN(cupboard)", call, function.id) == added
+
+
 def test_a_resumed_run_pins_the_revision_that_it_began_with(book, tmp_path):
     (tmp_path / "run").mkdir()
     log = RunLog(tmp_path / "run")
