@@ -39,6 +39,9 @@ def command(
     interval: Annotated[
         float | None, typer.Option("--interval", min=0.1, help="With --watch: seconds between looks.")
     ] = None,
+    until_eof: Annotated[
+        bool, typer.Option("--until-eof", help="With --watch: end when standard input ends, too.")
+    ] = False,
     keep: Annotated[
         Path | None, typer.Option("--keep", metavar="DIR", help="A new folder for the questions and answers.")
     ] = None,
@@ -58,6 +61,12 @@ def command(
         raise InvalidArgument("--watch", "beside --dry-run or --all", "one of them")
     if interval is not None and not watch:
         raise InvalidArgument("--interval", "without --watch", "both of them")
+    if until_eof and not watch:
+        raise InvalidArgument("--until-eof", "without --watch", "both of them")
+    if until_eof:
+        from memo_core.process.companion_process import end_with_input
+
+        end_with_input()
     registry, experiment = load(config, overrides)
     from memo_core.runs.consolidation import Spending, check_method, clustering_of
     from memo_core.runs.factories import book_of
@@ -175,8 +184,8 @@ class _Once:
 
 
 def print_group(outcome: Consolidated | GroupOutcome) -> None:
-    """Print what was made of entries of several keys, as a diff: programs and notes that are replaced, the functions with
-    their calls, and how the calls did."""
+    """Print a consolidation of several keys as a diff: programs and notes that are replaced, the functions with their
+    calls, and how the calls did."""
     from rich.text import Text
 
     from memo_core.policy.generalising import GroupOutcome
@@ -292,7 +301,12 @@ def _watch(
     try:
         watch(book, clustering, stop, seconds, report)
     except Stopped:
-        note(_said_of(spending))
+        pass
+    finally:
+        if json:
+            print(dumps({"spent": spending.record()}), flush=True)
+        else:
+            note(_said_of(spending))
 
 
 def _said_of(spending: Spending) -> str:

@@ -52,6 +52,9 @@ def command(
     from memo_core.cli.narration import Narrator
     from memo_core.config.errors import ConfigErrors
     from memo_core.config.layers import FromOption
+    from memo_core.runs.background import Consolidation, with_shared_limit
+    from memo_core.runs.consolidation import in_background
+    from memo_core.runs.folder import new_run_folder
     from memo_core.runs.record_replay import recorded, replayed
     from memo_core.runs.resuming import run_config
     from memo_core.runs.run import resume_experiment, run_experiment
@@ -80,6 +83,11 @@ def command(
         if resume is not None:
             note(f"memo: {given} may be of another version of MEMO: resume the run with that one, or mend these keys")
         raise
+    clusters, folder = experiment, resume  # what is clustered with is neither recorded nor replayed
+    wanted = in_background(experiment) and replay is None and experiment.task is not None
+    if wanted:
+        folder = resume or new_run_folder(out, experiment.task or "", experiment.seed)
+        clusters = experiment = with_shared_limit(experiment, folder)
     if record is not None:
         experiment = recorded(experiment, registry, record)
     if replay is not None:
@@ -89,10 +97,12 @@ def command(
     if experiment.section("skillbook").url == "sqlite://":
         note("memo: the skillbook sqlite:// is in memory: what is learnt is gone when the command ends")
     _say_of_the_teacher(experiment)
-    if resume is not None:
-        report = resume_experiment(experiment, registry, resume, narrator, view, narrator.on_text)
-    else:
-        report = run_experiment(experiment, registry, out, narrator, view, narrator.on_text)
+    with Consolidation(clusters, folder or out, clusters.section("skillbook").url, wanted, note) as beside:
+        watching = (narrator, view, narrator.on_text)
+        if resume is not None:
+            report = resume_experiment(experiment, registry, resume, *watching, begun=beside.start)
+        else:
+            report = run_experiment(experiment, registry, out, *watching, folder, beside.start)
     if record is not None:
         _note_recording(experiment, record)
     with while_read():

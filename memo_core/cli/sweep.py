@@ -29,25 +29,31 @@ def run_seeds(
     each is done."""
     from memo_core.cli.narration import Narrator
     from memo_core.config import load_experiment
+    from memo_core.runs.background import Consolidation, with_shared_limit
+    from memo_core.runs.consolidation import in_background
     from memo_core.runs.sections import SECTIONS
     from memo_core.runs.sweep import sweep, sweep_folder
 
     registry, first = load(file, overrides, task, seeds[0])
-    folder = sweep_folder(first, out)
+    folder, wanted = sweep_folder(first, out), in_background(first)
+
+    def shared(experiment: Experiment) -> Experiment:
+        return with_shared_limit(experiment, folder, len(seeds)) if wanted else experiment
 
     def of_seed(seed: int) -> Experiment:
-        return load_experiment(registry, file, overrides, SECTIONS, task, seed)
+        return shared(load_experiment(registry, file, overrides, SECTIONS, task, seed))
 
     watched: dict[str, Any] = {}
     if code or first.create("teacher").reads_back:  # somebody reads along
         narrator = Narrator(code=code)
         watched = {"listener": narrator, "on_text": narrator.on_text}
     rows: list[dict[str, Any]] = []
-    with progress_bar() as bar:
+    beside = Consolidation(shared(first), folder, first.section("skillbook").url, wanted, note)
+    with beside, progress_bar() as bar:
         progress = bar.add_task(first.task or "", total=len(seeds))
         if watched:
             bar.stop()  # a person is asked on this terminal
-        for seed, summary, known in sweep(of_seed, registry, seeds, folder, **watched):
+        for seed, summary, known in sweep(of_seed, registry, seeds, folder, begun=beside.start, **watched):
             rows.append({"seed": seed, "known": known, "error": None} | summary)
             bar.advance(progress)
     with while_read():

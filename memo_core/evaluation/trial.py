@@ -42,13 +42,12 @@ from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
 from memo_core.runs.factories import book_of, environment_of, task_of, world_of
 from memo_core.runs.folder import json_text
-from memo_core.runs.idempotent_run import do_one
+from memo_core.runs.idempotent_run import do_one, public
 from memo_core.runs.record_replay import recorded, replayed
 from memo_core.runs.run import check_release, components_of
 from memo_core.runs.run_errors import NotCarriedOut, RunError
 from memo_core.runs.trial_sheet import write_trial_sheet
 from memo_core.skillbook.book import Skillbook
-from memo_core.study.history import public
 from memo_core.study.participants import Load, teacher_of
 from memo_core.study.settings import Participant
 from memo_core.text.parsing import parse_json

@@ -13,12 +13,18 @@ import attrs
 
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.policy.run_context import Session
-from memo_core.runlog.run_log import Effect
+from memo_core.runlog.run_log import Effect, RunLog
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.model.entries import Entry, Feedback, Note, Reaction
 from memo_core.skillbook.model.keys import Key
 
 T = TypeVar("T")
+
+
+def pin(log: RunLog, book: Skillbook) -> None:
+    """Retrieve in this run without what is clustered from now on; resumed, it pins the revision that it began with."""
+    kind: Effect[int] = Effect("pin the skillbook")
+    book.pin(log.effect(kind, "", lambda _: book.newest_revision()))
 
 
 class LoggedBook:

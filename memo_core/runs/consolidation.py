@@ -165,10 +165,39 @@ class AfterRun:
 
 def after_run(experiment: Experiment) -> AfterRun | None:
     """The clustering that the experiment wants after a run; None for none. Raises as ``check_method``."""
-    if experiment.section("skillbook").cluster == "off" or experiment.section("skillbook").read_only:
+    if experiment.section("skillbook").cluster != "after-run" or experiment.section("skillbook").read_only:
         return None
     check_method(experiment)
     return AfterRun(experiment.section("clustering"), prompts_of(experiment), frozenset(library_of(experiment)))
+
+
+def in_background(experiment: Experiment, url: str | None = None) -> bool:
+    """Whether the book is clustered while the robot works (``skillbook.cluster: background``).
+
+    Args:
+        experiment: the experiment.
+        url: the book; None: the experiment's.
+
+    Returns:
+        Whether the experiment wants it.
+
+    Raises:
+        InvalidArgument: if it wants it, and the robot is real, the book is in memory or may not be written, or the
+            method does not cluster.
+    """
+    settings = experiment.section("skillbook")
+    if settings.cluster != "background":
+        return False
+    if not experiment.create("robot_driver").simulated:
+        name = experiment.choice("robot_driver").backend.name
+        problem = f"background beside the real robot of driver {name!r}"
+        raise InvalidArgument("skillbook.cluster", problem, "after-run, or memo cluster when the robot is at rest")
+    if settings.read_only:
+        raise InvalidArgument("skillbook.cluster", "background, and skillbook.read_only is true", "off")
+    if Skillbook(url or settings.url).database.in_memory:
+        raise InvalidArgument("skillbook.cluster", "background, and the skillbook is in memory", "after-run, or a file")
+    check_method(experiment)
+    return True
 
 
 def watch(

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, Stopped
 from memo_core.events import Event
 from memo_core.interfaces.task import Task
@@ -20,6 +21,12 @@ from memo_core.runs.resuming import CutOff, read_cut_off
 from memo_core.runs.run import RunComponents, perform
 from memo_core.runs.run_errors import NotCarriedOut
 from memo_core.text.parsing import parse_json
+
+
+def public(experiment: Experiment) -> dict[str, Any]:
+    """What a run of many records of its experiment: all that a single run would, without the sections of the whole."""
+    whole = ("study.", "books.", "evaluation.", "report.")
+    return {path: value for path, value in experiment.public().items() if not path.startswith(whole)}
 
 
 def do_one(

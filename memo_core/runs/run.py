@@ -26,6 +26,7 @@ from memo_core.llm.prompt_files import Prompts
 from memo_core.llm.readers import Unreadable
 from memo_core.llm.spending import Spent
 from memo_core.plugins.registry import Registry
+from memo_core.policy.logged_book import pin
 from memo_core.policy.method_interface import Method
 from memo_core.policy.results import RunResult, SubtaskResult
 from memo_core.policy.run_context import Session
@@ -36,7 +37,7 @@ from memo_core.runlog.log_file import FILE
 from memo_core.runlog.run_log import RunLog
 from memo_core.runlog.whole_files import clear_unfinished
 from memo_core.runs.asking import asking
-from memo_core.runs.consolidation import AfterRun, after_run
+from memo_core.runs.consolidation import AfterRun, after_run, in_background
 from memo_core.runs.factories import book_of, budget_of, library_of, prompts_of, sandbox_of, task_of, world_of
 from memo_core.runs.filming import Filmed
 from memo_core.runs.folder import RunFolder, new_run_folder
@@ -144,6 +145,8 @@ class RunComponents:
     time_is_up: Callable[[float, int, int], bool] | None = None  # see ``Person``
     images: bool = False  # whether plan and code prompts come with the cameras' pictures
     attended: bool = False  # whether the run breaks off, to be resumed, when its teacher has left
+    pinned: bool = False  # whether the book is clustered meanwhile, and the run must not see it
+    begun: Callable[[], None] = lambda: None  # called when everything is open and the book is pinned
 
 
 def run_experiment(
@@ -154,6 +157,7 @@ def run_experiment(
     view: bool = False,
     on_text: Callable[[str, str], None] | None = None,
     folder: Path | None = None,
+    begun: Callable[[], None] = lambda: None,
 ) -> RunReport:
     """Run the experiment's task once and keep everything in a folder.
 
@@ -167,6 +171,7 @@ def run_experiment(
         view: open the simulator's viewer.
         on_text: called with (phase, piece of text) while a model writes, from other threads.
         folder: the run's folder itself, in place of a new one in ``out``; it must not hold a run.
+        begun: called when everything is open, before the method begins (``Consolidation.start``).
 
     Returns:
         The report; a ``MemoError`` that ended the run is in its ``problem``.
@@ -178,7 +183,7 @@ def run_experiment(
     if experiment.task is None:
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
     task = task_of(experiment, experiment.task)
-    components = _components(experiment, task)
+    components = _components(experiment, task, begun)
 
     def made() -> RunFolder:
         return RunFolder(folder or new_run_folder(out, task.name, experiment.seed))
@@ -195,17 +200,18 @@ def resume_experiment(
     listener: Callable[[Event], None] | None = None,
     view: bool = False,
     on_text: Callable[[str, str], None] | None = None,
+    begun: Callable[[], None] = lambda: None,
 ) -> RunReport:
     """Go on with the run in the folder ``path``, which was cut off by a crash, a stop or a limit. What had ended stays
-    as it was. Raises ``InvalidArgument``: a run that has ended or is still going on, another config, a file that is
-    missing or damaged."""
+    as it was. ``begun``: as for ``run_experiment``. Raises ``InvalidArgument``: a run that has ended or is still going
+    on, another config, a file that is missing or damaged."""
     before = read_cut_off(path)
     check_config(path, experiment.public())
     check_place(before.history, experiment.section("skillbook").url, Path.cwd())
     if experiment.task is None:
         raise InvalidArgument("--resume", f"{path / 'config.yaml'} names no task", "the config of a run")
     task = task_of(experiment, experiment.task)
-    components = _components(experiment, task)
+    components = _components(experiment, task, begun)
 
     def folder() -> RunFolder:
         return RunFolder(path, again=True)
@@ -241,19 +247,22 @@ def components_of(
         functions=experiment.section("skillbook").functions,
         approvals=experiment.section("skillbook").approvals,
         images=experiment.section("policy").images,
+        pinned=experiment.section("skillbook").cluster == "background",
     )
 
 
-def _components(experiment: Experiment, task: Task) -> RunComponents:
+def _components(experiment: Experiment, task: Task, begun: Callable[[], None]) -> RunComponents:
     teacher = experiment.create("teacher")
     check_release(experiment, teacher)
-    return components_of(
+    in_background(experiment)  # refuses what cannot be
+    components = components_of(
         experiment,
         lambda: world_of(experiment, task, experiment.seed),
         book_of(experiment),
         teacher,
         clustering=after_run(experiment),
     )
+    return attrs.evolve(components, begun=begun)
 
 
 def check_release(experiment: Experiment, teacher: Teacher) -> None:
@@ -518,6 +527,9 @@ class _Run:
             on_text=self.on_text,
         )
         try:
+            if made.pinned and made.book is not None:
+                pin(self.log, made.book)
+            made.begun()
             ended.result = made.method.run(session)
             ended.error = run_error(ended.result.error) if ended.result.error is not None else None
         finally:
@@ -529,7 +541,8 @@ class _Run:
         if not book.read_only:
             book.note_place("run", self.folder.path)  # for `memo skillbook forget`
         if self.log.history is not None and (changes := book_changes(self.log.history, book, self.name)):
-            self.tell(Problem("the skillbook has changed", f"{changes}; the run continues with it as it is"))
+            how = "as it is, but for what was clustered" if self.components.pinned else "as it is"
+            self.tell(Problem("the skillbook has changed", f"{changes}; the run continues with it {how}"))
         self.log.note_book(book.generation())
 
 

@@ -23,9 +23,13 @@ class SkillbookSettings:
         default="skillbook.db",
         metadata={"help": "a file (relative to where memo is started), or postgresql://USER@HOST/NAME"},
     )
-    cluster: Literal["off", "after-run"] = attrs.field(
+    cluster: Literal["off", "after-run", "background"] = attrs.field(
         default="off",
-        metadata={"help": "after-run: each run, also of a study, ends with condensing what changed (memo cluster)"},
+        metadata={
+            "help": "after-run: each run, also of a study, ends with condensing what changed (memo cluster); "
+            "background: a process beside memo run or memo study condenses, and a run sees what was condensed before "
+            "it began; not with a real robot"
+        },
     )
     functions: FunctionUse = attrs.field(
         default="call",

@@ -15,7 +15,7 @@ from memo_core.errors import InvalidArgument, UnknownName, spelt_alike
 from memo_core.interfaces.embedder import Embedder
 from memo_core.interfaces.vectorstore import VectorStore
 from memo_core.scene.name_corrections import NameCorrection
-from memo_core.skillbook.consolidation.unclustered import CLUSTERING, copy_without, has_changes
+from memo_core.skillbook.consolidation.unclustered import CLUSTERING, LeftOut, copy_without, has_changes, state_of
 from memo_core.skillbook.forgetting.in_database import forget_person, words_of
 from memo_core.skillbook.forgetting.in_files import BEYOND, BEYOND_SERVER, clean
 from memo_core.skillbook.model.entries import (
@@ -82,7 +82,8 @@ class Skillbook:
         self._store = store
         self.vectors = TextVectors(self.database, embedder) if embedder is not None else None
         self._retriever: Retriever | None = None
-        self._copies: dict[tuple[str, ...], tuple[int, Skillbook]] = {}  # by what they lack, with their generation
+        self._copies: dict[LeftOut, tuple[tuple[int, int], Skillbook]] = {}  # by what they lack, with their state
+        self._pinned: int | None = None
 
     @property
     def url(self) -> str:
@@ -374,7 +375,7 @@ class Skillbook:
             derived_from: further feedback that the program is based on.
 
         Returns:
-            The call.
+            The call; if the function was superseded meanwhile, a template that does the same.
 
         Raises:
             NotAKey: if ``key`` is a text that is not a subtask.
@@ -531,20 +532,43 @@ class Skillbook:
             BackendUnavailable: if embedder or vector store cannot be used.
         """
 
-        without = CLUSTERING if not clustered else () if functions else (FUNCTIONS,)
+        reasons = CLUSTERING if not clustered else () if functions else (FUNCTIONS,)
+        without = LeftOut(reasons, self._pinned)
         if without and (copy := self._copy_without(without)) is not None:
             return copy.retrieve(subtask, context)
+        found = self._retrieve(as_key(subtask), context)
+        if without and self._copy_without(without) is not None:  # clustered by another process in this moment
+            return self.retrieve(subtask, context, clustered, functions)
+        return found
+
+    def _retrieve(self, subtask: Key, context: SubtaskContext | None) -> Retrieval:
+        """Retrieve from the book as it is."""
         if self._retriever is None:
             self._retriever = Retriever(
                 self.database, self.text_vectors(), self.key_vectors(), self.settings, self._store
             )
-        found = self._retriever.retrieve(as_key(subtask), context)
+        found = self._retriever.retrieve(subtask, context)
         found = self._without_harm(found) if self.settings.notice_harm else found
         with self.database.read() as connection:
             calls = [one.entry.id for one in found.templates if one.entry.kind == "call"]
             called = functions_called(self.database, connection, calls) if calls else {}
             standing = standing_of(self.database, connection, {one.id: one for one in called.values()}.values())
         return select_templates(found, self.settings, called, standing)
+
+    def pin(self, revision: int) -> None:
+        """Retrieve from now on as if nothing had been clustered after a revision.
+
+        What people teach, edit and remove afterwards is retrieved.
+
+        Args:
+            revision: number of the revision (``newest_revision``).
+        """
+        self._pinned = revision
+
+    def newest_revision(self) -> int:
+        """Number of the newest revision; 0 if there is none."""
+        with self.database.read() as connection:
+            return int(connection.execute(sa.select(sa.func.max(tables.revisions.c.id))).scalar() or 0)
 
     def search(self, text: str, count: int = 10) -> list[tuple[Entry, float]]:
         """Find the active entries whose texts are most similar to a text.
@@ -709,19 +733,19 @@ class Skillbook:
             meant = queries.alias_rows(connection).get(str(found.query), found.query)
         return withhold(found, meant, evidence, self.key_vectors(), self.settings.weights)
 
-    def _copy_without(self, reasons: tuple[str, ...]) -> Skillbook | None:
-        """An in-memory copy of the book without the changes of clustering for some reasons; None if there are none."""
+    def _copy_without(self, left_out: LeftOut) -> Skillbook | None:
+        """An in-memory copy of the book without the changes of some revisions of clustering; None if there are none."""
         with self.database.read() as connection:
-            generation = int(self.database.meta(connection)["generation"])
-            changed = has_changes(self.database, connection, reasons)
-        if reasons in self._copies and (not changed or self._copies[reasons][0] != generation):
-            self._copies.pop(reasons)[1].close()
-        if changed and reasons not in self._copies:
+            state = state_of(self.database, connection)
+            changed = has_changes(self.database, connection, left_out)
+        if left_out in self._copies and (not changed or self._copies[left_out][0] != state):
+            self._copies.pop(left_out)[1].close()
+        if changed and left_out not in self._copies:
             copy = Skillbook("sqlite://", settings=self.settings).open()
             copy.vectors = self.text_vectors()  # what is embedded is kept in the book itself
-            copy_without(self.database, copy.database, reasons)
-            self._copies[reasons] = (generation, copy)
-        return self._copies[reasons][1] if reasons in self._copies else None
+            copy_without(self.database, copy.database, left_out)
+            self._copies[left_out] = (state, copy)
+        return self._copies[left_out][1] if left_out in self._copies else None
 
     def key_vectors(self) -> KeyVectors:
         return KeyVectors(self.text_vectors(), self.settings.wording, self.settings.actions)

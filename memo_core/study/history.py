@@ -20,7 +20,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.policy.loop import TIME_IS_UP
 from memo_core.runs.consolidation import after_run
 from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
-from memo_core.runs.idempotent_run import calls_that_count, do_one, wall_seconds
+from memo_core.runs.idempotent_run import calls_that_count, do_one, public, wall_seconds
 from memo_core.runs.run import components_of
 from memo_core.skillbook import raw_log
 from memo_core.study.clock import active_seconds, time_is_up
@@ -56,6 +56,7 @@ class Teaching:
     report: Callable[[str], None] = lambda line: None
     listener: Callable[[Event], None] | None = None
     sessions: int | None = None
+    begun: Callable[[], None] = lambda: None  # called by each run, see ``RunComponents``
 
 
 def training_tasks(experiment: Experiment, settings: StudySettings) -> tuple[str, ...]:
@@ -162,7 +163,7 @@ def _run(
     assert session is not None
     left_s = settings.session_minutes * 60 - session.active_s
     over = time_is_up(settings, left_s, wall_seconds(folder))
-    components = attrs.evolve(components, time_is_up=over, attended=True)
+    components = attrs.evolve(components, time_is_up=over, attended=True, begun=teaching.begun)
     summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
     with book_of(experiment, book_url, read_only=True) as read:
         newest = max((one.id for one in raw_log.raw_log(read).feedback), default=0)
@@ -179,9 +180,3 @@ def _ended(run: TaughtRun, summary: dict[str, Any], active_s: float, feedback: i
     cut = summary["ended"] == TIME_IS_UP and not summary["success"]
     ended = {"end": run.number, "active_s": active_s, "feedback": feedback, "session_over": cut}
     return ended | {key: summary[key] for key in kept}
-
-
-def public(experiment: Experiment) -> dict[str, Any]:
-    """What a run of many records of its experiment: all that a single run would, without the sections of the whole."""
-    whole = ("study.", "books.", "evaluation.", "report.")
-    return {path: value for path, value in experiment.public().items() if not path.startswith(whole)}

@@ -14,10 +14,12 @@ from memo_core.errors import InvalidArgument, MemoError
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.process.worker_processes import in_processes
+from memo_core.runs.background import Consolidation
+from memo_core.runs.consolidation import in_background
 from memo_core.runs.run_errors import Halted, NotCarriedOut
 from memo_core.runs.sections import SECTIONS
 from memo_core.study.consent import Reception
-from memo_core.study.history import Teaching, TeachingHistory, teach
+from memo_core.study.history import BOOK, Teaching, TeachingHistory, teach
 from memo_core.study.participants import Load
 from memo_core.study.people import People
 from memo_core.study.settings import StudySettings
@@ -63,8 +65,11 @@ def run_study(
 def _teach(history: TeachingHistory, teaching: Teaching) -> None:
     """Teach as ``teach`` does. Raises ``Halted`` when a run could not be carried out: the study is paused, the run
     counts for nothing and is gone on with."""
+    experiment, book = teaching.load(), str(history.folder / BOOK)
+    wanted = in_background(experiment, book)
     try:
-        teach(history, teaching)
+        with Consolidation(experiment, history.folder, book, wanted, teaching.report) as beside:
+            teach(history, attrs.evolve(teaching, begun=beside.start))
     except NotCarriedOut as error:
         raise Halted("runs", error.error) from error
 

@@ -19,12 +19,12 @@ from memo_core.config import Experiment, Unread, load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.plugins.registry import Registry
 from memo_core.runlog.whole_files import write_whole
-from memo_core.runs.consolidation import after_run
+from memo_core.runs.consolidation import after_run, in_background
 from memo_core.runs.factories import environment_of, task_of
 from memo_core.runs.folder import nested
 from memo_core.runs.resuming import check_config
 from memo_core.study.consent import Consent, check_for_people, read_consent
-from memo_core.study.history import TeachingHistory, training_tasks
+from memo_core.study.history import BOOK, TeachingHistory, training_tasks
 from memo_core.study.journal import Journal, read_journal
 from memo_core.study.participants import Load, order_of, participants_of, teacher_of
 from memo_core.study.settings import StudySettings
@@ -82,6 +82,7 @@ def check(load: Load, experiment: Experiment) -> Consent:
     if experiment.section("skillbook").read_only:
         raise InvalidArgument("skillbook.read_only", "true, and a study keeps what is taught", "false")
     after_run(experiment)  # refuses a method that does not cluster
+    in_background(experiment, BOOK)  # and this a real robot
     environment_of(experiment, task_of(experiment, names[0]), experiment.seed)  # refuses a real robot
     consent = read_consent(settings.consent)
     people = [

@@ -10,12 +10,14 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 from memo_core.config import load_experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.evaluating import unread
 from memo_core.evaluation.sections import ALL_SECTIONS
 from memo_core.plugins.registry import Registry
+from memo_core.runs.background import CONFIG, LOG
 from memo_core.runs.factories import book_of
 from memo_core.skillbook import raw_log
 from memo_core.study.export import export_study
@@ -123,9 +125,30 @@ def test_each_run_of_a_study_ends_with_clustering_where_the_file_says_so(tmp_pat
     assert '"event": "ClusterDone"' in events
 
 
+@pytest.mark.sim
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_history_is_clustered_in_the_background_and_each_of_its_runs_pins_what_it_began_with(tmp_path):
+    text = FILE.replace("session_minutes: 1", "session_minutes: 30")
+    settings = "skillbook: {cluster: background}\nclustering: {interval_s: 0.2}\n"
+    registry, load = opened(tmp_path, "beside", text + settings)
+    history = tmp_path / "beside" / "study" / "history-0"
+    told: list[str] = []
+    run_study(load, registry, history.parent, report=told.append)
+    assert told[-1].startswith("clustering in the background: ") and told[-1].endswith(f"({history / LOG})")
+    assert (history / LOG).read_text().count('"spent"') == 1
+    assert yaml.safe_load((history / CONFIG).read_text())["skillbook"]["url"] == str(history / "skillbook.db")
+    pinned = []
+    for file in sorted(history.glob("runs/*/log.jsonl")):
+        lines = [json.loads(line) for line in file.read_text().splitlines()]
+        pinned += [line["value"] for line in lines if line.get("end") == "pin the skillbook"]
+    assert pinned[0] == 0 < pinned[1], "the second run sees what the first was taught"
+
+
 @pytest.mark.parametrize(
     ("section", "said"),
     [
+        ("skillbook: {cluster: background}\nmethod: memo-c", "'memo-c' does not cluster"),
         ("skillbook: {cluster: after-run}\nmethod: memo-c", "'memo-c' does not cluster"),
         ("skillbook: {read_only: true}", "a study keeps what is taught"),
     ],

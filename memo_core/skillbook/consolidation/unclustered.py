@@ -1,10 +1,11 @@
 """A book without the changes of clustering, which `memo-c` and `droc-v` read when other methods cluster the book, or
-without functions only."""
+without functions only; or without what was clustered after a revision, which a run reads that is clustered beside."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import attrs
 import sqlalchemy as sa
 
 from memo_core.skillbook.consolidation.condensing import CLUSTERED, DUPLICATES
@@ -23,19 +24,37 @@ _DERIVED = ("vectors",)  # tables that are not copied
 _CHUNK = 500
 
 
-def has_changes(database: Database, connection: sa.Connection, reasons: Sequence[str]) -> bool:
-    """Whether revisions for these reasons superseded an entry that is still superseded, or is again."""
-    revisions = _revisions(reasons)
+@attrs.frozen
+class LeftOut:
+    """Which revisions of clustering a copy goes without: those for some reasons, and all after a revision."""
+
+    reasons: tuple[str, ...] = ()
+    after: int | None = None  # None: only those for the reasons
+
+    def __bool__(self) -> bool:
+        return bool(self.reasons) or self.after is not None
+
+
+def has_changes(database: Database, connection: sa.Connection, left_out: LeftOut) -> bool:
+    """Whether these revisions superseded an entry that is still superseded, or is again."""
+    revisions = _revisions(left_out)
     gave_way: sa.ColumnElement[bool] = _E.superseded_by.in_(revisions)
     if database.has(connection, tables.changes):
         gave_way = sa.or_(gave_way, _gave_way_to(sa.select(_E.id).where(_made(revisions))))
     return connection.execute(sa.select(_E.id).where(gave_way).limit(1)).first() is not None
 
 
-def copy_without(database: Database, copy: Database, reasons: Sequence[str]) -> None:
-    """Fill ``copy``, an open and empty book, with everything in ``database`` except the changes of clustering for these
-    reasons. Entries keep their numbers. Edits and removals that people made afterwards are kept, and calls that were
-    approved afterwards become templates."""
+def state_of(database: Database, connection: sa.Connection) -> tuple[int, int]:
+    """What of a book a copy depends on, as numbers that grow: its generation, and how often entries were used."""
+    used = sa.select(sa.func.sum(tables.records.c.uses))
+    uses = connection.execute(used).scalar() if database.has(connection, tables.records) else 0
+    return int(database.meta(connection)["generation"]), int(uses or 0)
+
+
+def copy_without(database: Database, copy: Database, left_out: LeftOut) -> None:
+    """Fill ``copy``, an open and empty book, with everything in ``database`` except the changes of these revisions.
+    Entries keep their numbers. Edits and removals that people made afterwards are kept, and calls that were approved
+    afterwards become templates."""
     with database.read() as connection, copy.write() as target:
         for table in tables.metadata.sorted_tables:
             if table.name in _DERIVED or not database.has(connection, table):
@@ -44,11 +63,11 @@ def copy_without(database: Database, copy: Database, reasons: Sequence[str]) -> 
                 target.execute(sa.delete(table))
             for rows in batched(connection.execute(sa.select(table)).mappings(), _CHUNK):
                 target.execute(sa.insert(table), [dict(row) for row in rows])
-        _undo(target, reasons)
+        _undo(target, left_out)
 
 
-def _undo(connection: sa.Connection, reasons: Sequence[str]) -> None:
-    clusterings = set(queries.ids_of(connection.execute(_revisions(reasons))))
+def _undo(connection: sa.Connection, left_out: LeftOut) -> None:
+    clusterings = set(queries.ids_of(connection.execute(_revisions(left_out))))
     made = _made(clusterings)
     merged = {entry.id: entry for entry in queries.entries_where(connection, made)}
     because = sa.or_(_C.revision.in_(clusterings), _C.because.in_(merged))
@@ -89,7 +108,14 @@ def _gave_way_to(merged: Iterable[int] | sa.Select[tuple[int]]) -> sa.ColumnElem
     return _E.id.in_(because.where(_C.revision == _E.superseded_by).correlate(tables.entries))
 
 
-def _revisions(reasons: Sequence[str]) -> sa.Select[tuple[int]]:
-    """Revisions for these reasons, here or in an imported book."""
+def _revisions(left_out: LeftOut) -> sa.Select[tuple[int]]:
+    wanted = [_made_for(left_out.reasons)]
+    if left_out.after is not None:
+        wanted.append(sa.and_(_R.id > left_out.after, _made_for(CLUSTERING)))
+    return sa.select(_R.id).where(sa.or_(*wanted))
+
+
+def _made_for(reasons: Sequence[str]) -> sa.ColumnElement[bool]:
+    """Whether a revision was made for one of these reasons, here or in an imported book."""
     wanted = [prefix + word for prefix in ("", IMPORTED) for word in reasons]
-    return sa.select(_R.id).where(sa.or_(*(_R.reason.startswith(reason, autoescape=True) for reason in wanted)))
+    return sa.or_(sa.false(), *(_R.reason.startswith(reason, autoescape=True) for reason in wanted))

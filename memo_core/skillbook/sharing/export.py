@@ -83,7 +83,7 @@ def records(database: Database, connection: sa.Connection) -> Iterator[dict[str,
 
 
 def _links(database: Database, connection: sa.Connection) -> dict[int, dict[str, list[Any]]]:
-    """Collect by entry the functions that a call calls ("calls"), and a note's further keys ("keys": action, objects …)."""
+    """Collect by entry the functions that a call calls ("calls") and a note's further keys ("keys")."""
     found: dict[int, dict[str, list[Any]]] = {}
     if database.has(connection, tables.calls):
         query = sa.select(tables.calls.c.entry, tables.calls.c.function).order_by(tables.calls.c.function)
