@@ -1,6 +1,8 @@
-"""Draw the figure of docs/general-skills.md: runs its three tasks, clusters the book between them, and puts the pictures
-together. Usage: ``python tools/general_skills_figure.py docs/images/general-skills.png`` (MUJOCO_GL=egl without a
-display; about two minutes)."""
+"""Draw the figure of docs/general-skills.md: run its three tasks, cluster the book between them, compose the pictures.
+
+Usage: ``python tools/general_skills_figure.py docs/images/general-skills.png`` (MUJOCO_GL=egl without a display; about
+a minute).
+"""
 
 from __future__ import annotations
 

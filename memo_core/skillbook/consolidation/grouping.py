@@ -11,11 +11,11 @@ from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry
 from memo_core.skillbook.model.functions import as_program
 from memo_core.skillbook.model.scene_context import parts_of
 from memo_core.skillbook.retrieval.structural_similarity import BuiltDifferently
+from memo_core.skillbook.retrieval.template_selection import ALIKE_ENOUGH
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.writing.functions import functions_called, is_considered
 
-LEAST_LIKENESS = 0.55  # of two things that are built alike enough for one question
 MOST_TEMPLATES = 8  # in one question
 MOST_CHARACTERS = 40_000  # of programs and functions in one question
 _E = tables.entries.c
@@ -25,7 +25,7 @@ def find_groups(database: Database, actions: Actions, again: bool = False) -> li
     """Groups of at least two keys with a template that is no call yet, by their smallest entries.
 
     Two programs are in one group if their actions have the same canonical verb and they call the same function, or the
-    things that they act on are built alike (``LEAST_LIKENESS``), or it is not known how these are built. With the notes
+    things that they act on are built alike (``ALIKE_ENOUGH``), or it is not known how these are built. With the notes
     of their keys.
 
     Args:
@@ -85,7 +85,7 @@ def _belong(one: Entry, other: Entry, function_of: dict[int, Entry], built: Buil
     if actions.canonical(one.key.action) != actions.canonical(other.key.action):
         return False
     likeness = built.likeness(one.id, other.id)
-    return likeness is None or likeness >= LEAST_LIKENESS
+    return likeness is None or likeness >= ALIKE_ENOUGH
 
 
 def _fitting(together: list[Entry], function_of: dict[int, Entry]) -> list[Entry]:

@@ -3,7 +3,8 @@ misleads, so neither a number of them nor their order alone decides."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 
 import attrs
 
@@ -15,6 +16,8 @@ from memo_core.skillbook.retrieval.score import TIE
 from memo_core.skillbook.retrieval.settings import RetrievalSettings
 
 MOST_CALLS = 4  # calls of one function that are retrieved
+ALIKE_ENOUGH = 0.55  # likeness of things for which one function may be; a door and a drawer have 0.5
+_WORD = re.compile(r"\w+")
 
 
 @attrs.define
@@ -37,7 +40,8 @@ def select_templates(
 
     Selected are the best one and, in order, those others whose score is near its score, whose code is not that of a
     better one (``code_shape``) and that fit what is left of ``template_characters``. Calls of one function count as one
-    program, which ranks as its best call; of two functions of one name the better is selected.
+    program, which ranks as its best call; of two functions of one name the better is selected. A function that a
+    retrieved correction names is selected however far below the best it is, if it is for things that are built alike.
 
     Args:
         found: a retrieval whose ``templates`` are templates and calls, best first.
@@ -50,6 +54,7 @@ def select_templates(
     """
     selected: list[_Program] = []
     cut: list[Cut] = []
+    said = {word for one in found.corrections for word in _WORD.findall(one.text)}
     for one in found.templates:
         function = (functions or {}).get(one.entry.id)
         if one.entry.kind == "call" and function is None:
@@ -59,7 +64,7 @@ def select_templates(
             same.calls.append(one)
             continue
         program = _Program(function.text if function else one.text, one, function, [one])
-        if rule := _rule_against(program, selected, settings):
+        if rule := _rule_against(program, selected, settings, said):
             cut.append(Cut(one.key, one.key_score, rule, one.action_cosine, one.objects_cosine, 1))
         else:
             selected.append(program)
@@ -80,11 +85,13 @@ def select_templates(
     )
 
 
-def _rule_against(program: _Program, better: list[_Program], settings: RetrievalSettings) -> str:
-    """The rule that excludes a program after some better ones; "" for none."""
+def _rule_against(program: _Program, better: list[_Program], settings: RetrievalSettings, said: Collection[str]) -> str:
+    """The rule that excludes a program after some better ones; "" for none. ``said``: words of the corrections."""
     if not better:
         return ""
-    if program.first.score < better[0].first.score - settings.template_reach - TIE:
+    named = program.function is not None and read_function(program.code).name in said
+    alike = program.first.built is None or program.first.built >= ALIKE_ENOUGH
+    if program.first.score < better[0].first.score - settings.template_reach - TIE and not (named and alike):
         return f"more than {settings.template_reach:g} below the best template"
     names = [other.function and read_function(other.function.text).name for other in better]
     if program.function is not None and read_function(program.code).name in names:
