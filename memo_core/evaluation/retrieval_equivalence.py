@@ -20,6 +20,7 @@ from memo_core.runlog.json_lines import append_line, make_writable, read_lines a
 from memo_core.runlog.log_file import read_lines
 from memo_core.runlog.log_history import LogEntry, read_history
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.model.functions import FunctionUse
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.result import ALIKE, Retrieval, RetrievedEntry
@@ -50,7 +51,7 @@ class ObservedBook(Skillbook):
         subtask: Key | str,
         context: SubtaskContext | None = None,
         clustered: bool = True,
-        functions: bool = True,
+        functions: FunctionUse = "call",
     ) -> Retrieval:
         found = super().retrieve(subtask, context, clustered, functions)
         key = subtask if isinstance(subtask, Key) else Key.parse(subtask)
@@ -91,7 +92,9 @@ def given(found: Retrieval, memory: Memory) -> str:
     return json.dumps([*rows, *([functions] if functions else [])], ensure_ascii=False)
 
 
-def same_answers(book: Skillbook, memory: Memory, questions: Sequence[Question], functions: bool = True) -> bool:
+def same_answers(
+    book: Skillbook, memory: Memory, questions: Sequence[Question], functions: FunctionUse = "call"
+) -> bool:
     """Whether a book would give a method the same answers. A method without memory asks nothing and gets nothing."""
     for one in questions:
         found = _NOTHING

@@ -37,6 +37,7 @@ from memo_core.evaluation.settings import EMPTY, LESSONS, PRESET, EvaluationSett
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins.registry import Registry
+from memo_core.policy.learnt_functions import used_by
 from memo_core.policy.methods import METHODS
 from memo_core.process.stop_switch import StopSwitch
 from memo_core.runlog.whole_files import write_whole
@@ -291,7 +292,7 @@ def _shared(load: Load, place: Place, trial: Trial, group: Sequence[Trial]) -> d
                 questions = read_questions(place.of(other) / QUESTIONS)
             except OSError:
                 continue
-            used = experiment.section("skillbook").functions != "off"
+            used = used_by(experiment.create("llm"), experiment.section("skillbook").functions)
             if same_answers(book, memory, questions, used):
                 return row | _about(trial, place) | {"same_as": other.id, "wall_s": 0.0}
     return None

@@ -11,12 +11,18 @@ from collections.abc import Collection, Sequence
 
 import attrs
 
+from memo_core.interfaces.llm import LanguageModel
 from memo_core.llm.readers import Unreadable, read_code
 from memo_core.skillbook.model.functions import Function, FunctionUse, problem_with_arguments, read_function
 from memo_core.skillbook.retrieval.result import RetrievedFunction
 from memo_core.skillbook.retrieval.retriever import Retrieval
 
 _BESIDE = ("look", "print")  # calls that do nothing to the world
+
+
+def used_by(model: LanguageModel, wanted: FunctionUse) -> FunctionUse:
+    """How a model uses functions where the settings want ``wanted``: one that cannot call them is shown them."""
+    return "show" if wanted == "call" and not model.calls_functions else wanted
 
 
 def as_used(found: Retrieval, use: FunctionUse, skills: Collection[str], approvals: int = 0) -> Retrieval:

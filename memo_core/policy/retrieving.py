@@ -11,7 +11,7 @@ import attrs
 import cattrs
 
 from memo_core.events import Problem
-from memo_core.policy.learnt_functions import as_used
+from memo_core.policy.learnt_functions import as_used, used_by
 from memo_core.policy.logged_book import entries_of
 from memo_core.policy.methods import Memory
 from memo_core.policy.plan_feedback import is_of_plans
@@ -37,8 +37,7 @@ def retrieve(session: Session, memory: Memory, key: Key, scene: SceneGraph) -> R
     if found is None:
         return Retrieval(key)
     corrections = tuple(one for one in found.corrections if not is_of_plans(one.entry.key))
-    use: FunctionUse = "show" if session.functions == "call" and not session.llm.calls_functions else session.functions
-    found = as_used(attrs.evolve(found, corrections=corrections), use, session.skills, session.approvals)
+    found = as_used(attrs.evolve(found, corrections=corrections), _use(session), session.skills, session.approvals)
     session.emit(found.event())
     return found
 
@@ -60,7 +59,7 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
     def work() -> Retrieval:
         with _ONE_AT_A_TIME:
-            return book.retrieve(key, context, clustered=memory.clusters, functions=session.functions != "off")
+            return book.retrieve(key, context, clustered=memory.clusters, functions=_use(session))
 
     def ask(_: int) -> Retrieval:
         found = abandonable(session.stop, "retrieval", work, late=lambda _: None)
@@ -76,6 +75,11 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
     kind: Effect[Retrieval] = Effect("retrieve", _keep, lambda record: _read(record, key, book))
     return _usable(session, session.log.effect(kind, str(key), ask))
+
+
+def _use(session: Session) -> FunctionUse:
+    """How functions are used: a model that cannot call them is shown them."""
+    return used_by(session.llm, session.functions)
 
 
 def _usable(session: Session, found: Retrieval) -> Retrieval:

@@ -29,7 +29,7 @@ from memo_core.skillbook.model.entries import (
     Reaction,
     spoken,
 )
-from memo_core.skillbook.model.functions import as_template
+from memo_core.skillbook.model.functions import FunctionUse, as_template
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
@@ -513,7 +513,7 @@ class Skillbook:
         subtask: Key | str,
         context: SubtaskContext | None = None,
         clustered: bool = True,
-        functions: bool = True,
+        functions: FunctionUse = "call",
     ) -> Retrieval:
         """Retrieve entries for a subtask (``memo_core.skillbook.retrieval.retriever``).
 
@@ -521,7 +521,8 @@ class Skillbook:
             subtask: subtask as planned, as a key or its text.
             context: what the scene shows of its objects, from ``SubtaskContext.of(key, scene)``; None: not known.
             clustered: False reads notes and templates as they were before clustering.
-            functions: False reads the templates that functions were made of.
+            functions: how functions will be used; ``off`` reads the templates that they were made of, and ``call``
+                counts only signature and docstring against ``template_characters``.
 
         Returns:
             The entries with their scores, without those withheld because they did harm (``settings.notice_harm``).
@@ -532,16 +533,16 @@ class Skillbook:
             BackendUnavailable: if embedder or vector store cannot be used.
         """
 
-        reasons = CLUSTERING if not clustered else () if functions else (FUNCTIONS,)
+        reasons = CLUSTERING if not clustered else () if functions != "off" else (FUNCTIONS,)
         without = LeftOut(reasons, self._pinned)
         if without and (copy := self._copy_without(without)) is not None:
-            return copy.retrieve(subtask, context)
-        found = self._retrieve(as_key(subtask), context)
+            return copy.retrieve(subtask, context, functions=functions if functions != "off" else "call")
+        found = self._retrieve(as_key(subtask), context, functions)
         if without and self._copy_without(without) is not None:  # clustered by another process in this moment
             return self.retrieve(subtask, context, clustered, functions)
         return found
 
-    def _retrieve(self, subtask: Key, context: SubtaskContext | None) -> Retrieval:
+    def _retrieve(self, subtask: Key, context: SubtaskContext | None, functions: FunctionUse) -> Retrieval:
         """Retrieve from the book as it is."""
         if self._retriever is None:
             self._retriever = Retriever(
@@ -553,7 +554,7 @@ class Skillbook:
             calls = [one.entry.id for one in found.templates if one.entry.kind == "call"]
             called = functions_called(self.database, connection, calls) if calls else {}
             standing = standing_of(self.database, connection, {one.id: one for one in called.values()}.values())
-        return select_templates(found, self.settings, called, standing)
+        return select_templates(found, self.settings, called, standing, called_only=functions == "call")
 
     def pin(self, revision: int) -> None:
         """Retrieve from now on as if nothing had been clustered after a revision.

@@ -402,7 +402,7 @@ def test_without_clustering_or_functions_the_templates_are_read(book) -> None:
     for way in ({"clustered": False}, {"functions": False}):
         assert served(book, OVEN, **way)[0] == second and served(book, MICROWAVE, **way)[0] == first
     assert {one.entry.id for one in book.retrieve(OVEN, clustered=False).corrections} == set(notes)
-    [note] = book.retrieve(MICROWAVE, functions=False).corrections
+    [note] = book.retrieve(MICROWAVE, functions="off").corrections
     assert note.entry.id not in notes and note.key == MICROWAVE
 
 

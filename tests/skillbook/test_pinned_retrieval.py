@@ -108,7 +108,7 @@ def test_a_function_made_meanwhile_is_not_called_and_its_programs_stay(tmp_path)
         with_functions(book.url)
         found = book.retrieve(KEY)
         assert served(book) == before and not found.functions and found.templates
-        assert served(book, functions=False) == before and served(book, clustered=False) == before
+        assert served(book, functions="off") == before and served(book, clustered=False) == before
         with new_book(book.url) as later:
             assert later.retrieve(KEY).functions
 

@@ -28,6 +28,15 @@ class _Program:
     first: RetrievedEntry
     function: Entry | None = None
     calls: list[RetrievedEntry] = attrs.field(factory=list)
+    called_only: bool = False
+
+    @property
+    def shown(self) -> int:
+        """Characters of it in a prompt."""
+        if not (self.function and self.called_only):
+            return len(self.code)
+        function = read_function(self.code)
+        return len(function.signature) + len(function.docstring)
 
 
 def select_templates(
@@ -35,6 +44,7 @@ def select_templates(
     settings: RetrievalSettings,
     functions: Mapping[int, Entry] | None = None,
     standing: Mapping[int, Standing] | None = None,
+    called_only: bool = False,
 ) -> Retrieval:
     """Select from the ranked templates and calls.
 
@@ -48,6 +58,7 @@ def select_templates(
         settings: retrieval settings.
         functions: the function of each call, by the call's id; calls without one are left out.
         standing: what speaks for each function, by its id; None: not known, which counts as tested.
+        called_only: whether functions are shown by signature and docstring only.
 
     Returns:
         The retrieval with templates and functions apart, and what was cut.
@@ -63,7 +74,7 @@ def select_templates(
         if same is not None:
             same.calls.append(one)
             continue
-        program = _Program(function.text if function else one.text, one, function, [one])
+        program = _Program(function.text if function else one.text, one, function, [one], called_only)
         if rule := _rule_against(program, selected, settings, said):
             cut.append(Cut(one.key, one.key_score, rule, one.action_cosine, one.objects_cosine, 1))
         else:
@@ -102,6 +113,6 @@ def _rule_against(program: _Program, better: list[_Program], settings: Retrieval
         if same is not None:
             return f"the same code as {same.first.entry.kind} {same.first.entry.id}"
     most = settings.template_characters
-    if most is not None and sum(len(other.code) for other in (*better, program)) > most:
+    if most is not None and sum(other.shown for other in (*better, program)) > most:
         return f"beyond {most} characters of templates"
     return ""
