@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 import attrs
@@ -20,7 +21,9 @@ from memo_core.skillbook.consolidation.function_rules import (
     Group,
     Left,
     MergedNote,
+    NewFunction,
     name_of,
+    problem_with,
     stays,
 )
 from memo_core.skillbook.consolidation.grouping import entries_of
@@ -32,6 +35,7 @@ from memo_core.skills.contract import documentation
 from memo_core.skills.skill import Skill
 
 PHASE = "generalise"
+_WORD = re.compile(r"\w+")
 
 
 def prompt_context(group: Group, skills: str, subset: str) -> dict[str, Any]:
@@ -166,7 +170,9 @@ class Generalising:
         """Ask, check, run, and (with ``commit``) store.
 
         A call that does worse than its program is shown to the model with what happened, at most ``reasks`` times;
-        after that its program is left as it is, and a function that is left with programs of one key is given up.
+        after that its program is left as it is. A function is given up if it is left with programs of one key, is
+        longer than they are, or loses a program that called it before. Of several answers the one counts whose calls
+        replace most programs, the newest if several do.
 
         Returns:
             The outcome.
@@ -176,18 +182,22 @@ class Generalising:
             KeyboardInterrupt: if a stop came while programs were run.
             MemoError: if the simulator failed.
         """
-        asked, shown = 0, group
-        for round_ in range(self._reasks + 1):
+        asked, shown, tried, problem = 0, group, list[tuple[Generalised, _Trials]](), ""
+        for _ in range(self._reasks + 1):
             try:
                 proposal, answered = self._ask(shown)
             except Unreadable as error:
-                return GroupOutcome(group, "left", problem=error.problem, calls=asked + self._reasks + 1)
+                asked, problem = asked + self._reasks + 1, error.problem
+                break
             asked += answered
             trials = _Trials(self._book, self._tester).run(group, proposal)
-            if not trials.failed or round_ == self._reasks:
+            tried.append((trials.without_failed(group, proposal), trials))
+            if not trials.failed:
                 break
             shown = trials.shown_in(shown)
-        return self._settled(group, trials.without_failed(group, proposal), trials, asked, commit)
+        if not tried:
+            return GroupOutcome(group, "left", problem=problem, calls=asked)
+        return self._settled(group, *max(reversed(tried), key=lambda one: _replaced(one[0])), asked, commit)
 
     def _ask(self, group: Group) -> tuple[Generalised, int]:
         taken = {one.function.name for one in functions_of(self._book)}
@@ -262,27 +272,68 @@ class _Trials:
         return attrs.evolve(group, members=tuple(members))
 
     def without_failed(self, group: Group, proposal: Generalised) -> Generalised:
-        """The proposal without the calls that failed, and without functions that are then left with one key or lose a
-        program that already called them. A note inside a function given up stays."""
-        functions, left = [], list(proposal.left)
-        for function in proposal.functions:
-            stay = tuple((number, call) for number, call in function.calls if number not in self.failed)
-            lost = [group.members[number - 1] for number, _ in function.calls if number in self.failed]
-            keys = {group.members[number - 1].key for number, _ in stay}
-            given_up = len(keys) < LEAST_KEYS or any(member.calls == function.name for member in lost)
-            gone = [number for number, _ in function.calls if given_up or number in self.failed]
-            left += [Left(number, self.failed.get(number, "its function was given up")) for number in gone]
-            if not given_up:
-                functions.append(attrs.evolve(function, calls=stay))
-        names = {function.name: function for function in functions}
-        inside, notes = [], list(proposal.notes)
-        for note, name in proposal.inside:
-            called = {group.members[number - 1].key for number, _ in names[name].calls} if name in names else set()
-            if group.notes[note - 1].key in called:
-                inside.append((note, name))
-            else:
-                notes.append(MergedNote(group.notes[note - 1].text, (note,)))
-        return Generalised(tuple(functions), tuple(left), tuple(notes), tuple(inside))
+        """The proposal without the calls that failed and without the functions that are then given up. A note inside
+        one of these stays, and notes that mention it stay as they were."""
+        functions = [
+            attrs.evolve(one, calls=tuple(call for call in one.calls if call[0] not in self.failed))
+            for one in proposal.functions
+        ]
+        left = {one.number: one.why for one in proposal.left} | self.failed
+        while True:
+            found = _with_functions(group, proposal, functions, left)
+            lost = next((one for one in functions if _has_lost(group, one, left)), None)
+            why = "its function was given up"
+            if lost is None and functions and (problem := problem_with(group, found, (), ())):
+                lost = max(functions, key=lambda one: _growth(group, one))
+                why = f"{why}: {problem}"
+            if lost is None:
+                return found
+            functions.remove(lost)
+            left |= {number: why for number, _ in lost.calls}
+
+
+def _replaced(proposal: Generalised) -> int:
+    """Number of programs that calls replace."""
+    return sum(len(one.calls) for one in proposal.functions)
+
+
+def _has_lost(group: Group, function: NewFunction, left: Collection[int]) -> bool:
+    """Whether a function is left with programs of too few keys, or a program that calls it already is left."""
+    keys = {group.members[number - 1].key for number, _ in function.calls}
+    return len(keys) < LEAST_KEYS or any(group.members[number - 1].calls == function.name for number in left)
+
+
+def _growth(group: Group, function: NewFunction) -> int:
+    """Characters of a function and its calls, less those of the programs that they replace."""
+    return len(function.code) + sum(
+        len(call) - len(group.members[number - 1].entry.text) for number, call in function.calls
+    )
+
+
+def _with_functions(
+    group: Group, proposal: Generalised, functions: Sequence[NewFunction], left: Mapping[int, str]
+) -> Generalised:
+    """The proposal with some of its functions only."""
+    kept = {one.name: one for one in functions}
+    given_up = {one.name for one in proposal.functions} - kept.keys()
+    notes: list[MergedNote] = []
+    for note in proposal.notes:
+        mentions = given_up & set(_WORD.findall(note.text))
+        notes += [_as_it_was(group, number) for number in note.of] if mentions else [note]
+    inside = []
+    for number, name in proposal.inside:
+        called = {group.members[program - 1].key for program, _ in kept[name].calls} if name in kept else set()
+        if group.notes[number - 1].key in called:
+            inside.append((number, name))
+        else:
+            notes.append(_as_it_was(group, number))
+    return Generalised(
+        tuple(functions), tuple(Left(number, why) for number, why in left.items()), tuple(notes), tuple(inside)
+    )
+
+
+def _as_it_was(group: Group, note: int) -> MergedNote:
+    return MergedNote(group.notes[note - 1].text, (note,))
 
 
 def change_of(
