@@ -29,6 +29,7 @@ from memo_core.skillbook.model.entries import (
     Reaction,
     spoken,
 )
+from memo_core.skillbook.model.functions import as_template
 from memo_core.skillbook.model.keys import Key, as_text
 from memo_core.skillbook.model.scene_context import SubtaskContext
 from memo_core.skillbook.retrieval.negative_transfer import evidence_of, is_evidence, withhold
@@ -361,6 +362,7 @@ class Skillbook:
     ) -> Entry:
         """Store an approved program that was one call of a function, and mark the approval processed.
 
+        If the function is no longer active, a template is stored: the function with the call's arguments as defaults.
         A second call for the same approval changes nothing. A call that is active under the key already gets the
         approval as a further source.
 
@@ -373,7 +375,7 @@ class Skillbook:
             derived_from: further feedback that the program is based on.
 
         Returns:
-            The call.
+            The call, or the template.
 
         Raises:
             NotAKey: if ``key`` is a text that is not a subtask.
@@ -385,6 +387,9 @@ class Skillbook:
         with self.database.write() as connection:
             called = entry_in(connection, function)
             check_call(called.text, call)
+            if called.superseded_by is not None:  # what was approved is what the function did then
+                code = as_template(called.text, call)
+                return add_template(self.database, connection, feedback_id, wanted, code, scene, derived_from)
             more = (feedback_id, wanted, call, scene, derived_from)
             return add_template(self.database, connection, *more, function=function)
 
