@@ -17,7 +17,7 @@ from memo_core.skillbook import history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.functions import store
 from memo_core.skillbook.model.entries import Entry
-from memo_core.skillbook.model.functions import GeneralFunction
+from memo_core.skillbook.model.functions import GeneralFunction, as_template
 from memo_core.skillbook.writing.functions import GroupChange
 from memo_core.skills.contract import BUILTIN_SKILLS
 from memo_core.skills.skill import skill_library
@@ -126,3 +126,27 @@ def generalised(
     made, llm = generalising(book, model, tester, **settings)
     [group] = made.groups()
     return made.generalise(group, commit), llm
+
+
+# -- for the loop ------------------------------------------------------------------------------------------------------
+
+GRASPS = '''\
+def grasp(thing, above=0.0):
+    """Grasp a thing from above.
+
+    thing: its name. above: metres above its middle.
+    """
+    open_gripper()
+    place = get_position(thing)
+    move_to([place[0], place[1], place[2] + above], top_orientation())
+    close_gripper()
+'''
+CUBES = {"PICK_UP(red cube)": "grasp('red cube')", "PICK_UP(blue cube)": "grasp('blue cube', above=0.01)"}
+
+
+def teach_grasping(book: Skillbook, code: str = GRASPS, calls: dict[str, str] = CUBES) -> Entry:
+    """A function and its calls in place of a template for each key; the function."""
+    told = [approve(book, key, as_template(code, call)) for key, call in calls.items()]
+    change = GroupChange((GeneralFunction(code, tuple(zip(told, calls.values(), strict=True))),))
+    store(book, change)
+    return book.entries("function")[-1]
