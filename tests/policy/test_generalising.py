@@ -360,6 +360,21 @@ def test_a_program_that_was_replaced_meanwhile_is_reported_and_nothing_is_writte
     assert len(generalising(book, [])[0].groups()) == 1
 
 
+def test_a_call_that_was_approved_meanwhile_is_not_lost_with_the_function_that_it_calls():
+    with refined_book() as book:
+        [function] = functions_of(book)
+
+        def learns(request) -> str:
+            approval = book.record_feedback("", "ana", subtask="OPEN(fridge)", kind="approval")
+            book.add_call(approval, "OPEN(fridge)", "open_hinged('fridge door')", function.entry.id)
+            return RENEWED
+
+        outcome, _ = generalised(book, [learns], JudgedCalls())
+        assert (outcome.status, outcome.made) == ("changed", None) and "another call" in outcome.problem
+        [function] = functions_of(book)
+        assert [str(call.key) for call in function.calls] == [*KEYS[:2], "OPEN(fridge)"]
+
+
 # -- refinement --------------------------------------------------------------------------------------------------------
 
 WIDER = OPENED.replace("room=0.02", "room=0.02, hold=True")

@@ -105,7 +105,7 @@ def store_group(
     Raises:
         GroupChanged: if an entry that it retires is not active any more, or the name of a function is taken.
     """
-    _check(connection, change)
+    _check(database, connection, change)
     note_considered(database, connection, change.considered, model)
     if not change.gone:
         return None
@@ -225,7 +225,7 @@ def calls_to_templates(connection: sa.Connection, without: Iterable[int] = ()) -
             connection.execute(mine.values(kind="template", text=text))
 
 
-def _check(connection: sa.Connection, change: GroupChange) -> None:
+def _check(database: Database, connection: sa.Connection, change: GroupChange) -> None:
     entries = queries.entries_by_id(connection, change.gone)
     kinds: Mapping[int, Sequence[str]] = {
         **{entry: PROGRAM_KINDS for one in change.functions for entry, _ in one.calls},
@@ -240,6 +240,9 @@ def _check(connection: sa.Connection, change: GroupChange) -> None:
             raise GroupChanged(f"entry {entry} is a {entries[entry].kind}")
     if len(set(change.gone)) < len(change.gone):
         raise GroupChanged("an entry is named twice")
+    for function in change.replaced:
+        if any(call.id not in change.gone for call in calls_of(database, connection, function)):
+            raise GroupChanged(f"the function {function} has another call, which would be lost")
     others = queries.entries_where(
         connection, _E.kind == "function", _E.superseded_by.is_(None), _E.id.not_in(change.replaced)
     )
