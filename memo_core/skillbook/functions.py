@@ -17,6 +17,7 @@ from memo_core.skillbook.model.functions import Function, GeneralFunction, as_te
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.writing import functions
+from memo_core.skillbook.writing.adding import TEMPLATE
 from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, GroupChange, GroupChanged, WiderNote
 
 _E = tables.entries.c
@@ -86,8 +87,11 @@ def program_behind(book: Skillbook, entry: Entry) -> Entry:
     at = entry
     with database.read() as connection:
         while at.kind == "call":
-            gave_way = sa.select(changes.entry).where(changes.because == at.id, changes.change == "superseded")
-            before = queries.entries_where(connection, _E.id.in_(gave_way), _E.kind.in_(PROGRAM_KINDS))
+            gave_way = sa.select(changes.entry).where(
+                changes.because == at.id, changes.change == "superseded", changes.revision == at.revision
+            )
+            made = sa.select(_E.id).where(_E.id == at.id, _E.phase != TEMPLATE).exists()  # not approved as a call
+            before = queries.entries_where(connection, made, _E.id.in_(gave_way), _E.kind.in_(PROGRAM_KINDS))
             if not before:
                 return _alone(database, connection, at)
             at = before[-1]

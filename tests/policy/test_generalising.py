@@ -8,16 +8,22 @@ import shutil
 import pytest
 
 from memo_core.errors import MemoError, Stopped
+from memo_core.events import ClusterDone
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.llm.budget import Budget, BudgetExceeded, Limit
+from memo_core.llm.calls import ModelCalls, Retrying
 from memo_core.maintenance.paired_trials import PairedTrials
 from memo_core.plugins.registry import Registry
+from memo_core.policy.consolidation import Clustering
 from memo_core.process.stop_switch import StopSwitch
+from memo_core.runlog.run_log import RunLog
+from memo_core.runs.consolidation import watch
 from memo_core.skillbook import history, track_record
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.functions import functions_of, merge_notes, program_behind, store
-from memo_core.skillbook.model.functions import GeneralFunction, as_program
+from memo_core.skillbook.model.functions import GeneralFunction, as_program, as_template
 from memo_core.skillbook.writing.functions import GroupChange
+from memo_core.testing.fake_llm import ScriptedModel
 from tests.support.cluster_books import approve, new_book, teach
 from tests.support.function_books import (
     JudgedCalls,
@@ -432,6 +438,32 @@ def test_the_answer_counts_whose_calls_replace_most_programs(book):
     assert active(book, "call") == dict(zip(KEYS[:2], CALLS[:2], strict=True))
 
 
+def test_a_call_that_was_approved_is_tested_against_itself_and_not_what_it_took_the_place_of(refined):
+    """It is what was approved last."""
+    [function] = functions_of(refined)
+    approve(refined, "OPEN(fridge)", template("fridge", 20))
+    approval = refined.record_feedback("", "ana", subtask="OPEN(fridge)", kind="approval")
+    call = refined.add_call(approval, "OPEN(fridge)", "open_hinged('fridge door')", function.entry.id)
+    behind = program_behind(refined, call)
+    assert behind.id == call.id and behind.text == as_template(OPENED, call.text)
+
+
+def test_an_edited_call_is_tested_against_what_it_stands_in_for(refined):
+    [function] = functions_of(refined)
+    edited = refined.edit(function.calls[0].id, "open_hinged('microwave door', angle=70)", "ana")
+    assert program_behind(refined, edited).id == 1
+
+
+def test_a_call_that_is_active_again_is_tested_against_what_it_stands_in_for(refined):
+    """Not against the version that was tried in between and corrected."""
+    [function] = functions_of(refined)
+    worse = approve(refined, KEYS[0], template("microwave", 5))
+    refined.note_use([worse], success=False, subtask=KEYS[0])
+    refined.note_use([1], success=False, subtask=KEYS[0])
+    [again] = [call for call in refined.entries("call") if str(call.key) == KEYS[0]]
+    assert again.id == function.calls[0].id and program_behind(refined, again).id == 1
+
+
 def test_a_function_that_is_not_written_anew_stays_with_its_calls(refined):
     before = state(refined)
     outcome, _ = generalised(refined, [LEFT], JudgedCalls())
@@ -489,6 +521,57 @@ def test_a_program_that_is_too_long_for_a_question_keeps_no_others_out():
             approve(book, f"OPEN(door {number})", template(f"door {number}") + f"    # {'y' * length}\n")
         [group] = generalising(book, [])[0].groups()
         assert [str(member.key) for member in group.members] == ["OPEN(door 0)", "OPEN(door 2)"]
+
+
+# -- as a part of clustering -------------------------------------------------------------------------------------------
+
+
+def clustering_of(book: Skillbook, answers: object, tester: object = None) -> tuple[Clustering, ScriptedModel, list]:
+    made, llm = generalising(book, answers, tester)
+    heard: list = []
+    calls = ModelCalls(llm, StopSwitch(), RunLog(), heard.append, Budget(), Retrying(0))
+    return Clustering(book, calls, llm.name, emit=heard.append, generalising=made), llm, heard
+
+
+def unlike_book() -> Skillbook:
+    """A book whose programs only a model can make one of."""
+    book = new_book()
+    approve(book, KEYS[0], template("microwave"))
+    approve(book, KEYS[1], template("oven").replace("look()", "pass"))
+    return book
+
+
+def test_clustering_makes_functions_after_the_notes_of_each_key_and_says_so():
+    with unlike_book() as book:
+        clustering, _, heard = clustering_of(book, [answer(*CALLS[:2])], JudgedCalls())
+        [outcome] = clustering.condense_all()
+        assert outcome.status == "generalised" and list(active(book, "call")) == list(KEYS[:2])
+        [done] = [event for event in heard if isinstance(event, ClusterDone)]
+        assert (done.key, done.entries_before, done.entries_after) == ("OPEN(microwave), OPEN(oven)", 2, 3)
+        assert not list(clustering.condense_all())
+
+
+def test_watching_asks_about_a_group_once_until_it_changes():
+    with unlike_book() as book:
+        same = '{"entries": [{"text": "Pour slowly.", "from": [1]}], "dropped": []}'
+        lines = ["no idea"] * 3 + [answer(left=(1, 2, 3))]
+        clustering, llm, _ = clustering_of(book, ScriptedModel({"generalise": lines, "cluster": [same]}), JudgedCalls())
+        stop, seen = StopSwitch(), []
+
+        def report(news) -> None:
+            seen.append(news)
+            if len(seen) == 1:
+                teach(book, "POUR(tea)", "Pour slowly.")
+            elif len(seen) == 2:
+                assert len(llm.prompts("generalise")) == 3, "the group is as it was"
+                approve(book, KEYS[2], template("cabinet").replace("look()", "close_gripper()"))
+            else:
+                stop.press()
+
+        with pytest.raises(Stopped):
+            watch(book, clustering, stop, 0.01, report)
+        assert [one.status for one in seen] == ["left", "unchanged", "unchanged"]
+        assert len(llm.prompts("generalise")) == 4
 
 
 # -- in a simulator ----------------------------------------------------------------------------------------------------
