@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 import attrs
@@ -138,6 +138,7 @@ class Generalising:
         tester: Tester | None = None,
         reasks: int = 2,
         seed: int = 0,
+        check: Callable[[str], Sequence[object]] = lambda program: (),
     ) -> None:
         """Prepare; nothing is asked.
 
@@ -151,6 +152,7 @@ class Generalising:
             tester: runs calls in place of programs; None: what is made is not tested.
             reasks: times that the model is asked again, after an unusable answer and after calls that failed.
             seed: seed of the model.
+            check: finds what will not run in a program, without running it (``Sandbox.check``).
         """
         self._book = book
         self._calls = calls
@@ -161,6 +163,7 @@ class Generalising:
         self._tester = tester
         self._reasks = reasks
         self._seed = seed
+        self._check = check
 
     def groups(self, again: bool = False) -> list[Group]:
         """The groups that could be generalised; those considered already only with ``again``."""
@@ -205,7 +208,11 @@ class Generalising:
         messages = self._prompts.messages(PHASE, context)
 
         def read(text: str) -> Generalised:
-            return read_generalised(text, group, self._skills, taken)
+            proposal = read_generalised(text, group, self._skills, taken)
+            for one in proposal.functions:
+                if findings := self._check(as_program(one.code, one.calls[0][1])):
+                    raise Unreadable(PHASE, f"{one.name} cannot be run: {findings[0]}", text)
+            return proposal
 
         stamp = self._prompts.text(PHASE).stamp
         proposal, asked = put(self._calls, PHASE, messages, read, self._reasks, self._seed, stamp)

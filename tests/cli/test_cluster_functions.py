@@ -29,6 +29,7 @@ def open_{0}(name="{0} door", angle={1}):
     turn_about(name, angle)
     look()
 '''
+OPENS = OPENED.replace("turn_about(door, angle, room=0.02)", "move_straight(get_position(door))")
 OTHER = '''\
 def pull_open_{0}(name="{0} door"):
     """Pull a door open with all the strength there is, and look what came of it."""
@@ -67,7 +68,7 @@ def unlike(tmp_path: Path) -> Path:
 def generalises(monkeypatch):
     """The offline model answers as a model that makes functions; the questions that it was asked."""
     functions = [{"name": "open_hinged", "calls": {"1": CALLS[0], "2": CALLS[1]}}]
-    said = answered(OPENED, functions=functions, left=[], notes=[], inside=[])
+    said = answered(OPENS, functions=functions, left=[], notes=[], inside=[])
     model = ScriptedModel({"generalise": [said] * 3})
     monkeypatch.setattr(OfflineModel, "calls_functions", True)
     monkeypatch.setattr(OfflineModel, "answer", lambda self, *given, **more: model.answer(*given, **more))
@@ -171,6 +172,15 @@ def test_what_a_model_makes_is_shown_with_how_it_was_tested(capsys, unlike, gene
     assert memo(capsys, "cluster", "--book", str(unlike))[1] == "nothing to condense\n"
 
 
+@pytest.mark.process
+def test_a_function_that_the_sandbox_refuses_is_not_stored(capsys, unlike, generalises):
+    functions = [{"name": "open_hinged", "calls": {"1": CALLS[0], "2": CALLS[1]}}]
+    hostile = OPENS.replace("    look()", "    import os\n    os.remove(door)\n    look()")
+    generalises._script["generalise"] = [answered(hostile, functions=functions)] * 3
+    code, out, _ = memo(capsys, "cluster", "--book", str(unlike))
+    assert code == 0 and "2 programs are unchanged: open_hinged cannot be run: line " in out and not calls(unlike)
+
+
 def test_what_is_left_is_said_with_the_reason(capsys, unlike, generalises, monkeypatch):
     monkeypatch.setattr(PairedTrials, "compare", lambda *_: Verdict(False, "it hit the door"))
     done = json.loads(memo(capsys, "cluster", "--book", str(unlike), "--json")[1])
@@ -189,7 +199,7 @@ def test_ctrl_c_while_programs_run_reports_what_is_stored(capsys, path, generali
 
     monkeypatch.setattr(PairedTrials, "compare", interrupted)
     one = answered(
-        OPENED.replace("open_hinged", "open_oven"),
+        OPENS.replace("open_hinged", "open_oven"),
         functions=[{"name": "open_oven", "calls": {str(n): "open_oven('door')" for n in (1, 2, 3)}}],
         left=[],
         notes=[],

@@ -141,6 +141,7 @@ def test_what_was_made_of_a_group_is_not_asked_about_again(book):
 # -- answers that cannot be used ---------------------------------------------------------------------------------------
 
 SKILL = OPENED.replace("open_hinged", "move_to")
+RUNS = OPENED.replace("turn_about(door, angle, room=0.02)", "move_straight(get_position(door))")
 BAD = [
     ("I would rather not.", "no JSON object"),
     (answer(*CALLS[:2], "open_hinged('cabinet door', speed=3)"), "got an unexpected keyword argument 'speed'"),
@@ -174,6 +175,15 @@ def test_an_answer_that_cannot_be_used_is_asked_for_again_with_the_reason_and_th
     assert says in outcome.problem and all(says in one for one in llm.prompts("generalise")[1:])
     assert state(book) == before and not tester.compared, "nothing was run"
     assert len(generalising(book, [])[0].groups()) == 1, "the next memo cluster asks anew"
+
+
+def test_a_function_that_the_sandbox_refuses_is_asked_for_again(book, sandbox):
+    made, llm = generalising(book, [ALL, answer(*CALLS, code=RUNS)], JudgedCalls(), check=sandbox.check)
+    [group] = made.groups()
+    outcome = made.generalise(group)
+    assert "open_hinged cannot be run: line " in llm.prompts("generalise")[1]
+    assert "turn_about" in llm.prompts("generalise")[1].splitlines()[0]
+    assert outcome.status == "generalised" and functions_of(book)[0].entry.text == RUNS
 
 
 def test_an_answer_that_is_mended_is_stored(book):

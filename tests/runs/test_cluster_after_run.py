@@ -119,6 +119,14 @@ def test_no_function_gets_the_name_of_one_of_the_robots() -> None:
         assert set(active(book, "call").values()) == {"pull_2('microwave door', angle=80)", "pull_2('oven door')"}
 
 
+def test_no_function_gets_the_name_of_one_of_pythons() -> None:
+    with new_book() as book:
+        for name, angle in (("microwave", 80), ("oven", 85)):
+            approve(book, f"OPEN({name})", PROGRAM.format(name, angle).replace(f"open_{name}", "open"))
+        after_a_run(book, ScriptedModel({}))
+        assert set(active(book, "call").values()) == {"open_2('microwave door', angle=80)", "open_2('oven door')"}
+
+
 def test_an_experiments_after_run_knows_the_names_of_the_robots_functions() -> None:
     made = of("skillbook.cluster=after-run", "clustering.llm=offline")
     assert made is not None and {"look", "move_to"} <= made.names

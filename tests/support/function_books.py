@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import attrs
 
@@ -111,16 +112,17 @@ def generalising(
     reasks: int = 2,
     budget: Budget | None = None,
     stop: StopSwitch | None = None,
+    **more: Any,
 ) -> tuple[Generalising, ScriptedModel]:
     llm = model if isinstance(model, ScriptedModel) else ScriptedModel({"generalise": model})
     calls = ModelCalls(llm, stop or StopSwitch(), RunLog(), lambda event: None, budget or Budget(), Retrying(0))
     skills = skill_library(BUILTIN_SKILLS)
-    made = Generalising(book, calls, Prompts(), fake_robot(), skills, "Plain Python.", tester, reasks, seed=7)
+    made = Generalising(book, calls, Prompts(), fake_robot(), skills, "Plain Python.", tester, reasks, seed=7, **more)
     return made, llm
 
 
 def generalised(
-    book: Skillbook, model: Sequence[Line], tester: object = None, commit: bool = True, **settings: object
+    book: Skillbook, model: Sequence[Line], tester: object = None, commit: bool = True, **settings: Any
 ) -> tuple[GroupOutcome, ScriptedModel]:
     """What became of the only group of a book, and the model that was asked."""
     made, llm = generalising(book, model, tester, **settings)
