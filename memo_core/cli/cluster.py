@@ -21,6 +21,7 @@ from memo_core.text.terminal import console
 
 if TYPE_CHECKING:
     from memo_core.config import Experiment
+    from memo_core.maintenance.paired_trials import PairedTrials, Verdict
     from memo_core.policy.consolidation import Clustering, ClusterOutcome
     from memo_core.policy.generalising import GroupOutcome
     from memo_core.process.stop_switch import StopSwitch
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from memo_core.skillbook.book import Skillbook
     from memo_core.skillbook.consolidation.rules import Cluster
     from memo_core.skillbook.functions import Consolidated
+    from memo_core.skillbook.model.entries import Entry
     from memo_core.skillbook.writing.key_aliases import NearKeys
 
 
@@ -79,7 +81,7 @@ def command(
 
     spending = Spending()
     with stopping() as stop, book_of(experiment, book, read_only=dry_run) as opened, ExitStack() as stack:
-        tester = PairedTrials(opened, registry, stopping_robots)
+        tester = StoppableTrials(PairedTrials(opened, registry, stopping_robots), stop)
         clustering = stack.enter_context(clustering_of(experiment, opened, spending.note, stop, keep, tester))
         if keep is not None and not dry_run:
             opened.note_place("run", keep)  # for memo skillbook forget
@@ -89,9 +91,22 @@ def command(
             _Once(opened, clustering, spending, json, dry_run).run(all_)
 
 
+@attrs.frozen
+class StoppableTrials:
+    """Paired trials that a signal also stops before the next one begins: while a scene is built, no robot is there to
+    be stopped."""
+
+    trials: PairedTrials
+    stop: StopSwitch
+
+    def compare(self, template: Entry, program: str) -> Verdict:
+        """As ``PairedTrials.compare``. Raises ``KeyboardInterrupt`` for a stop."""
+        return self.trials.compare(template, program, lambda start: self.stop.check(f"running a program from {start}"))
+
+
 @attrs.define
 class _Once:
-    """One pass over the book. Clusters finished before an error or Ctrl-C are stored and reported."""
+    """One pass over the book. What was finished before an error or Ctrl-C is stored and reported."""
 
     book: Skillbook
     clustering: Clustering
@@ -104,14 +119,15 @@ class _Once:
     waiting: int = 0
 
     def run(self, unchanged: bool) -> None:
-        ended: MemoError | None = None
+        ended: MemoError | KeyboardInterrupt | None = None
         try:
             self._pass(unchanged)
-        except MemoError as error:
+        except (MemoError, KeyboardInterrupt) as error:
             ended = error
         self._report()
-        if isinstance(ended, Stopped):
-            note(f"memo: stopped; {self.waiting} left; the next memo cluster continues with them")
+        if isinstance(ended, (Stopped, KeyboardInterrupt)):
+            left = f"{self.waiting} clusters left; " if self.waiting else ""
+            note(f"memo: stopped; {left}the next memo cluster continues")
             raise typer.Exit(INTERRUPTED)
         if ended is not None:
             raise ended
@@ -174,10 +190,11 @@ class _Once:
         for one in done:
             print_outcome(one)
         verb = "would become" if self.dry_run else "became"
-        print(
-            f"{totals['clusters']} clusters: {totals['entries_before']} entries {verb} {totals['entries_after']}, "
-            f"{totals['characters_before']} characters {totals['characters_after']}"
-        )
+        if done or self.waiting:
+            print(
+                f"{totals['clusters']} clusters: {totals['entries_before']} entries {verb} {totals['entries_after']}, "
+                f"{totals['characters_before']} characters {totals['characters_after']}"
+            )
         for group in self.groups:
             print_group(group)
         print(_said_of(self.spending))
@@ -300,7 +317,7 @@ def _watch(
     note(f"watching {book.url}, every {seconds:g} s; Ctrl-C ends it")
     try:
         watch(book, clustering, stop, seconds, report)
-    except Stopped:
+    except (Stopped, KeyboardInterrupt):
         pass
     finally:
         if json:

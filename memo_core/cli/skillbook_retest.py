@@ -1,4 +1,5 @@
-"""``memo skillbook retest``: running templates again in a simulator, and keeping how often they succeed."""
+"""``memo skillbook retest``: running templates and calls of functions again in a simulator, and keeping how often they
+succeed."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ def register(app: typer.Typer) -> None:
 def retest(
     entries: Annotated[
         list[int] | None,
-        typer.Argument(metavar="[ENTRY]…", max=MOST_NUMBER, help="Templates by number; none: all that are served."),
+        typer.Argument(metavar="[ENTRY]…", max=MOST_NUMBER, help="Templates and calls by number; none: all."),
     ] = None,
     seeds: Annotated[
         str, typer.Option("--seeds", metavar="A-B", help="Fresh scenes beside the stored start, e.g. 1001-1003.")
@@ -35,10 +36,11 @@ def retest(
     overrides: Overrides = None,
     json: Json = False,
 ) -> None:
-    """Run templates again, from the start of the subtask they were approved for and in fresh scenes of its task.
+    """Run templates, and calls of functions, again, from the start of the subtask they were approved for and in fresh
+    scenes of its task. A call has the start of the template that it stands in for.
 
-    The measured success is kept with the template; one that fails in more than half of its trials is served after those
-    that do not. Only in simulators. Each trial is kept as it ends: interrupted, the command goes on where it was. A
+    The measured success is kept with each; one that fails in more than half of its trials is served after those that
+    do not. Only in simulators. Each trial is kept as it ends: interrupted, the command goes on where it was. A
     trial that the simulator could not carry out is not kept.
     """
     from memo_core.cli.execute import stopping
@@ -71,7 +73,7 @@ def retest(
         with progress_bar() as progress:
             bar = progress.add_task("retesting", total=len(waiting))
             for one in waiting:
-                progress.update(bar, description=f"template {one.template.id}, {one.start}")
+                progress.update(bar, description=f"{one.template.kind} {one.template.id}, {one.start}")
                 tried.append(retesting.run(one))
                 progress.advance(bar)
                 if (halted := reason_to_stop(trial.error for trial in tried)) is not None:
@@ -82,15 +84,20 @@ def retest(
 
 
 def _chosen(book: Skillbook, entries: list[int] | None) -> list[Entry]:
-    """The templates that are served, or those with these numbers. Raises ``UnknownName``, ``InvalidArgument``."""
+    """The templates and calls that are served, or those with these numbers. Raises ``UnknownName``,
+    ``InvalidArgument``."""
     from memo_core.errors import InvalidArgument
+    from memo_core.skillbook.functions import functions_of
+    from memo_core.skillbook.model.entries import PROGRAM_KINDS
 
     if not entries:
-        return book.entries("template")
+        calls = [call for one in functions_of(book) for call in one.calls]
+        return sorted([*book.entries("template"), *calls], key=lambda entry: entry.id)
     chosen = [book.entry(number) for number in dict.fromkeys(entries)]
     for entry in chosen:
-        if entry.kind != "template":
-            raise InvalidArgument("ENTRY", f"entry {entry.id} is not a template", "a template (memo skillbook list)")
+        if entry.kind not in PROGRAM_KINDS:
+            wanted = "a template or a call (memo skillbook list)"
+            raise InvalidArgument("ENTRY", f"entry {entry.id} is no template and no call", wanted)
     return chosen
 
 
@@ -102,6 +109,7 @@ def _tell(book: Skillbook, templates: list[Entry], results: list[Retested], json
     rows: list[dict[str, Any]] = [
         {
             "template": template.id,
+            "kind": template.kind,
             "key": str(template.key),
             "trials": len(trials),
             "successes": sum(trial.success for trial in trials),
@@ -116,10 +124,11 @@ def _tell(book: Skillbook, templates: list[Entry], results: list[Retested], json
         print_json({"templates": rows, "not_run": missed})
         return
     print_table(
-        ("template", "", "succeeded", "served"),
+        ("entry", "", "", "succeeded", "served"),
         [
             (
                 one["template"],
+                one["kind"],
                 one["key"],
                 f"{one['successes']}/{one['trials']}",
                 "last" if one["fails"] else "as before",
@@ -130,6 +139,6 @@ def _tell(book: Skillbook, templates: list[Entry], results: list[Retested], json
     for row in rows:
         for trial in row["starts"]:
             if not trial["success"]:
-                note(f"template {row['template']}, {trial['start']}: {trial['reason']}")
+                note(f"{row['kind']} {row['template']}, {trial['start']}: {trial['reason']}")
     for one in missed:
-        note(f"template {one['template']}, {one['start'] or one['key']}: not measured: {one['reason']}")
+        note(f"entry {one['template']}, {one['start'] or one['key']}: not measured: {one['reason']}")

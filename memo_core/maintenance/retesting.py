@@ -1,6 +1,6 @@
-"""Running templates again in a simulator: from the start of the subtask for which they were approved, and in new scenes
-of the same task, after running the code of the run's earlier subtasks. A template is judged by the task's check of its
-subtask (``Task.check_subtask``). A template that cannot be run or judged gives no trial; the reason is reported."""
+"""Running templates and calls again in a simulator: from the start of the subtask for which they were approved, and in
+new scenes of the same task, after running the code of the run's earlier subtasks. They are judged by the task's check
+of its subtask (``Task.check_subtask``). What cannot be run or judged gives no trial; the reason is reported."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from memo_core.plugins.registry import Registry
 from memo_core.runs.run_errors import RunError, run_error
 from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.functions import standing_alone
 from memo_core.skillbook.model.entries import Entry
 
 
@@ -22,7 +23,7 @@ from memo_core.skillbook.model.entries import Entry
 class Planned:
     """One planned trial; ``seed`` None: from the stored start."""
 
-    template: Entry
+    template: Entry  # of a call, with its function and arguments as its text
     start: str  # what the book calls it
     seed: int | None
 
@@ -41,8 +42,8 @@ class Retested:
 
 
 class Retesting:
-    """Retests the templates of one book. ``stopping`` is a context manager that is entered around everything that moves
-    a robot, to handle signals."""
+    """Retests the templates and calls of one book. ``stopping`` is a context manager that is entered around everything
+    that moves a robot, to handle signals."""
 
     def __init__(self, book: Skillbook, registry: Registry, stopping: Stopping = no_signals) -> None:
         self._book = book
@@ -50,9 +51,10 @@ class Retesting:
         self._sources = TemplateSources(book, registry)
 
     def plan(self, templates: Sequence[Entry], seeds: Sequence[int]) -> Iterator[Planned | Retested]:
-        """The trials of each template: from its stored start and on these seeds; templates without a start are reported
-        at once."""
+        """The trials of each template or call: from its stored start and on these seeds; those without a start are
+        reported at once."""
         for template in templates:
+            template = standing_alone(self._book, template)
             try:
                 source = self._sources.of(template)
                 program_of(template)

@@ -18,6 +18,7 @@ from memo_core.runlog.log_history import History, read_history
 from memo_core.runs.factories import task_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.functions import program_behind
 from memo_core.skillbook.model.entries import Entry, Feedback
 
 
@@ -45,7 +46,8 @@ class TemplateSource:
 
 
 class TemplateSources:
-    """Finds the sources of one book's templates, replaced templates included, and remembers them."""
+    """Finds the sources of one book's templates and calls, replaced ones included, and remembers them. A call that
+    stands in for a template has the template's."""
 
     def __init__(self, book: Skillbook, registry: Registry) -> None:
         self._book = book
@@ -54,7 +56,7 @@ class TemplateSources:
         self._sources: dict[int, TemplateSource] = {}
 
     def of(self, template: Entry) -> TemplateSource:
-        """The source of a template.
+        """The source of a template or call.
 
         Raises:
             CannotRetest: if the run or the start of its subtask is not stored, or the run moved hardware.
@@ -64,7 +66,7 @@ class TemplateSources:
         return self._sources[template.id]
 
     def _found(self, template: Entry) -> TemplateSource:
-        approval = self._approval(template)
+        approval = self._approval(program_behind(self._book, self._book.entry(template.id)))
         folder = self._folders().get(approval.run)
         if folder is None:
             raise CannotRetest(f"no start is stored: the folder of the run {approval.run or '(none)'} is not here")

@@ -6,6 +6,7 @@ the book is valid, and a second call continues where the first one ended."""
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Callable, Collection, Container, Iterator
 from typing import Any, Literal
 
@@ -121,7 +122,7 @@ class Clustering:
             emit: receives events.
             seed: seed of the model.
             generalising: makes functions of groups of keys; None: only where no model need be asked.
-            names: names that no function may have: those of the robot's functions.
+            names: names of the robot's functions; no function gets one of these or of Python's.
         """
         self._book = book
         self._calls = calls
@@ -131,7 +132,7 @@ class Clustering:
         self._emit = emit
         self._seed = seed
         self._generalising = generalising
-        self._names = names
+        self._names = {*names, *dir(builtins)}
 
     @property
     def model(self) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Literal, Protocol
 
 import attrs
@@ -21,7 +22,9 @@ from memo_core.skillbook.consolidation.function_rules import (
     Group,
     Left,
     MergedNote,
+    NewFunction,
     name_of,
+    problem_with,
     stays,
 )
 from memo_core.skillbook.consolidation.grouping import entries_of
@@ -37,6 +40,7 @@ _MEND = (
     'Calls of this answer failed when they were run; the lines "Tried before" now say which and how. Mend it and '
     "answer once more with everything, in the form asked for."
 )
+_WORD = re.compile(r"\w+")
 
 
 def prompt_context(group: Group, skills: str, subset: str) -> dict[str, Any]:
@@ -139,6 +143,7 @@ class Generalising:
         tester: Tester | None = None,
         reasks: int = 2,
         seed: int = 0,
+        check: Callable[[str], Sequence[object]] = lambda program: (),
     ) -> None:
         """Prepare; nothing is asked.
 
@@ -152,6 +157,7 @@ class Generalising:
             tester: runs calls in place of programs; None: what is made is not tested.
             reasks: times that the model is asked again, after an unusable answer and after calls that failed.
             seed: seed of the model.
+            check: finds what will not run in a program, without running it (``Sandbox.check``).
         """
         self._book = book
         self._calls = calls
@@ -162,6 +168,7 @@ class Generalising:
         self._tester = tester
         self._reasks = reasks
         self._seed = seed
+        self._check = check
 
     def groups(self, again: bool = False) -> list[Group]:
         """The groups that could be generalised; those considered already only with ``again``."""
@@ -171,8 +178,9 @@ class Generalising:
         """Ask, check, run, and (with ``commit``) store.
 
         A call that does worse than its program is shown to the model with what happened and the answer that it is of,
-        at most ``reasks`` times; after that its program is left as it is, and a function that is left with programs of
-        one key is given up.
+        at most ``reasks`` times; after that its program is left as it is. A function is given up if it is left with
+        programs of one key, is longer than they are, or loses a program that called it before. Of several answers the
+        one counts whose calls replace most programs, the newest if several do.
 
         Returns:
             The outcome.
@@ -182,18 +190,22 @@ class Generalising:
             KeyboardInterrupt: if a stop came while programs were run.
             MemoError: if the simulator failed.
         """
-        asked, shown, answer = 0, group, ""
-        for round_ in range(self._reasks + 1):
+        asked, shown, answer, tried, problem = 0, group, "", list[tuple[Generalised, _Trials]](), ""
+        for _ in range(self._reasks + 1):
             try:
                 proposal, answered, answer = self._ask(shown, answer)
             except Unreadable as error:
-                return GroupOutcome(group, "left", problem=error.problem, calls=asked + self._reasks + 1)
+                asked, problem = asked + self._reasks + 1, error.problem
+                break
             asked += answered
             trials = _Trials(self._book, self._tester).run(group, proposal)
-            if not trials.failed or round_ == self._reasks:
+            tried.append((trials.without_failed(group, proposal), trials))
+            if not trials.failed:
                 break
             shown = trials.shown_in(shown)
-        return self._settled(group, trials.without_failed(group, proposal), trials, asked, commit)
+        if not tried:
+            return GroupOutcome(group, "left", problem=problem, calls=asked)
+        return self._settled(group, *max(reversed(tried), key=lambda one: _replaced(one[0])), asked, commit)
 
     def _ask(self, group: Group, before: str) -> tuple[Generalised, int, str]:
         """A proposal, the times asked, and the answer. ``before``: the answer of which calls failed; "" for none."""
@@ -204,7 +216,11 @@ class Generalising:
             messages = (*messages, Message("assistant", before), Message("user", _MEND))
 
         def read(text: str) -> tuple[Generalised, str]:
-            return read_generalised(text, group, self._skills, taken), text
+            proposal = read_generalised(text, group, self._skills, taken)
+            for one in proposal.functions:
+                if findings := self._check(as_program(one.code, one.calls[0][1])):
+                    raise Unreadable(PHASE, f"{one.name} cannot be run: {findings[0]}", text)
+            return proposal, text
 
         stamp = self._prompts.text(PHASE).stamp
         (proposal, answer), asked = put(self._calls, PHASE, messages, read, self._reasks, self._seed, stamp)
@@ -271,32 +287,68 @@ class _Trials:
         return attrs.evolve(group, members=tuple(members))
 
     def without_failed(self, group: Group, proposal: Generalised) -> Generalised:
-        """The proposal without the calls that failed, and without functions that are then left with one key or lose a
-        program that already called them. A note inside a function given up stays, and one that names it is not
-        reworded."""
-        functions, left = [], list(proposal.left)
-        for function in proposal.functions:
-            stay = tuple((number, call) for number, call in function.calls if number not in self.failed)
-            lost = [group.members[number - 1] for number, _ in function.calls if number in self.failed]
-            keys = {group.members[number - 1].key for number, _ in stay}
-            given_up = len(keys) < LEAST_KEYS or any(member.calls == function.name for member in lost)
-            gone = [number for number, _ in function.calls if given_up or number in self.failed]
-            left += [Left(number, self.failed.get(number, "its function was given up")) for number in gone]
-            if not given_up:
-                functions.append(attrs.evolve(function, calls=stay))
-        names = {function.name: function for function in functions}
-        gone_names = {function.name for function in proposal.functions} - names.keys()
-        inside, notes = [], []
-        for note in proposal.notes:
-            lost_names = any(name in note.text for name in gone_names)
-            notes += [MergedNote(group.notes[n - 1].text, (n,)) for n in note.of] if lost_names else [note]
-        for number, name in proposal.inside:
-            called = {group.members[one - 1].key for one, _ in names[name].calls} if name in names else set()
-            if group.notes[number - 1].key in called:
-                inside.append((number, name))
-            else:
-                notes.append(MergedNote(group.notes[number - 1].text, (number,)))
-        return Generalised(tuple(functions), tuple(left), tuple(notes), tuple(inside))
+        """The proposal without the calls that failed and without the functions that are then given up. A note inside
+        one of these stays, and notes that mention it stay as they were."""
+        functions = [
+            attrs.evolve(one, calls=tuple(call for call in one.calls if call[0] not in self.failed))
+            for one in proposal.functions
+        ]
+        left = {one.number: one.why for one in proposal.left} | self.failed
+        while True:
+            found = _with_functions(group, proposal, functions, left)
+            lost = next((one for one in functions if _has_lost(group, one, left)), None)
+            why = "its function was given up"
+            if lost is None and functions and (problem := problem_with(group, found, (), ())):
+                lost = max(functions, key=lambda one: _growth(group, one))
+                why = f"{why}: {problem}"
+            if lost is None:
+                return found
+            functions.remove(lost)
+            left |= {number: why for number, _ in lost.calls}
+
+
+def _replaced(proposal: Generalised) -> int:
+    """Number of programs that calls replace."""
+    return sum(len(one.calls) for one in proposal.functions)
+
+
+def _has_lost(group: Group, function: NewFunction, left: Collection[int]) -> bool:
+    """Whether a function is left with programs of too few keys, or a program that calls it already is left."""
+    keys = {group.members[number - 1].key for number, _ in function.calls}
+    return len(keys) < LEAST_KEYS or any(group.members[number - 1].calls == function.name for number in left)
+
+
+def _growth(group: Group, function: NewFunction) -> int:
+    """Characters of a function and its calls, less those of the programs that they replace."""
+    return len(function.code) + sum(
+        len(call) - len(group.members[number - 1].entry.text) for number, call in function.calls
+    )
+
+
+def _with_functions(
+    group: Group, proposal: Generalised, functions: Sequence[NewFunction], left: Mapping[int, str]
+) -> Generalised:
+    """The proposal with some of its functions only."""
+    kept = {one.name: one for one in functions}
+    given_up = {one.name for one in proposal.functions} - kept.keys()
+    notes: list[MergedNote] = []
+    for note in proposal.notes:
+        mentions = given_up & set(_WORD.findall(note.text))
+        notes += [_as_it_was(group, number) for number in note.of] if mentions else [note]
+    inside = []
+    for number, name in proposal.inside:
+        called = {group.members[program - 1].key for program, _ in kept[name].calls} if name in kept else set()
+        if group.notes[number - 1].key in called:
+            inside.append((number, name))
+        else:
+            notes.append(_as_it_was(group, number))
+    return Generalised(
+        tuple(functions), tuple(Left(number, why) for number, why in left.items()), tuple(notes), tuple(inside)
+    )
+
+
+def _as_it_was(group: Group, note: int) -> MergedNote:
+    return MergedNote(group.notes[note - 1].text, (note,))
 
 
 def change_of(

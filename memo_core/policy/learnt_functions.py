@@ -12,8 +12,16 @@ from collections.abc import Collection, Sequence
 import attrs
 
 from memo_core.interfaces.llm import LanguageModel
-from memo_core.llm.readers import Unreadable, read_code
-from memo_core.skillbook.model.functions import Function, FunctionUse, problem_with_arguments, read_function
+from memo_core.llm.readers import Unreadable, read_code, read_template
+from memo_core.skillbook.model.functions import (
+    Function,
+    FunctionUse,
+    NotACall,
+    problem_with_arguments,
+    problem_with_call,
+    read_call,
+    read_function,
+)
 from memo_core.skillbook.retrieval.result import RetrievedFunction
 from memo_core.skillbook.retrieval.retriever import Retrieval
 
@@ -61,10 +69,27 @@ def read_program(text: str, functions: Sequence[RetrievedFunction]) -> str:
     return completed(code, texts, text) if texts else code
 
 
-def completed(code: str, functions: dict[Function, str], answer: str = "") -> str:
-    """The code with the text of each function that it calls and does not define itself before it."""
+def read_whole_template(text: str, functions: Sequence[RetrievedFunction]) -> str:
+    """The template of an answer, which is shown and run again by itself later.
+
+    Raises:
+        Unreadable: as ``read_template``; also if it uses a learnt function that it does not define.
+    """
+    code = read_template(text)
     tree = ast.parse(code)
-    own = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    own = _bound(tree)
+    for name in (read_function(one.entry.text).name for one in functions):
+        if name not in own and any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(tree)):
+            problem = f"it uses {name}, which is none of the robot's functions; put what it needs of it inside of it"
+            raise Unreadable("template", problem, text)
+    return code
+
+
+def completed(code: str, functions: dict[Function, str], answer: str = "") -> str:
+    """The code with the text of each function that it uses before it, but for names that it gives to something
+    itself."""
+    tree = ast.parse(code)
+    own = _bound(tree)
     known = {function.name: function for function in functions if function.name not in own}
     used: list[Function] = []
     for node in ast.walk(tree):
@@ -77,22 +102,44 @@ def completed(code: str, functions: dict[Function, str], answer: str = "") -> st
     return "\n\n\n".join([*(functions[one].strip("\n") for one in used), code.lstrip("\n")])
 
 
+def _bound(tree: ast.Module) -> set[str]:
+    """The names that code gives to anything, anywhere in it."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
+            found.add(node.id)
+        elif isinstance(node, ast.arg):
+            found.add(node.arg)
+        elif isinstance(node, ast.alias):
+            found.add(node.asname or node.name)
+        elif isinstance(node, ast.ExceptHandler) and node.name:
+            found.add(node.name)
+    return found
+
+
 def only_call(code: str, functions: Sequence[RetrievedFunction]) -> tuple[RetrievedFunction, str] | None:
     """The function and the call, if a completed program does nothing but call one learnt function once.
 
     Looking, printing and giving the result a name beside it do not count; the arguments must be literals.
     """
-    texts = {one.entry.text.strip("\n"): one for one in functions}
-    for text, function in texts.items():
-        if code.startswith(text):
-            call = _only_call(code[len(text) :], read_function(text).name)
+    body = ast.parse(code).body
+    for function in functions:
+        text = ast.parse(function.entry.text).body
+        if len(body) > len(text) and all(map(_same, body, text)):
+            call = _only_call(body[len(text) :], read_function(function.entry.text))
             return (function, call) if call else None
     return None
 
 
-def _only_call(code: str, name: str) -> str:
+def _same(one: ast.stmt, other: ast.stmt) -> bool:
+    return ast.dump(one) == ast.dump(other)
+
+
+def _only_call(statements: Sequence[ast.stmt], function: Function) -> str:
     found = ""
-    for statement in ast.parse(code).body:
+    for statement in statements:
         if not isinstance(statement, (ast.Expr, ast.Assign)) or not isinstance(statement.value, ast.Call):
             return ""
         call = statement.value
@@ -101,16 +148,12 @@ def _only_call(code: str, name: str) -> str:
             if any(isinstance(node, ast.Call) and node is not call for node in ast.walk(call)):
                 return ""
             continue
-        if called != name or found or not _literal(call):
+        if called != function.name or found:
             return ""
         found = ast.unparse(call)
+        try:
+            if problem_with_call(function, read_call(found)):
+                return ""
+        except NotACall:
+            return ""
     return found
-
-
-def _literal(call: ast.Call) -> bool:
-    try:
-        for value in [*call.args, *(keyword.value for keyword in call.keywords)]:
-            ast.literal_eval(value)
-    except (ValueError, TypeError):
-        return False
-    return all(keyword.arg for keyword in call.keywords)

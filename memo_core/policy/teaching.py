@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import attrs
 
@@ -11,10 +12,10 @@ from memo_core.events import EntryStored, FeedbackGiven, NameCorrected, Problem
 from memo_core.interfaces import teacher
 from memo_core.interfaces.llm import LanguageModelError
 from memo_core.interfaces.teacher import Note as ReadNote
-from memo_core.llm.readers import Unreadable, read_code, read_template
+from memo_core.llm.readers import Unreadable
 from memo_core.policy.attempt import Tried
 from memo_core.policy.feedback_processing import NOT_NOW, Circumstances, Earlier, FeedbackProcessor, ProcessedFeedback
-from memo_core.policy.learnt_functions import only_call
+from memo_core.policy.learnt_functions import only_call, read_program, read_whole_template
 from memo_core.policy.logged_book import BookWordStore, LoggedBook, feedback_of
 from memo_core.policy.logged_person import Heard, LoggedPerson, WordStore
 from memo_core.policy.methods import Memory
@@ -225,7 +226,7 @@ class Teaching:
             code, _ = self._questions.ask(
                 "merge",
                 judged.scene,
-                read_code,
+                partial(read_program, functions=judged.functions),
                 subtask=str(judged.key),
                 skills=documentation(self._session.skills),
                 subset=self._session.sandbox.subset(),
@@ -262,8 +263,9 @@ class Teaching:
             self._keep_call(approval, judged, *called)
             return
         try:
+            read = partial(read_whole_template, functions=judged.functions)
             template, _ = self._questions.ask(
-                "template", judged.scene, read_template, subtask=about, code=judged.code, printed=judged.printed
+                "template", judged.scene, read, subtask=about, code=judged.code, printed=judged.printed
             )
         except Unreadable as error:
             self._book.park(approval, error.problem)

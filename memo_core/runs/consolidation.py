@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -120,14 +120,14 @@ def clustering_of(
     settings: ClusteringSettings = experiment.section("clustering")
     choice = settings.llm if settings.llm is not None else experiment.choice("llm")
     llm: LanguageModel = choice.create()
-    with calls_without_a_run(experiment, llm, emit, stop, "cluster", keep) as calls:
+    with calls_without_a_run(experiment, llm, emit, stop, "cluster", keep) as calls, ExitStack() as opened:
         skills, prompts = library_of(experiment), prompts_of(experiment)
         generalising = None
         if llm.calls_functions:
-            robot, subset = experiment.create("robot"), sandbox_of(experiment).subset()
-            generalising = Generalising(
-                book, calls, prompts, robot, skills, subset, tester, settings.reasks, experiment.seed
-            )
+            robot, sandbox = experiment.create("robot"), sandbox_of(experiment)
+            opened.callback(sandbox.close)
+            more = (settings.reasks, experiment.seed, sandbox.check)
+            generalising = Generalising(book, calls, prompts, robot, skills, sandbox.subset(), tester, *more)
         yield Clustering(book, calls, calls.model, settings, prompts, emit, experiment.seed, generalising, skills)
 
 

@@ -16,8 +16,10 @@ from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry, Feedback, sa
 from memo_core.skillbook.model.functions import Function, GeneralFunction, as_template, read_function, with_name
 from memo_core.skillbook.retrieval.result import Standing
 from memo_core.skillbook.store import queries, tables
+from memo_core.skillbook.store.database import Database
 from memo_core.skillbook.store.trials import TemplateTrial, trials_of
 from memo_core.skillbook.writing import functions
+from memo_core.skillbook.writing.adding import TEMPLATE
 from memo_core.skillbook.writing.functions import FUNCTIONS, SAME_WORDS, GroupChange, GroupChanged, WiderNote
 
 _E = tables.entries.c
@@ -133,13 +135,30 @@ def program_behind(book: Skillbook, entry: Entry) -> Entry:
     at = entry
     with database.read() as connection:
         while at.kind == "call":
-            gave_way = sa.select(changes.entry).where(changes.because == at.id, changes.change == "superseded")
-            before = queries.entries_where(connection, _E.id.in_(gave_way), _E.kind.in_(PROGRAM_KINDS))
+            gave_way = sa.select(changes.entry).where(
+                changes.because == at.id, changes.change == "superseded", changes.revision == at.revision
+            )
+            made = sa.select(_E.id).where(_E.id == at.id, _E.phase != TEMPLATE).exists()  # not approved as a call
+            before = queries.entries_where(connection, made, _E.id.in_(gave_way), _E.kind.in_(PROGRAM_KINDS))
             if not before:
-                function = functions.functions_called(database, connection, [at.id], active=False)[at.id]
-                return attrs.evolve(at, text=as_template(function.text, at.text))
+                return _alone(database, connection, at)
             at = before[-1]
     return at
+
+
+def standing_alone(book: Skillbook, entry: Entry) -> Entry:
+    """A template as it is; a call with its function and arguments as its text, which is then a template's."""
+    if entry.kind != "call":
+        return entry
+    with book.database.read() as connection:
+        return _alone(book.database, connection, entry)
+
+
+def _alone(database: Database, connection: sa.Connection, call: Entry) -> Entry:
+    """A call with the active version of its function, else the newest."""
+    found = functions.functions_called(database, connection, [call.id])
+    found = found or functions.functions_called(database, connection, [call.id], active=False)
+    return attrs.evolve(call, text=as_template(found[call.id].text, call.text))
 
 
 def store(book: Skillbook, change: GroupChange, model: str = "") -> int | None:

@@ -1,5 +1,5 @@
-"""Templates are run again from the start that the run stored and in fresh scenes, and what was measured stays with
-them; what has no start is told and is no trial."""
+"""Templates and calls are run again from the start that the run stored and in fresh scenes, and what was measured stays
+with them; what has no start is told and is no trial."""
 
 from __future__ import annotations
 
@@ -18,9 +18,14 @@ from memo_core.plugins.registry import Registry
 from memo_core.runlog.log_history import History, LogEntry as Effect
 from memo_core.skillbook import track_record
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.functions import store
+from memo_core.skillbook.history import roll_back
 from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.functions import GeneralFunction
 from memo_core.skillbook.model.keys import Key
-from tests.support.taught_book import FAILING, teach
+from memo_core.skillbook.writing.functions import GroupChange
+from tests.support.cluster_books import approve
+from tests.support.taught_book import FAILING, GRASP, PICK, teach
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +101,96 @@ def test_what_the_simulator_could_not_carry_out_is_no_trial(book, registry, monk
     found = retesting.run(planned)
     assert found.success is None and "diverged" in found.reason and found.error is not None
     assert not track_record.trials_of(book)
+
+
+# -- calls of functions --------------------------------------------------------------------------------------------
+
+
+def lifts(body: str = GRASP) -> str:
+    return f'def lift(thing):\n    """Grasp a thing from above and lift it."""{body}'
+
+
+def generalise(book: Skillbook, code: str) -> Entry:
+    """Make a function of the template that was taught and of one without a run; the call for the cube."""
+    [template] = book.entries("template")
+    other = approve(book, "LIFT(ball)", PICK)
+    store(book, GroupChange((GeneralFunction(code, ((template.id, "lift('cube')"), (other, "lift('ball')"))),)))
+    return next(call for call in book.entries("call") if str(call.key) == "LIFT(cube)")
+
+
+@pytest.mark.sim
+def test_a_call_is_run_from_the_start_of_the_template_that_it_stands_in_for(book, registry):
+    call = generalise(book, lifts())
+    retesting = Retesting(book, registry)
+    first, second = retesting.plan([call], [3])
+    assert isinstance(first, Planned) and first.start.startswith("run put-the-cube-away")
+    assert program_of(first.template) == lifts().replace("(thing)", "(thing='cube')", 1).rstrip() + "\n\n\nlift()\n"
+    assert [retesting.run(one).success for one in (first, second)] == [True, True]
+    kept = track_record.trials_of(book)[call.id]
+    assert [(one.start, one.success) for one in kept] == [(first.start, True), (second.start, True)]
+
+
+@pytest.mark.sim
+def test_a_call_that_fails_gives_way_to_the_template_that_it_stood_in_for(book, registry):
+    [template] = book.entries("template")
+    call = generalise(book, lifts("\n    look()\n"))
+    retesting = Retesting(book, registry)
+    [planned] = retesting.plan([call], [])
+    assert retesting.run(planned).success is False
+    assert [one.id for one in book.entries("template")] == [template.id]
+    assert [str(one.key) for one in book.entries("call")] == ["LIFT(ball)"] and not book.problems()
+
+
+@pytest.mark.sim
+def test_a_call_of_an_edited_function_is_run_with_the_version_there_is(book, registry):
+    call = generalise(book, lifts("\n    look()\n"))
+    [function] = book.entries("function")
+    edited = book.edit(function.id, lifts(), "ana")
+    retesting = Retesting(book, registry)
+    [planned] = retesting.plan([call], [])
+    assert retesting.run(planned).success
+    roll_back(book, edited.revision)
+    [planned] = Retesting(book, registry).plan([call], [])
+    assert "close_gripper" not in planned.template.text, "the version that is active again"
+
+
+def test_a_call_that_was_approved_as_one_has_the_start_of_its_own_approval(book, registry, monkeypatch):
+    generalise(book, lifts())
+    [function] = book.entries("function")
+    approval = book.record_feedback("", "ana", subtask="LIFT(mug)", kind="approval", run="gone")
+    call = book.add_call(approval, "LIFT(mug)", "lift('mug')", function.id)
+    [told] = Retesting(book, registry).plan([call], [])
+    assert told.success is None and "the folder of the run gone is not here" in told.reason
+
+
+@pytest.mark.sim
+def test_the_command_retests_calls_as_well(taught, tmp_path, capsys):
+    path = tmp_path / "book.db"
+    shutil.copy(taught / "book.db", path)
+    with Skillbook(str(path)) as book:
+        call = generalise(book, lifts())
+        [function] = book.entries("function")
+
+    def retest(*more: str):
+        with pytest.raises(SystemExit) as ended:
+            main(["skillbook", "retest", "--book", str(path), "--seeds", "4", *more])
+        out, err = capsys.readouterr()
+        return ended.value.code, out, err
+
+    code, out, err = retest("--json")
+    cube, ball = json.loads(out)["templates"]
+    assert (not code, cube["template"], cube["kind"], cube["key"], cube["successes"]) == (
+        True,
+        call.id,
+        "call",
+        "LIFT(cube)",
+        2,
+    ), err
+    assert ball["trials"] == 0 and "not approved in a run" in json.loads(out)["not_run"][0]["reason"]
+    code, out, _ = retest(str(call.id))
+    assert not code and "call" in out and "2/2" in out
+    code, _, err = retest(str(function.id))
+    assert code and f"entry {function.id} is no template and no call" in err
 
 
 def test_a_template_without_a_run_or_without_its_folder_is_told_and_is_no_trial(book, registry, monkeypatch):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import sqlalchemy as sa
+
 from memo_core.scene.scene_table import NotASceneTable, read_scene_table
 from memo_core.skillbook.consolidation.function_rules import LEAST_KEYS, Group, Member
 from memo_core.skillbook.model.action_relations import Actions
 from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry
 from memo_core.skillbook.model.functions import as_program
+from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.model.scene_context import parts_of
 from memo_core.skillbook.retrieval.structural_similarity import BuiltDifferently
 from memo_core.skillbook.retrieval.template_selection import ALIKE_ENOUGH
@@ -34,7 +37,8 @@ def find_groups(database: Database, actions: Actions, again: bool = False) -> li
         again: also groups that were considered already, as they are now.
 
     Returns:
-        The groups; of more programs than fit into one question those that fit, calls of functions first.
+        The groups. Of programs that do not fit into one question, all calls and the first templates that fit and
+        were not considered yet; a call once these are settled finds the next.
     """
     with database.read() as connection:
         valid = _E.superseded_by.is_(None)
@@ -44,18 +48,22 @@ def find_groups(database: Database, actions: Actions, again: bool = False) -> li
         built = BuiltDifferently(connection, programs)
         programs = [one for one in programs if one.kind == "template" or one.id in function_of]
         found = []
+        further = _further_keys(database, connection)
         for together in _together(programs, function_of, built, actions):
-            chosen = _fitting(together, function_of)
-            keys = {one.key for one in chosen}
-            if len(keys) < LEAST_KEYS or all(one.kind == "call" for one in chosen):
-                continue
-            theirs = tuple(note for note in notes if note.key in keys)
-            functions = {function_of[one.id].id: function_of[one.id] for one in chosen if one.kind == "call"}
-            group = Group(
-                tuple(_member(one, function_of.get(one.id), built) for one in chosen), theirs, tuple(functions.values())
-            )
-            if again or not is_considered(database, connection, entries_of(group)):
-                found.append(group)
+            for chosen in _questions(together, function_of):
+                keys = {one.key for one in chosen}
+                if len(keys) < LEAST_KEYS or all(one.kind == "call" for one in chosen):
+                    continue
+                theirs = tuple(note for note in notes if keys.issuperset({note.key, *further.get(note.id, ())}))
+                functions = {function_of[one.id].id: function_of[one.id] for one in chosen if one.kind == "call"}
+                group = Group(
+                    tuple(_member(one, function_of.get(one.id), built) for one in chosen),
+                    theirs,
+                    tuple(functions.values()),
+                )
+                if again or not is_considered(database, connection, entries_of(group)):
+                    found.append(group)
+                    break
     return found
 
 
@@ -88,16 +96,32 @@ def _belong(one: Entry, other: Entry, function_of: dict[int, Entry], built: Buil
     return likeness is None or likeness >= ALIKE_ENOUGH
 
 
-def _fitting(together: list[Entry], function_of: dict[int, Entry]) -> list[Entry]:
-    """Choose as many programs as one question holds: all calls of functions, then templates in their order."""
-    chosen = [one for one in together if one.kind == "call"]
-    functions = {function_of[one.id].id: function_of[one.id].text for one in chosen}
-    left = MOST_CHARACTERS - sum(len(one.text) for one in chosen) - sum(map(len, functions.values()))
-    for one in [one for one in together if one.kind == "template"][:MOST_TEMPLATES]:
-        left -= len(one.text)
-        if left >= 0:
-            chosen.append(one)
-    return sorted(chosen, key=lambda entry: entry.id)
+def _questions(together: list[Entry], function_of: dict[int, Entry]) -> Iterator[list[Entry]]:
+    """Each with all calls of functions and as many templates as one question holds, in their order."""
+    calls = [one for one in together if one.kind == "call"]
+    functions = {function_of[one.id].id: function_of[one.id].text for one in calls}
+    room = MOST_CHARACTERS - sum(len(one.text) for one in calls) - sum(map(len, functions.values()))
+    waiting = [one for one in together if one.kind == "template" and len(one.text) <= room]
+    while waiting:
+        chosen, left = list[Entry](), room
+        for one in waiting:
+            if len(chosen) < MOST_TEMPLATES and len(one.text) <= left:
+                chosen.append(one)
+                left -= len(one.text)
+        waiting = [one for one in waiting if one not in chosen]
+        yield sorted([*calls, *chosen], key=lambda entry: entry.id)
+
+
+def _further_keys(database: Database, connection: sa.Connection) -> dict[int, list[Key]]:
+    """The keys of notes beside their first, by the note."""
+    if not database.has(connection, tables.entry_keys):
+        return {}
+    further, keys = tables.entry_keys.c, tables.keys.c
+    query = sa.select(further.entry, keys.action, keys.objects).join(tables.keys, further.key == keys.id)
+    found: dict[int, list[Key]] = {}
+    for row in connection.execute(query):
+        found.setdefault(int(row.entry), []).append(queries.key_of(row.action, row.objects))
+    return found
 
 
 def _member(entry: Entry, function: Entry | None, built: BuiltDifferently) -> Member:
