@@ -251,7 +251,11 @@ def _roll_back(database: Database, connection: sa.Connection, revision: int) -> 
 def _gave_way_to(connection: sa.Connection, entry: int, before: int) -> int | None:
     """What an entry gave way to before a revision restored it: what is superseded again comes back if that goes."""
     where = (_C.entry == entry, _C.change == "superseded", _C.revision < before)
-    return connection.execute(sa.select(_C.because).where(*where).order_by(_C.revision.desc()).limit(1)).scalar()
+    query = sa.select(_C.because, _C.why).where(*where).order_by(_C.revision.desc()).limit(1)
+    row = connection.execute(query).one_or_none()
+    if row is not None and row.because is None and not row.why:  # as ``forget`` leaves it
+        raise CannotRollBack(before, "what it took back was made with words that were withdrawn since")
+    return None if row is None else row.because
 
 
 def _check(connection: sa.Connection, revision: int) -> None:

@@ -179,6 +179,16 @@ def test_after_a_rollback_was_undone_the_others_templates_are_there_again_too(bo
     assert [entry.id for entry in book.entries()] == [bens]
 
 
+def test_a_rollback_is_not_undone_after_somebody_withdrew_what_it_undid(book) -> None:
+    teach_doors(book, MICROWAVE, OVEN, FRIDGE)
+    undone = history.roll_back(book, merged(book))
+    book.forget("ana")
+    before = programs(book)
+    with pytest.raises(history.CannotRollBack, match="withdrawn"):
+        history.roll_back(book, undone.id)
+    assert programs(book) == before and len(before) == 2
+
+
 def test_a_note_inside_a_function_and_those_of_a_wider_one_are_there_again(book) -> None:
     first, second = teach_doors(book)
     [inside] = teach(book, OVEN, "Hold the handle.", who="ben")

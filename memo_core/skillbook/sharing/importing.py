@@ -192,14 +192,15 @@ class _Merging:
     def _add(self, record: dict[str, Any]) -> None:
         origin = self._records.origin(record)
         here = self._entries.find(origin)
+        sources = [self._heard[source] for source in record["sources"] if source in self._heard]
         if here is None:
-            sources = [self._heard[source] for source in record["sources"] if source in self._heard]
             if self._entries.withdrawn(origin) or self._withdrawn_with(record, sources):
                 self._counts["left_out"] += 1
                 return
             here = self._made_here(record) or self._insert(record, origin, sources)
         else:
             self._counts["known"] += 1
+            self._approved_again(here, sources)
         self._local[record["id"]] = here
         if record["kind"] == "template":
             self._became_template(here, record["text"])
@@ -208,6 +209,13 @@ class _Merging:
         if uses > stored.uses or confirmed > stored.confirmed_uses:
             larger = {"uses": max(uses, stored.uses), "confirmed_uses": max(confirmed, stored.confirmed_uses)}
             self._connection.execute(sa.update(tables.entries).where(_E.id == here).values(**larger))
+
+    def _approved_again(self, here: int, sources: Iterable[int]) -> None:
+        """Add people who approved a program since, as it is."""
+        there = sa.select(tables.sources.c.feedback).where(tables.sources.c.entry == here)
+        for source in set(sources) - set(queries.ids_of(self._connection.execute(there))):
+            queries.insert_plain(self._connection, tables.sources, entry=here, feedback=source)
+            self._counts["changes"] += 1
 
     def _link(self, record: dict[str, Any]) -> None:
         """Note which function a call calls, and the further keys of a note."""
