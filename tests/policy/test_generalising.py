@@ -205,9 +205,9 @@ def test_a_call_that_fails_is_shown_with_what_happened_and_mended(book):
     tester = JudgedCalls(lambda call: no("it slipped off") if call == CALLS[2] else Judgement())
     mended = "open_hinged('cabinet door', push_first=True)"
     outcome, llm = generalised(book, [ALL, answer(*CALLS[:2], mended)], tester)
-    first, second = llm.prompts("generalise")
-    assert "Tried before" not in first and f"- Tried before: {CALLS[2]} failed: it slipped off" in second
-    assert second.index("[OPEN(cabinet)]") < second.index("Tried before"), "beside the program"
+    first, second = (request.messages[1].text for request in llm.asked if request.phase == "generalise")
+    assert "Tried before:" not in first and f"- Tried before: {CALLS[2]} failed: it slipped off" in second
+    assert second.index("[OPEN(cabinet)]") < second.index("Tried before:"), "beside the program"
     assert (outcome.status, outcome.calls, outcome.left) == ("generalised", 2, {})
     assert active(book, "call")[KEYS[2]] == mended
     assert outcome.tested[3] == (("run 1", True, ""),), "of the call that is stored"
@@ -217,7 +217,7 @@ def test_a_program_whose_call_keeps_failing_is_left_and_the_rest_is_stored(book)
     outcome, llm = generalised(book, [ALL] * 3, failing(cabinet="it slipped off"))
     assert (outcome.status, outcome.calls) == ("generalised", 3)
     assert outcome.left == {3: f"{CALLS[2]} failed: it slipped off"}
-    assert llm.prompts("generalise")[-1].count("Tried before") == 2
+    assert llm.asked[-1].messages[1].text.count("Tried before:") == 2
     assert active(book, "call") == dict(zip(KEYS[:2], CALLS[:2], strict=True))
     assert list(active(book, "template")) == [KEYS[2]] and not book.problems()
     assert not generalising(book, [])[0].groups(), "it is asked about again once something is new"
@@ -386,7 +386,7 @@ def test_a_call_that_was_approved_meanwhile_is_not_lost_with_the_function_that_i
             return RENEWED
 
         outcome, _ = generalised(book, [learns], JudgedCalls())
-        assert (outcome.status, outcome.made) == ("changed", None) and "another call" in outcome.problem
+        assert (outcome.status, outcome.made) == ("changed", None) and "would be replaced" in outcome.problem
         [function] = functions_of(book)
         assert [str(call.key) for call in function.calls] == [*KEYS[:2], "OPEN(fridge)"]
 

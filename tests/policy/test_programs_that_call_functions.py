@@ -57,7 +57,7 @@ def test_the_prompt_shows_a_functions_signature_docstring_and_calls_and_not_its_
     assert "grasp(thing, above=0.0)" in learnt and "    Grasp a thing from above." in learnt
     assert f"- [{PICK}] {CALL}" in learnt and "- [PICK_UP(blue cube)] grasp('blue cube', above=0.01)" in learnt
     assert "close_gripper()" not in learnt and "def grasp" not in prompt
-    assert [one.text for one in bench.of(Retrieved)[0].served] == list(CUBES.values())
+    assert [one.text for one in bench.of(Retrieved)[0].served] == [*CUBES.values(), function.text]
 
 
 @pytest.mark.parametrize("use", ["show", "off"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -381,7 +382,7 @@ def test_a_book_of_schema_6_is_read_as_it_is_and_gets_its_tables_when_it_is_writ
     before = path.read_bytes()
     with new_book(str(path), read_only=True) as book:
         assert functions_of(book) == [] and stats_of(book).functions == 0
-        for way in ({}, {"functions": False}, {"clustered": False}):
+        for way in ({}, {"functions": "off"}, {"clustered": False}):
             found = book.retrieve(OVEN, **way)
             assert found.templates[0].entry.id == second and len(found.corrections) == 4 and found.functions == ()
         assert len(book.entries(key=OVEN)) == 3 and len(history.revisions(book)) == 6 and exported(book)
@@ -398,7 +399,7 @@ def test_a_book_of_schema_6_is_read_as_it_is_and_gets_its_tables_when_it_is_writ
 
 
 # -- without functions -------------------------------------------------------------------------------------------------
-def served(book: Skillbook, subtask: str, **way: bool) -> list[int]:
+def served(book: Skillbook, subtask: str, **way: Any) -> list[int]:
     found = book.retrieve(subtask, **way)
     assert found.functions == () or not way
     return [one.entry.id for one in found.templates]
@@ -409,7 +410,7 @@ def test_without_clustering_or_functions_the_templates_are_read(book) -> None:
     notes = [teach(book, key, "Slowly.")[0] for key in (OVEN, MICROWAVE)]
     merged(book), merge_notes(book)
     assert served(book, OVEN) == []
-    for way in ({"clustered": False}, {"functions": False}):
+    for way in ({"clustered": False}, {"functions": "off"}):
         assert served(book, OVEN, **way)[0] == second and served(book, MICROWAVE, **way)[0] == first
     assert {one.entry.id for one in book.retrieve(OVEN, clustered=False).corrections} == set(notes)
     [note] = book.retrieve(MICROWAVE, functions="off").corrections
@@ -421,7 +422,7 @@ def test_without_functions_a_call_approved_since_is_a_template(book) -> None:
     merged(book)
     call = approve_call(book, FRIDGE, FRIDGE_CALL)
     assert served(book, FRIDGE) == [] and book.retrieve(FRIDGE).functions
-    for way in ({"clustered": False}, {"functions": False}):
+    for way in ({"clustered": False}, {"functions": "off"}):
         assert served(book, FRIDGE, **way)[0] == call.id
         assert tree(book.retrieve(FRIDGE, **way).templates[0].text) == tree(program("fridge", 70))
     assert book.entry(call.id) == call, "the book itself is as it was"
@@ -434,7 +435,7 @@ def test_without_functions_what_people_edited_since_is_a_template_too(book) -> N
     book.edit(learnt.entry.id, learnt.entry.text.replace("look()", "wait()"), "dora")
     call = book.edit(learnt.calls[0].id, "open_hinged('microwave door', angle=60)", "dora")
     since = approve_call(book, FRIDGE, FRIDGE_CALL)
-    for way in ({"clustered": False}, {"functions": False}):
+    for way in ({"clustered": False}, {"functions": "off"}):
         assert served(book, MICROWAVE, **way)[0] == call.id and served(book, FRIDGE, **way)[0] == since.id
         assert served(book, OVEN, **way)[0] == second
         found = book.retrieve(MICROWAVE, **way).templates[0].text
@@ -446,7 +447,7 @@ def test_without_functions_the_templates_are_read_also_after_a_rollback_was_undo
     undone = history.roll_back(book, merged(book))
     assert served(book, OVEN)[0] == second
     history.roll_back(book, undone.id)
-    for way in ({"clustered": False}, {"functions": False}):
+    for way in ({"clustered": False}, {"functions": "off"}):
         assert served(book, OVEN, **way)[0] == second and served(book, MICROWAVE, **way)[0] == first
 
 
@@ -455,5 +456,5 @@ def test_without_functions_a_function_that_others_came_to_call_is_left_out_whole
     merged(book)
     ids.append(approve(book, FRIDGE, program("fridge"), "cleo"))
     merge_programs(book, ())
-    for way in ({"clustered": False}, {"functions": False}):
+    for way in ({"clustered": False}, {"functions": "off"}):
         assert [served(book, key, **way)[0] for key in (MICROWAVE, OVEN, FRIDGE)] == ids

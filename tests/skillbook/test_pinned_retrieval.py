@@ -89,11 +89,11 @@ def test_what_is_clustered_while_it_is_retrieved_is_left_out_too(book, monkeypat
     book.pin(book.newest_revision())
     before, retrieve = served(book), Skillbook._retrieve
 
-    def interfered(self, subtask, context):
+    def interfered(self, *asked):
         if self is book:
             monkeypatch.undo()
             clustered(book.url)
-        return retrieve(self, subtask, context)
+        return retrieve(self, *asked)
 
     monkeypatch.setattr(Skillbook, "_retrieve", interfered)
     assert served(book) == before
