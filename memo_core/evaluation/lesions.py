@@ -204,11 +204,14 @@ def _store_function(copy: Skillbook, code: str, calls: Sequence[tuple[int, str]]
 
 
 def _taught(book: Skillbook, entry: Entry) -> list[Taught]:
-    about = _about(book, entry)
     said = [book.feedback(one) for one in book.sources([entry.id])]
-    scenes = sorted((one for one in said if one.scene_graph), key=lambda one: one.subtask == str(about))
-    seen = scenes[-1].scene_graph if scenes else ""
-    return [Taught(entry.kind, key, entry.text, seen) for key in (about, *further_keys(book, entry))]
+    seen = [one for one in said if one.scene_graph]
+
+    def scene_of(key: Key) -> str:  # the newest, if possible of what was said about this key
+        return max(seen, key=lambda one: (one.subtask == str(key), one.id)).scene_graph if seen else ""
+
+    keys = (_about(book, entry), *further_keys(book, entry))
+    return [Taught(entry.kind, key, entry.text, scene_of(key)) for key in keys]
 
 
 def _about(book: Skillbook, entry: Entry) -> Key:
