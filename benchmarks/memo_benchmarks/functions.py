@@ -59,18 +59,6 @@ DAMAGED = {  # the merged book under lesions; joined with +, one after the other
 SETTINGS = ("run.video=off", "run.subtasks=1")
 
 
-@attrs.frozen
-class Opening:
-    """One attempt to open a thing with one book, and characters and tokens of the first question for code."""
-
-    thing: str
-    book: str
-    opened: bool
-    why: str
-    characters: int
-    tokens: int
-
-
 @attrs.frozen(eq=False)
 class FunctionBench:
     """The measurement in one simulator. ``experiments``: one for each suite, alike but for that."""
@@ -80,18 +68,8 @@ class FunctionBench:
     out: Path
 
     def row(self, seed: int, things: Sequence[str], damaged: bool, opened: Callable[[], None]) -> Row:
-        """What came of one seed, from the folder ``out`` if it is known there.
-
-        Args:
-            seed: seed of the scenes and the teacher.
-            things: tasks, each as ``suite:task``.
-            damaged: whether the damaged books are tried as well.
-            opened: called after each attempt.
-
-        Raises:
-            Stopped: when a person ends a run.
-            InvalidArgument: for a folder that cannot be used.
-        """
+        """What came of one seed, from the folder ``out`` if it is known there; ``opened`` is called after each attempt.
+        Raises ``Stopped`` when a person ends a run, ``InvalidArgument`` for a folder that cannot be used."""
         names = [*BOOKS, *(DAMAGED if damaged else ())]
         settings = {suite: one.public() for suite, one in self.experiments.items()}
         about = json.dumps([settings, things, names], sort_keys=True, default=str)
@@ -105,7 +83,7 @@ class FunctionBench:
         openings = []
         for thing in things:
             for book in names:
-                openings.append(attrs.asdict(books.used(thing, book)))
+                openings.append(books.used(thing, book))
                 opened()
         return {
             "simulator": books.experiment(things[0]).choice("simulator").backend.name,
@@ -156,10 +134,12 @@ class _Books:
             entries = opened.entries()
         return {"entries": len(entries), "characters": sum(len(entry.text) for entry in entries)}
 
-    def used(self, thing: str, book: str) -> Opening:
-        """An attempt to open a thing."""
+    def used(self, thing: str, book: str) -> dict[str, Any]:
+        """An attempt to open a thing, with characters and tokens of the first question for code."""
         report, opened = self._perform(thing, book)
-        return Opening(thing, book, opened, report.why, *first_prompt(report.folder))
+        characters, tokens = first_prompt(report.folder)
+        said = {"why": report.why, "characters": characters, "tokens": tokens}
+        return {"thing": thing, "book": book, "opened": opened} | said
 
     def characters_called(self, thing: str) -> int:
         """Characters of the first question for code with the merged book, as a model that calls functions gets it."""
@@ -169,7 +149,8 @@ class _Books:
         experiment, settings = self.experiment(task), SimulatedTeacherSettings(seed=self.seed, misjudges=0.0)
         name = task.split(":")[1]
         llm: Any = experiment.create("llm")
-        llm.calls_functions = calls
+        if calls:
+            llm.calls_functions = True
         report, first = perform_judged(
             experiment,
             self.registry,

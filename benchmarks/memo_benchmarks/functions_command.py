@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from memo_benchmarks.functions import SETTINGS, TAUGHT, THINGS, FunctionBench, measure, table
+from memo_benchmarks.kept_rows import Row
 from memo_benchmarks.reporting import with_progress
 from memo_core.cli.options import load, load_registry
 from memo_core.cli.output import print_json, print_table
@@ -34,13 +35,27 @@ def functions_table(
     measured = with_progress("functions", lambda progress: {"rows": measure(benches, wanted, tried, damaged, progress)})
     lines = table(measured["rows"])
     if results is not None:
-        note = f"opened in {', in '.join(names)}; taught: {' and '.join(task.split(':')[1] for task in TAUGHT)}"
-        file = {"command": f"memo bench functions --seeds {seeds}", "note": note, "rows": lines}
+        file = {
+            "command": f"memo bench functions --seeds {seeds}",
+            "note": _note(measured["rows"], names),
+            "rows": lines,
+        }
         write_whole(results, json_text(file))
     if json:
         print_json(measured | {"table": lines})
     else:
         print_table(tuple(lines[0]), [tuple(line.values()) for line in lines])
+
+
+def _note(rows: list[Row], simulators: list[str]) -> str:
+    taught = " and ".join(f"`{task.split(':')[1]}`" for task in TAUGHT)
+    merged = sum(row["calls"] == [len(TAUGHT)] for row in rows)
+    called = sorted({row["called"] for row in rows})
+    return (
+        f"opened in {', in '.join(simulators)}; taught: {taught}, on {merged} of {len(rows)} occasions merged into one "
+        f"function with {len(TAUGHT)} calls. A model that calls functions is asked for the first thing with "
+        f"{called[0]} to {called[-1]} characters. Offline backend."
+    )
 
 
 def _bench(config: Path | None, overrides: list[str], things: list[str], out: Path) -> FunctionBench:
