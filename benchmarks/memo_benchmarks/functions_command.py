@@ -50,11 +50,13 @@ def functions_table(
 def _note(rows: list[Row], simulators: list[str]) -> str:
     taught = " and ".join(f"`{task.split(':')[1]}`" for task in TAUGHT)
     merged = sum(row["calls"] == [len(TAUGHT)] for row in rows)
-    called = sorted({row["called"] for row in rows})
+    first = rows[0]["openings"][0]["thing"]
+    called = round(sum(row["called"] for row in rows) / len(rows))
     return (
-        f"opened in {', in '.join(simulators)}; taught: {taught}, on {merged} of {len(rows)} occasions merged into one "
-        f"function with {len(TAUGHT)} calls. A model that calls functions is asked for the first thing with "
-        f"{called[0]} to {called[-1]} characters. Offline backend."
+        f"opened in {', in '.join(simulators)}; offline backend. Taught: {taught}, in {merged} of {len(rows)} books "
+        f"merged into one function with {len(TAUGHT)} calls. Prompts are means of the first question for code, which "
+        f"shows the function as a template; where a model can call it instead, that for `{first.split(':')[1]}` has "
+        f"{called} characters."
     )
 
 
