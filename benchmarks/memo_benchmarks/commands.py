@@ -250,12 +250,12 @@ def lesions(
     """
     import attrs
 
-    from memo_benchmarks.demo_sweep import KNOWN, Lesson, known_lesion
+    from memo_benchmarks.demo_sweep import FOR_ONE_KEY, Lesson, known_lesion
     from memo_core.cli.tasks import read_seeds
     from memo_core.runs.factories import task_of
 
     wanted = read_seeds(seeds)
-    chosen = [known_lesion(name) for name in dict.fromkeys(lesion or KNOWN)]
+    chosen = [known_lesion(name) for name in dict.fromkeys(lesion or FOR_ONE_KEY)]
     registry, experiment = load(config, [QUIET, *(overrides or [])])
     if task is not None:
         task_of(experiment, task)  # said before anything is taught
@@ -312,6 +312,32 @@ def transfer(
     from memo_benchmarks.transfer_command import transfer_table
 
     transfer_table(config, overrides or [], simulator or [], teach or [], task or [], seeds, out, json)
+
+
+@app.command()
+def functions(
+    simulator: Annotated[
+        list[str] | None, typer.Option("--simulator", help="A simulator; repeatable. None: all installed.")
+    ] = None,
+    thing: Annotated[
+        list[str] | None, typer.Option("--thing", metavar="SUITE:TASK", help="A task that begins with opening.")
+    ] = None,
+    seeds: Annotated[str, typer.Option("--seeds", metavar="A-B", help="Seeds, e.g. 0-4 or 3,5.")] = "0-9",
+    damaged: Annotated[int, typer.Option("--damaged", min=0, help="Seeds on which damaged books are tried, too.")] = 3,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="What is done is kept there.")] = Path(
+        "runs/functions"
+    ),
+    results: Annotated[
+        Path | None, typer.Option("--results", metavar="FILE", help="Also write the table for the documentation.")
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Teach two doors, merge what was learnt into a function, and open things that were never taught with each book."""
+    from memo_benchmarks.functions_command import functions_table
+
+    functions_table(config, overrides or [], simulator or [], thing or [], seeds, damaged, out, results, json)
 
 
 def _by_lesion(trials: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:

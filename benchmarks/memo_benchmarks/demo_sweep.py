@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import attrs
@@ -13,8 +14,9 @@ from memo_core.demo.result import DemoReport
 from memo_core.demo.running import EMPTY, run_demo
 from memo_core.environment.simulated import SimulatedEnvironment
 from memo_core.errors import InvalidArgument, Stopped, UnknownName
-from memo_core.evaluation.lesions import LESIONS, VariedTask, handle_moved, lesioned_copy, mirrored
+from memo_core.evaluation.lesions import LESIONS, OF_FUNCTIONS, VariedTask, handle_moved, lesioned_copy, mirrored
 from memo_core.events import Event, SubtaskEnded
+from memo_core.interfaces.llm import LanguageModel
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins.registry import Registry
@@ -31,6 +33,7 @@ SCENES = {
 }
 CONTROLS = ("empty-book",)
 KNOWN = (*CONTROLS, *LESIONS, *SCENES)
+FOR_ONE_KEY = tuple(name for name in KNOWN if name not in OF_FUNCTIONS)  # the demo's book has no function
 
 
 def known_lesion(name: str) -> str:
@@ -129,30 +132,12 @@ class Lesson:
     def _perform(
         self, task: Task, book: Skillbook, teacher: Teacher | None, folder: str
     ) -> tuple[RunReport, Outcome | None]:
-        """The run, and the task's own verdict on the first subtask when that had ended. Raises ``Stopped`` where a
-        person ended the run."""
-        experiment = self.experiment
-        watch = FirstVerdict()
-        components = components_of(
-            experiment,
-            lambda: watch.world_made(environment_of(experiment, task, self.seed)),
-            book,
-            teacher,
-            llm=self._llm,
-        )
-        config = experiment.public() | {"task": task.name}
-        report = perform(
-            components,
-            task,
-            self.seed,
-            lambda: RunFolder(new_run_folder(self.folder, folder, self.seed)),
-            self._registry,
-            config,
-            watch.heard,
-        )
+        """As ``perform_judged``. Raises ``Stopped`` where a person ended the run."""
+        run_folder = partial(new_run_folder, self.folder, folder, self.seed)
+        report, first = perform_judged(self.experiment, self._registry, task, book, teacher, run_folder, self._llm)
         if report.ended_by_person:
             raise Stopped(f"the run of {task.name}")
-        return report, watch.first
+        return report, first
 
 
 @attrs.define
@@ -171,3 +156,26 @@ class FirstVerdict:
         if isinstance(event, SubtaskEnded) and not self.asked and self.world is not None:
             self.asked = True
             self.first = self.world.check_subtask(event.subtask)
+
+
+def perform_judged(
+    experiment: Experiment,
+    registry: Registry,
+    task: Task,
+    book: Skillbook,
+    teacher: Teacher | None,
+    folder: Callable[[], Path],
+    llm: LanguageModel,
+) -> tuple[RunReport, Outcome | None]:
+    """A run with the experiment's seed, and the task's own verdict on the first subtask when that had ended."""
+    watch = FirstVerdict()
+    components = components_of(
+        experiment,
+        lambda: watch.world_made(environment_of(experiment, task, experiment.seed)),
+        book,
+        teacher,
+        llm=llm,
+    )
+    config = experiment.public() | {"task": task.name}
+    report = perform(components, task, experiment.seed, lambda: RunFolder(folder()), registry, config, watch.heard)
+    return report, watch.first

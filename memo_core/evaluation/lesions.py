@@ -2,8 +2,10 @@
 
 A benefit that survives a lesion which should destroy it is a bug in the set-up. Lesions of the book that should
 destroy it: ``keys-shuffled``, ``nonsense``, ``opposite``, ``arc-reversed``; parts alone: ``corrections-only``,
-``general-only``, ``templates-only``; all but a part: ``no-templates``, ``no-general``. Lesions of the scene that should
-not: ``mirrored``, ``handle_moved``.
+``general-only``, ``templates-only``; all but a part: ``no-templates``, ``no-general``. Functions with their calls count
+as templates there; on their own they are damaged by ``functions-failing`` and ``calls-shuffled``, left alone by
+``function-only`` and left without notes by ``no-function-notes``. Lesions of the scene that should not: ``mirrored``,
+``handle_moved``.
 """
 
 from __future__ import annotations
@@ -22,21 +24,27 @@ from memo_core.interfaces.task import Monitor, Outcome, Task
 from memo_core.scene.description import Body, Geom, Hinge, SceneDescription, Slide, Vector
 from memo_core.scene.pose import Pose
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.functions import further_keys, store
 from memo_core.skillbook.model.action_relations import default_actions
 from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.functions import GeneralFunction, as_template, read_call, read_function
 from memo_core.skillbook.model.keys import Key
+from memo_core.skillbook.writing.functions import GroupChange
 
 _DECOYS = (Key("wipe", ("plate",)), Key("stir", ("soup",)), Key("fold", ("towel",)))
 _TURNING = {"turn_point": 3, "turn_orientation": 2, "arc_path": 4}  # skill -> place of its angle
+_PROGRAMS = ("template", "function", "call")
 
 
 @attrs.frozen
 class Taught:
-    """One entry as it goes into the lesioned book. ``about`` is the key of what was said, also for general ones."""
+    """One entry as it goes into the lesioned book, a note with several keys once for each. ``about`` is the key of what
+    was said, also for general ones; a function has that of its first source, and is stored under none."""
 
     kind: str
     about: Key
     text: str
+    scene_graph: str = ""  # as it was seen when this was taught
 
 
 Lesion = Callable[[Sequence[Taught], random.Random], list[Taught]]
@@ -57,12 +65,13 @@ def keys_shuffled(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
 
 
 def nonsense(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Every text with each letter replaced by another at random: equal length, same keys."""
+    """Every text with each letter replaced by another at random: equal length, same keys. Calls become templates, since
+    what they call is no function any more."""
 
     def scrambled(text: str) -> str:
         return re.sub(r"[A-Za-z]", lambda _: rng.choice("bcdfghjklmnpqrstvwxz"), text)
 
-    return [attrs.evolve(one, text=scrambled(one.text)) for one in taught]
+    return [attrs.evolve(one, text=scrambled(one.text)) for one in _with_templates(taught)]
 
 
 def opposite(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
@@ -76,24 +85,50 @@ def opposite(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
     def opposed(text: str) -> str:
         return " ".join(negated(sentence) for sentence in re.split(r"(?<=[.!?])\s+", text.strip()))
 
-    return [attrs.evolve(one, text=opposed(one.text)) for one in taught if one.kind != "template"]
+    return [attrs.evolve(one, text=opposed(one.text)) for one in taught if one.kind not in _PROGRAMS]
 
 
 def arc_reversed(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Templates only, each turn in them by the opposite angle: words would tell the right way."""
-    return [attrs.evolve(one, text=_turned_back(one.text)) for one in taught if one.kind == "template"]
+    """Templates and functions only, each turn in them by the opposite angle: words would tell the right way."""
+    programs = [one for one in taught if one.kind in _PROGRAMS]
+    return [one if one.kind == "call" else attrs.evolve(one, text=_turned_back(one.text)) for one in programs]
 
 
-def _only(kind: str) -> Lesion:
+def functions_failing(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+    """Every function raises an error as soon as it is called."""
+    return [attrs.evolve(one, text=_failing(one.text)) if one.kind == "function" else one for one in taught]
+
+
+def calls_shuffled(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+    """Every call under the key of another one; a call that is alone stays."""
+    calls = [one for one in taught if one.kind == "call"]
+    by = rng.randrange(1, len(calls)) if len(calls) > 1 else 0
+    texts = iter([one.text for one in calls[by:] + calls[:by]])
+    return [attrs.evolve(one, text=next(texts)) if one.kind == "call" else one for one in taught]
+
+
+def function_only(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+    """Functions, each with its first call, by whose key it is found."""
+    first = {read_call(one.text).function: one for one in reversed(taught) if one.kind == "call"}
+    return [one for one in taught if one.kind == "function" or one in first.values()]
+
+
+def no_function_notes(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+    """Without the corrections under the keys of calls."""
+    keys = {one.about for one in taught if one.kind == "call"}
+    return [one for one in taught if one.kind != "correction" or one.about not in keys]
+
+
+def _only(*kinds: str) -> Lesion:
     def keep(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-        return [one for one in taught if one.kind == kind]
+        return [one for one in taught if one.kind in kinds]
 
     return keep
 
 
-def _without(kind: str) -> Lesion:
+def _without(*kinds: str) -> Lesion:
     def keep(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-        return [one for one in taught if one.kind != kind]
+        return [one for one in taught if one.kind not in kinds]
 
     return keep
 
@@ -103,6 +138,12 @@ def intact(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
     return list(taught)
 
 
+OF_FUNCTIONS: dict[str, Lesion] = {
+    "functions-failing": functions_failing,
+    "calls-shuffled": calls_shuffled,
+    "function-only": function_only,
+    "no-function-notes": no_function_notes,
+}
 LESIONS: dict[str, Lesion] = {
     "intact": intact,
     "keys-shuffled": keys_shuffled,
@@ -111,9 +152,10 @@ LESIONS: dict[str, Lesion] = {
     "arc-reversed": arc_reversed,
     "corrections-only": _only("correction"),
     "general-only": _only("general"),
-    "templates-only": _only("template"),
-    "no-templates": _without("template"),
+    "templates-only": _only(*_PROGRAMS),
+    "no-templates": _without(*_PROGRAMS),
     "no-general": _without("general"),
+    **OF_FUNCTIONS,
 }
 
 
@@ -124,17 +166,52 @@ def lesioned_copy(book: Skillbook, copy: Skillbook, lesion: str, seed: int = 0) 
         raise UnknownName("lesion", lesion, tuple(LESIONS))
     if copy.entries():
         raise InvalidArgument("copy", "this book is not empty", "a new book")
-    told = [Taught(entry.kind, _about(book, entry), entry.text) for entry in book.entries()]
+    told = [one for entry in book.entries() for one in _taught(book, entry)]
     damaged = LESIONS[lesion](told, random.Random(seed))
+    function_of = {read_function(one.text).name: one.text for one in damaged if one.kind == "function"}
+    calls: dict[str, list[tuple[int, str]]] = {}
     for one in damaged:
-        kind = "approval" if one.kind == "template" else "correction"
-        feedback = copy.record_feedback(one.text, f"lesion {lesion}", subtask=str(one.about), kind=kind)  # type: ignore[arg-type]
-        if one.kind == "template":
+        if one.kind == "function":
+            continue  # stored with its calls
+        kind = "approval" if one.kind in _PROGRAMS else "correction"
+        feedback = copy.record_feedback(
+            one.text,
+            f"lesion {lesion}",
+            subtask=str(one.about),
+            scene_graph=one.scene_graph,
+            kind=kind,  # type: ignore[arg-type]
+        )
+        if one.kind == "call":
+            name = read_call(one.text).function
+            entry = copy.add_template(feedback, one.about, as_template(function_of[name], one.text))
+            calls.setdefault(name, []).append((entry.id, one.text))
+        elif one.kind == "template":
             copy.add_template(feedback, one.about, one.text)
         else:
             notes = ([one.text], []) if one.kind == "correction" else ([], [one.text])
             copy.add_lessons(feedback, one.about, *notes)
+    for name, made in calls.items():
+        _store_function(copy, function_of[name], made)
     return damaged
+
+
+def _store_function(copy: Skillbook, code: str, calls: Sequence[tuple[int, str]]) -> None:
+    """Put a function with its calls in place of the templates that they are as yet; of several under one key only the
+    last is still active."""
+    active = {entry.id for entry in copy.entries("template")}
+    function = GeneralFunction(code, tuple((entry, call) for entry, call in calls if entry in active))
+    store(copy, GroupChange((function,)))
+
+
+def _taught(book: Skillbook, entry: Entry) -> list[Taught]:
+    said = [book.feedback(one) for one in book.sources([entry.id])]
+    seen = [one for one in said if one.scene_graph]
+
+    def scene_of(key: Key) -> str:  # the newest, if possible of what was said about this key
+        return max(seen, key=lambda one: (one.subtask == str(key), one.id)).scene_graph if seen else ""
+
+    keys = (_about(book, entry), *further_keys(book, entry))
+    return [Taught(entry.kind, key, entry.text, scene_of(key)) for key in keys]
 
 
 def _about(book: Skillbook, entry: Entry) -> Key:
@@ -142,6 +219,26 @@ def _about(book: Skillbook, entry: Entry) -> Key:
         return entry.key
     said = book.sources([entry.id])  # of a merged one, what the first of them was about
     return Key.parse(book.feedback(said[0]).subtask) if said else _DECOYS[0]
+
+
+def _with_templates(taught: Sequence[Taught]) -> list[Taught]:
+    """With a template in place of each call, and without functions."""
+    function_of = {read_function(one.text).name: one.text for one in taught if one.kind == "function"}
+    return [
+        attrs.evolve(one, kind="template", text=as_template(function_of[read_call(one.text).function], one.text))
+        if one.kind == "call"
+        else one
+        for one in taught
+        if one.kind != "function"
+    ]
+
+
+def _failing(code: str) -> str:
+    """The function with an error raised in its first line; the rest stays as it is written."""
+    function = next(node for node in ast.parse(code).body if isinstance(node, ast.FunctionDef))
+    docstring, lines = function.body[0], code.splitlines(keepends=True)
+    raising = f'{" " * docstring.col_offset}raise RuntimeError("damaged on purpose")\n'
+    return "".join([*lines[: docstring.end_lineno], raising, *lines[docstring.end_lineno :]])
 
 
 def _turned_back(code: str) -> str:

@@ -14,6 +14,7 @@ from memo_core.skillbook.consolidation.function_rules import Group
 from memo_core.skillbook.consolidation.grouping import entries_of, find_groups
 from memo_core.skillbook.model.entries import PROGRAM_KINDS, Entry, Feedback, same_words
 from memo_core.skillbook.model.functions import Function, GeneralFunction, as_template, read_function, with_name
+from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.retrieval.result import Standing
 from memo_core.skillbook.store import queries, tables
 from memo_core.skillbook.store.database import Database
@@ -120,6 +121,16 @@ def functions_of(book: Skillbook) -> list[LearntFunction]:
             LearntFunction(entry, tuple(functions.calls_of(database, connection, entry.id)))
             for entry in queries.entries_where(connection, valid)
         ]
+
+
+def further_keys(book: Skillbook, note: Entry) -> list[Key]:
+    """The keys beside its own of a note that was said of several; for other entries none."""
+    keys = tables.entry_keys.c
+    with book.database.read() as connection:
+        if not book.database.has(connection, tables.entry_keys):
+            return []
+        ids = queries.ids_of(connection.execute(sa.select(keys.key).where(keys.entry == note.id)))
+        return [key for _, key in sorted(queries.keys_by_id(connection, ids).items())]
 
 
 def consolidated_groups(book: Skillbook, again: bool = False) -> list[Group]:

@@ -12,12 +12,17 @@ from memo_core.config import load_experiment
 from memo_core.environment.task_environment import generator
 from memo_core.errors import InvalidArgument, UnknownName
 from memo_core.evaluation.lesions import (
+    LESIONS,
     Taught,
     VariedTask,
     arc_reversed,
+    calls_shuffled,
+    function_only,
+    functions_failing,
     keys_shuffled,
     lesioned_copy,
     mirrored,
+    no_function_notes,
     nonsense,
     opposite,
 )
@@ -27,6 +32,8 @@ from memo_core.runs.factories import environment_of, task_of, tasks_of
 from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Hinge
 from memo_core.skillbook.book import Skillbook
+from memo_core.skillbook.functions import functions_of, merge_notes, merge_programs
+from memo_core.skillbook.model.functions import read_function
 from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
@@ -42,6 +49,21 @@ LESSON = (
     Taught("general", Key("open", ("jar",)), "Doors swing."),
     Taught("template", Key("open", ("jar",)), ARC),
     Taught("correction", Key("place", ("food", "jar")), "Let go at the end."),
+)
+
+SWING = f"""def swing(door, angle=1.0):
+    '''Swing it open.'''
+    # {"a comment that is long enough for merging to pay " * 5}
+    move_straight(turn_point(door, door, door, angle * 2))
+"""
+LEARNT = (
+    Taught("correction", Key("open", ("jar",)), "Pull it in an arc."),
+    Taught("correction", Key("place", ("food", "jar")), "Let go at the end."),
+    Taught("template", Key("place", ("food", "jar")), ARC),
+    Taught("function", Key("open", ("jar",)), SWING),
+    Taught("call", Key("open", ("jar",)), "swing('jar')"),
+    Taught("call", Key("open", ("box",)), "swing('box', angle=2.0)"),
+    Taught("call", Key("open", ("tin",)), "swing('tin')"),
 )
 
 
@@ -95,6 +117,67 @@ def test_a_lesioned_copy_needs_an_empty_book_and_a_known_lesion(tmp_path):
             assert [(e.kind, e.key, e.text) for e in copy.entries()] == [
                 (e.kind, e.key, e.text) for e in book.entries()
             ]
+
+
+# -- what lesions do to functions -------------------------------------------------------------------------------------
+
+
+def test_a_failing_function_raises_at_once_and_is_otherwise_the_same():
+    [changed] = [
+        new for new, old in zip(functions_failing(LEARNT, random.Random(0)), LEARNT, strict=True) if new != old
+    ]
+    with pytest.raises(RuntimeError):
+        exec(f"{changed.text}\nswing('jar')")
+    lines = [line for line in changed.text.splitlines() if "raise" not in line]
+    assert lines == SWING.splitlines() and read_function(changed.text) == read_function(SWING)
+
+
+def test_no_call_stays_under_its_key_and_nothing_else_moves():
+    for seed in range(10):
+        shuffled = calls_shuffled(LEARNT, random.Random(seed))
+        assert sorted(one.text for one in shuffled) == sorted(one.text for one in LEARNT)
+        moved = [(new.about, old.kind) for new, old in zip(shuffled, LEARNT, strict=True) if new.text != old.text]
+        assert moved == [(one.about, "call") for one in LEARNT[4:]]
+    assert calls_shuffled(LEARNT[:5], random.Random(0)) == list(LEARNT[:5])
+
+
+def test_a_function_alone_has_its_first_call_and_without_its_notes_keeps_those_of_other_keys():
+    assert function_only(LEARNT, random.Random(0)) == list(LEARNT[3:5])
+    assert no_function_notes(LEARNT, random.Random(0)) == list(LEARNT[1:])
+
+
+@pytest.fixture(scope="module")
+def merged():
+    """A book with one function of two keys, one note of both, and the scenes in which they were taught."""
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as book:
+        for thing in ("jar", "box"):
+            said = book.record_feedback(
+                "swing it", "ana", subtask=f"OPEN({thing})", scene_graph=f"scene of the {thing}"
+            )
+            book.add_lessons(said, f"OPEN({thing})", ["Pull it in an arc."])
+            approval = book.record_feedback("", "ana", subtask=f"OPEN({thing})", kind="approval")
+            book.add_template(approval, f"OPEN({thing})", SWING.replace("swing(door", f"swing(door='{thing}'"))
+        assert len(merge_programs(book, ())) == 1 and len(merge_notes(book)) == 1
+        yield book
+
+
+def test_an_intact_copy_calls_the_same_function_under_every_key_of_the_book(merged):
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as copy:
+        lesioned_copy(merged, copy, "intact")
+        [function], [copied] = functions_of(merged), functions_of(copy)
+        assert copied.entry.text == function.entry.text
+        assert [(one.key, one.text) for one in copied.calls] == [(one.key, one.text) for one in function.calls]
+        notes = [(str(one.key), copy.feedback(one.feedback).scene_graph) for one in copy.entries("correction")]
+        assert notes == [("OPEN(jar)", "scene of the jar"), ("OPEN(box)", "scene of the box")]
+
+
+@pytest.mark.parametrize("lesion", LESIONS)
+def test_no_lesion_makes_a_note_of_a_program(merged, lesion):
+    with Skillbook("sqlite://", FakeEmbedder(), FakeStore()) as copy:
+        lesioned_copy(merged, copy, lesion)
+        notes = [one.text for kind in ("correction", "general") for one in copy.entries(kind)]
+        assert not [text for text in notes if "def " in text or "(" in text]
+        assert bool(copy.entries("call")) == bool(copy.entries("function"))
 
 
 # -- what lesions do to a scene ---------------------------------------------------------------------------------------
