@@ -212,6 +212,8 @@ def draw_growth(growth: Sequence[Growth], file: Path) -> None:
     functions = below.twinx()
     functions.step(steps, [one.functions for one in growth], where="post", color=COLOURS["memo-c"])
     functions.set(ylabel="functions")
+    for counted in (beside.yaxis, below.xaxis, functions.yaxis):
+        counted.get_major_locator().set_params(integer=True)
     try:
         figure.savefig(file, dpi=DOTS_PER_INCH, metadata={"Date": None} if file.suffix == ".svg" else None)
     except OSError as error:
