@@ -1,4 +1,4 @@
-"""What merging programs into a function does to things that were never taught (``memo bench functions``).
+"""The effect of merging programs into a function on things that were never taught (``memo bench functions``).
 
 Per simulator and seed a simulated teacher teaches the robot to open some things, ``memo cluster`` merges what was
 learnt, and each book made of it is used to open other things, with nobody watching. A run ends with its first subtask,
@@ -68,7 +68,7 @@ class FunctionBench:
     out: Path
 
     def row(self, seed: int, things: Sequence[str], damaged: bool, opened: Callable[[], None]) -> Row:
-        """What came of one seed, from the folder ``out`` if it is known there; ``opened`` is called after each attempt.
+        """The outcome of one seed, from the folder ``out`` if it is known there; ``opened`` is called after each attempt.
         Raises ``Stopped`` when a person ends a run, ``InvalidArgument`` for a folder that cannot be used."""
         names = [*BOOKS, *(DAMAGED if damaged else ())]
         settings = {suite: one.public() for suite, one in self.experiments.items()}

@@ -100,7 +100,7 @@ class StoppableTrials:
     stop: StopSwitch
 
     def compare(self, template: Entry, program: str) -> Verdict:
-        """As ``PairedTrials.compare``. Raises ``KeyboardInterrupt`` for a stop."""
+        """Compare as ``PairedTrials.compare`` does. Raises ``KeyboardInterrupt`` for a stop."""
         return self.trials.compare(template, program, lambda start: self.stop.check(f"running a program from {start}"))
 
 

@@ -114,7 +114,7 @@ def function_only(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
 
 
 def no_function_notes(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
-    """Without the corrections under the keys of calls."""
+    """Leave out the corrections under the keys of calls."""
     keys = {one.about for one in taught if one.kind == "call"}
     return [one for one in taught if one.kind != "correction" or one.about not in keys]
 
@@ -222,7 +222,7 @@ def _about(book: Skillbook, entry: Entry) -> Key:
 
 
 def _with_templates(taught: Sequence[Taught]) -> list[Taught]:
-    """With a template in place of each call, and without functions."""
+    """Put a template in place of each call, and leave out functions."""
     function_of = {read_function(one.text).name: one.text for one in taught if one.kind == "function"}
     return [
         attrs.evolve(one, kind="template", text=as_template(function_of[read_call(one.text).function], one.text))

@@ -29,7 +29,7 @@ _BESIDE = ("look", "print")  # calls that do nothing to the world
 
 
 def used_by(model: LanguageModel, wanted: FunctionUse) -> FunctionUse:
-    """How a model uses functions where the settings want ``wanted``: one that cannot call them is shown them."""
+    """The use of functions by a model where the settings want ``wanted``: one that cannot call them is shown them."""
     return "show" if wanted == "call" and not model.calls_functions else wanted
 
 

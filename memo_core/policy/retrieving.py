@@ -78,7 +78,7 @@ def _found(session: Session, memory: Memory, key: Key, context: SubtaskContext) 
 
 
 def _use(session: Session) -> FunctionUse:
-    """How functions are used: a model that cannot call them is shown them."""
+    """The use of functions in this run: a model that cannot call them is shown them."""
     return used_by(session.llm, session.functions)
 
 

@@ -83,14 +83,14 @@ class Consolidation:
         self.say(self._told(end_companion(process)))
 
     def _values(self) -> dict[str, Any]:
-        """What it reads. Keys that mean the same stay apart meanwhile: joining them moves what the run retrieves."""
+        """Settings of the process. Keys that mean the same stay apart: joining them moves what the run retrieves."""
         limits = attrs.asdict(self.experiment.section("run"))
         shared = {f"run.{name}": limits[name] for name in limits if name.startswith("study_")}
         own = {"skillbook.url": self.url, "clustering.join_keys": False}
         return public(self.experiment) | shared | own
 
     def _told(self, code: int) -> str:
-        """What was done, and how it ended if not because it was to."""
+        """Sum up the log in one line, with the end of the process if that was not asked for."""
         text = (self.folder / LOG).read_bytes()[self._begins :].decode(errors="replace")
         lines = [line for line in text.splitlines() if line.strip()]
         records = [record for line in lines if isinstance(record := _json(line), dict)]

@@ -249,7 +249,7 @@ def _roll_back(database: Database, connection: sa.Connection, revision: int) -> 
 
 
 def _gave_way_to(connection: sa.Connection, entry: int, before: int) -> int | None:
-    """What an entry gave way to before a revision restored it: what is superseded again comes back if that goes."""
+    """The entry that one gave way to before a revision restored it; if it goes, the one superseded again comes back."""
     where = (_C.entry == entry, _C.change == "superseded", _C.revision < before)
     query = sa.select(_C.because, _C.why).where(*where).order_by(_C.revision.desc()).limit(1)
     row = connection.execute(query).one_or_none()

@@ -26,7 +26,7 @@ _CHUNK = 500
 
 @attrs.frozen
 class LeftOut:
-    """Which revisions of clustering a copy goes without: those for some reasons, and all after a revision."""
+    """Revisions of clustering that a copy goes without: those for some reasons, and all after a revision."""
 
     reasons: tuple[str, ...] = ()
     after: int | None = None  # None: only those for the reasons
@@ -45,7 +45,7 @@ def has_changes(database: Database, connection: sa.Connection, left_out: LeftOut
 
 
 def state_of(database: Database, connection: sa.Connection) -> tuple[int, int]:
-    """What of a book a copy depends on, as numbers that grow: its generation, and how often entries were used."""
+    """The state of a book that a copy depends on, as numbers that grow: generation, and uses of entries."""
     used = sa.select(sa.func.sum(tables.records.c.uses))
     uses = connection.execute(used).scalar() if database.has(connection, tables.records) else 0
     return int(database.meta(connection)["generation"]), int(uses or 0)

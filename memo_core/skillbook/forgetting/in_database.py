@@ -94,7 +94,7 @@ def _forget(connection: sa.Connection, who: str, condition: sa.ColumnElement[boo
 
 
 def _approved_since(connection: sa.Connection, theirs: sa.Select[tuple[int]]) -> list[int]:
-    """Calls that were made with their function and that somebody else approved later as they are."""
+    """Calls that were made with their function and that another person approved later as they are."""
     call, approval, of_function = tables.calls.c, tables.sources.alias(), tables.sources.alias()
     made_with = sa.exists().where(
         call.entry == approval.c.entry,

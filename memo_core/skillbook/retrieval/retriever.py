@@ -345,7 +345,7 @@ class Retriever:
         return tuple(cut for some in (nothing, *beyond.values()) for cut in some[:_NEAR_MISSES])
 
     def _taken(self, keys: BookKeys, retrieved: Sequence[RetrievedEntry]) -> Counter[Key]:
-        """Of each key the number of entries that are retrieved, a note of several under each of them."""
+        """Count the retrieved entries of each key, a note of several keys under each of them."""
         if not keys.several:
             return Counter(one.entry.key for one in retrieved)
         with self._database.read() as connection:

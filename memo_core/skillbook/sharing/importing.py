@@ -242,7 +242,7 @@ class _Merging:
             self._became_template(here, as_template(newest["text"], record["text"]))
 
     def _became_template(self, here: int, text: str) -> None:
-        """What became a template in one book, because its function was retired, is one in each that has it."""
+        """Make a template of a call that became one in the other book, because its function was retired there."""
         call = (_E.id == here, _E.kind == "call")
         changed = self._connection.execute(sa.update(tables.entries).where(*call).values(kind="template", text=text))
         if changed.rowcount:
@@ -258,7 +258,7 @@ class _Merging:
         return bool(record["sources"]) and not sources
 
     def _approved_since(self, record: dict[str, Any]) -> bool:
-        """Whether somebody whose words are here approved a call as it is, after it was made with its function."""
+        """Whether a person whose words are here approved a call as it is, after it was made with its function."""
         if record["kind"] != "call":
             return False
         made_with = {source for one in record["calls"] for source in self._records.functions[one]["sources"]}
