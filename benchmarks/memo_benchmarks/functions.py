@@ -68,7 +68,7 @@ class FunctionBench:
     out: Path
 
     def row(self, seed: int, things: Sequence[str], damaged: bool, opened: Callable[[], None]) -> Row:
-        """The outcome of one seed, from the folder ``out`` if it is known there; ``opened`` is called after each attempt.
+        """The outcome of one seed, from the folder ``out`` if it is there; ``opened`` is called after each attempt.
         Raises ``Stopped`` when a person ends a run, ``InvalidArgument`` for a folder that cannot be used."""
         names = [*BOOKS, *(DAMAGED if damaged else ())]
         settings = {suite: one.public() for suite, one in self.experiments.items()}

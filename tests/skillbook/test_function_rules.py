@@ -83,6 +83,7 @@ def test_two_functions_of_one_name_are_refused():
     ("text", "said"),
     [
         ("open_hinged(door)", "program 3 cannot be used: an argument is not a literal"),
+        ("open_hinged('oven door', angle=-1e999)", "program 3 cannot be used: an argument is not a finite number"),
         ("open_hinged('a'); look()", "does not parse"),
         ("open_other('a')", "it calls open_other"),
         ("open_hinged('a', side='left')", "cannot be called so: got an unexpected keyword argument 'side'"),

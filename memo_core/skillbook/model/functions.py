@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal
@@ -102,6 +103,9 @@ def read_call(text: str) -> Call:
         keywords = tuple((one.arg or "", ast.literal_eval(one.value)) for one in node.keywords)
     except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         raise NotACall("an argument is not a literal: give names and amounts as they are") from None
+    constants = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+    if math.inf in constants:  # 1e999, which cannot be written back
+        raise NotACall("an argument is not a finite number")
     names = [name for name, _ in keywords]
     if "" in names or len(set(names)) < len(names):
         raise NotACall("it has ** or a keyword twice")
