@@ -119,6 +119,11 @@ def no_function_notes(taught: Sequence[Taught], rng: random.Random) -> list[Taug
     return [one for one in taught if one.kind != "correction" or one.about not in keys]
 
 
+def no_functions(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
+    """A template in place of each call, as without consolidation of several keys."""
+    return _with_templates(taught)
+
+
 def _only(*kinds: str) -> Lesion:
     def keep(taught: Sequence[Taught], rng: random.Random) -> list[Taught]:
         return [one for one in taught if one.kind in kinds]
@@ -143,6 +148,7 @@ OF_FUNCTIONS: dict[str, Lesion] = {
     "calls-shuffled": calls_shuffled,
     "function-only": function_only,
     "no-function-notes": no_function_notes,
+    "no-functions": no_functions,
 }
 LESIONS: dict[str, Lesion] = {
     "intact": intact,

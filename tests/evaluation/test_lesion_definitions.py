@@ -23,6 +23,7 @@ from memo_core.evaluation.lesions import (
     lesioned_copy,
     mirrored,
     no_function_notes,
+    no_functions,
     nonsense,
     opposite,
 )
@@ -33,7 +34,7 @@ from memo_core.runs.sections import SECTIONS
 from memo_core.scene.description import Hinge
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.functions import functions_of, merge_notes, merge_programs
-from memo_core.skillbook.model.functions import read_function
+from memo_core.skillbook.model.functions import as_template, read_function
 from memo_core.skillbook.model.keys import Key
 from memo_core.testing.fake_embedder import FakeEmbedder
 from memo_core.testing.fake_store import FakeStore
@@ -144,6 +145,15 @@ def test_no_call_stays_under_its_key_and_nothing_else_moves():
 def test_a_function_alone_has_its_first_call_and_without_its_notes_keeps_those_of_other_keys():
     assert function_only(LEARNT, random.Random(0)) == list(LEARNT[3:5])
     assert no_function_notes(LEARNT, random.Random(0)) == list(LEARNT[1:])
+
+
+def test_without_functions_each_call_is_a_template_with_its_arguments():
+    without = no_functions(LEARNT, random.Random(0))
+    calls = [one for one in LEARNT if one.kind == "call"]
+    assert [(one.about, one.text) for one in without if one.kind == "template"][-len(calls) :] == [
+        (one.about, as_template(SWING, one.text)) for one in calls
+    ]
+    assert not [one for one in without if one.kind in ("call", "function")]
 
 
 @pytest.fixture(scope="module")
