@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from memo_core.llm.readers.json_objects import json_objects, whole_number
+from memo_core.llm.readers.json_objects import json_objects, object_list, whole_number
 from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.llm.readers.unreadable import Unreadable
 from memo_core.skillbook.consolidation.rules import Cluster, Condensed, Dropped, Merged, problem_with
@@ -18,8 +18,8 @@ def read_condensed(text: str, cluster: Cluster) -> Condensed:
     if found is None:
         raise Unreadable(PHASE, 'it is no JSON object with the keys "entries" and "dropped"', text)
     proposal = Condensed(
-        tuple(_merged(item, text) for item in _items(found, "entries", text)),
-        tuple(_dropped(item, cluster, text) for item in _items(found, "dropped", text)),
+        tuple(_merged(item, text) for item in object_list(PHASE, found, "entries", text)),
+        tuple(_dropped(item, cluster, text) for item in object_list(PHASE, found, "dropped", text)),
     )
     longest = max([MAX_NOTE, *(len(member.text) for member in cluster.members)])
     for position, one in enumerate(proposal.entries, start=1):
@@ -29,13 +29,6 @@ def read_condensed(text: str, cluster: Cluster) -> Condensed:
     if problem:
         raise Unreadable(PHASE, problem, text)
     return proposal
-
-
-def _items(found: dict[str, Any], name: str, text: str) -> list[dict[str, Any]]:
-    items = found.get(name) or []
-    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise Unreadable(PHASE, f'"{name}" must be a list of objects', text)
-    return items
 
 
 def _merged(item: dict[str, Any], text: str) -> Merged:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from memo_core.llm.readers.blocks import code_blocks, left_open, outside_code, syntax_problem
-from memo_core.llm.readers.json_objects import json_objects, whole_number
+from memo_core.llm.readers.json_objects import json_objects, object_list, whole_number
 from memo_core.llm.readers.notes import MAX_NOTE
 from memo_core.llm.readers.unreadable import Unreadable, missing, spoken
 from memo_core.skillbook.consolidation.function_rules import (
@@ -48,10 +48,10 @@ def read_generalised(text: str, group: Group, skill_names: Collection[str], take
         raise missing(PHASE, f'it holds no JSON object with the key "functions"{cut}', text, WANTED)
     codes = {name: block for block in code_blocks(said) for name in _DEF.findall(block)}
     proposal = Generalised(
-        tuple(_function(item, codes, text) for item in _items(found, "functions", text)),
-        tuple(_left(item, text) for item in _items(found, "left", text)),
-        tuple(_note(item, text) for item in _items(found, "notes", text)),
-        tuple(_inside(item, text) for item in _items(found, "inside", text)),
+        tuple(_function(item, codes, text) for item in object_list(PHASE, found, "functions", text)),
+        tuple(_left(item, text) for item in object_list(PHASE, found, "left", text)),
+        tuple(_note(item, text) for item in object_list(PHASE, found, "notes", text)),
+        tuple(_inside(item, text) for item in object_list(PHASE, found, "inside", text)),
     )
     longest = max([MAX_NOTE, *(len(note.text) for note in group.notes)])
     for place, note in enumerate(proposal.notes, start=1):
@@ -60,13 +60,6 @@ def read_generalised(text: str, group: Group, skill_names: Collection[str], take
     if problem := problem_with(group, proposal, skill_names, taken):
         raise Unreadable(PHASE, problem, text)
     return proposal
-
-
-def _items(found: dict[str, Any], name: str, text: str) -> list[dict[str, Any]]:
-    items = found.get(name) or []
-    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise Unreadable(PHASE, f'"{name}" must be a list of objects', text)
-    return items
 
 
 def _function(item: dict[str, Any], codes: dict[str, str], text: str) -> NewFunction:

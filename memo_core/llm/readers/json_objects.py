@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from memo_core.llm.readers.unreadable import Unreadable
+
 MOST = 50  # braces that are tried as the beginning of an object
 LAST = 5  # closing braces that are tried as its end
 MOST_DIGITS = 20  # of a number that is written as text
@@ -30,6 +32,15 @@ def json_objects(text: str) -> Iterator[dict[str, Any]]:
             yield value
             yield from _within(value)
         at = text.find("{", end)
+
+
+def object_list(phase: str, found: dict[str, Any], name: str, text: str) -> list[dict[str, Any]]:
+    """The list of objects under a name of an answer's object; empty without it. ``text`` is the whole answer. Raises
+    ``Unreadable`` for anything else."""
+    items = found.get(name) or []
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise Unreadable(phase, f'"{name}" must be a list of objects', text)
+    return items
 
 
 def whole_number(value: Any) -> int | None:
