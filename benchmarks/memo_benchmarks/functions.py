@@ -199,11 +199,16 @@ def measure(
     sizes = [len(things) * (len(BOOKS) + (len(DAMAGED) if place < damaged else 0)) for place in range(len(seeds))]
     total, done = len(benches) * sum(sizes), 0
     rows: list[Row] = []
+    steps = count(1)
+
+    def opened() -> None:
+        progress(next(steps) / total)
+
     for place, seed in enumerate(seeds):
         for bench in benches:
+            rows.append(bench.row(seed, things, place < damaged, opened))
+            done += sizes[place]  # a row that was there already called nothing
             steps = count(done + 1)
-            rows.append(bench.row(seed, things, place < damaged, lambda steps=steps: progress(next(steps) / total)))  # type: ignore[misc]
-            done += sizes[place]
     return rows
 
 

@@ -26,7 +26,7 @@ from memo_core.scene.pose import Pose
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.functions import further_keys, store
 from memo_core.skillbook.model.action_relations import default_actions
-from memo_core.skillbook.model.entries import Entry
+from memo_core.skillbook.model.entries import Entry, FeedbackKind
 from memo_core.skillbook.model.functions import GeneralFunction, as_template, read_call, read_function
 from memo_core.skillbook.model.keys import Key
 from memo_core.skillbook.writing.functions import GroupChange
@@ -179,13 +179,13 @@ def lesioned_copy(book: Skillbook, copy: Skillbook, lesion: str, seed: int = 0) 
     for one in damaged:
         if one.kind == "function":
             continue  # stored with its calls
-        kind = "approval" if one.kind in _PROGRAMS else "correction"
+        kind: FeedbackKind = "approval" if one.kind in _PROGRAMS else "correction"
         feedback = copy.record_feedback(
             one.text,
             f"lesion {lesion}",
             subtask=str(one.about),
             scene_graph=one.scene_graph,
-            kind=kind,  # type: ignore[arg-type]
+            kind=kind,
         )
         if one.kind == "call":
             name = read_call(one.text).function
@@ -213,7 +213,7 @@ def _taught(book: Skillbook, entry: Entry) -> list[Taught]:
     said = [book.feedback(one) for one in book.sources([entry.id])]
     seen = [one for one in said if one.scene_graph]
 
-    def scene_of(key: Key) -> str:  # the newest, if possible of what was said about this key
+    def scene_of(key: Key) -> str:  # of the newest feedback, if possible about this key
         return max(seen, key=lambda one: (one.subtask == str(key), one.id)).scene_graph if seen else ""
 
     keys = (_about(book, entry), *further_keys(book, entry))
