@@ -132,7 +132,7 @@ class Lesson:
     def _perform(
         self, task: Task, book: Skillbook, teacher: Teacher | None, folder: str
     ) -> tuple[RunReport, Outcome | None]:
-        """As ``perform_judged``. Raises ``Stopped`` where a person ended the run."""
+        """Run as ``perform_judged`` does. Raises ``Stopped`` where a person ended the run."""
         run_folder = partial(new_run_folder, self.folder, folder, self.seed)
         report, first = perform_judged(self.experiment, self._registry, task, book, teacher, run_folder, self._llm)
         if report.ended_by_person:

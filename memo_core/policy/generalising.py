@@ -177,8 +177,8 @@ class Generalising:
     def generalise(self, group: Group, commit: bool = True) -> GroupOutcome:
         """Ask, check, run, and (with ``commit``) store.
 
-        A call that does worse than its program is shown to the model with what happened and the answer that it is of,
-        at most ``reasks`` times; after that its program is left as it is. A function is given up if it is left with
+        A call that does worse than its program is shown to the model with what happened and with that answer, at
+        most ``reasks`` times; after that its program is left as it is. A function is given up if it is left with
         programs of one key, is longer than they are, or loses a program that called it before. Of several answers the
         one counts whose calls replace most programs, the newest if several do.
 

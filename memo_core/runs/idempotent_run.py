@@ -24,7 +24,7 @@ from memo_core.text.parsing import parse_json
 
 
 def public(experiment: Experiment) -> dict[str, Any]:
-    """What a run of many records of its experiment: all that a single run would, without the sections of the whole."""
+    """Settings that one run of many records: those of a single run, without the sections of the whole experiment."""
     whole = ("study.", "books.", "evaluation.", "report.")
     return {path: value for path, value in experiment.public().items() if not path.startswith(whole)}
 

@@ -601,7 +601,7 @@ def taught(registry, tmp_path_factory):
 
 @pytest.fixture
 def lifting(taught, tmp_path):
-    """A book with the template that a run taught, and two of which no run is known."""
+    """A book with the template that a run taught, and two templates without a run."""
     shutil.copy(taught / "book.db", tmp_path / "book.db")
     with Skillbook(str(tmp_path / "book.db")) as opened:
         for name in ("ball", "can"):

@@ -1,4 +1,4 @@
-"""Generalising a group: a call that failed is shown to the model with the answer that it is of."""
+"""Generalising a group: a call that failed is shown to the model together with its answer."""
 
 from __future__ import annotations
 

@@ -284,7 +284,7 @@ def test_wrong_arguments_in_a_merged_program_are_asked_about_again(sandbox, book
 
 
 class Killed(BaseException):
-    """As of a process that dies: nothing handles it."""
+    """The end of a process, which nothing handles."""
 
 
 def die(*_: object) -> Verdict:
@@ -405,7 +405,7 @@ def test_of_any_program_the_only_call_is_one_that_does_the_same_when_it_is_run_a
 
 
 def effects(code: str) -> list[str]:
-    """What a program does to the world, on a robot that notes it."""
+    """List the skill calls of a program, on a robot that records them."""
     done: list[str] = []
 
     def noting(name: str):

@@ -21,7 +21,7 @@ GROUP = st.lists(
     st.tuples(st.sampled_from(PEOPLE), st.sampled_from((85, 70, 60.5)), st.booleans()), min_size=2, max_size=6
 )
 SHARED = ("merge", "merge again", "roll back", "edit", "approve", "approve call", "use", "join notes")
-ACTS = (*SHARED, "forget", "copy")  # a book withdraws nobody else's words
+ACTS = (*SHARED, "forget", "copy")  # which end an exchange: a book withdraws only feedback that was given in it
 
 
 class Doing:

@@ -261,7 +261,7 @@ def test_a_function_that_nothing_calls_is_edited_to_a_function_of_a_free_name_on
 
 
 def test_a_call_that_comes_back_without_its_function_is_a_template(book) -> None:
-    """What retired the function may be undone in another order than it was done."""
+    """Revisions that retired a function may be undone in another order than they were made."""
     teach_doors(book)
     revision = merged(book)
     approve_call(book, FRIDGE, FRIDGE_CALL)

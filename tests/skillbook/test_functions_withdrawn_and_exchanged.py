@@ -128,7 +128,7 @@ def test_a_call_that_goes_takes_no_code_of_others_out_of_files(book, tmp_path: P
 
 
 def test_a_call_of_a_template_that_somebody_else_approved_later_stays_too(book) -> None:
-    """As a template does that is approved again as it is."""
+    """A template that is approved again as it is stays as well."""
     teach_doors(book)
     merged(book)
     [learnt] = functions_of(book)

@@ -53,7 +53,7 @@ def active(book: Skillbook) -> list[tuple[str, str, str]]:
 
 
 def tree(code: str) -> str:
-    """What a program does: its code without name and docstring."""
+    """A program's code without name and docstring, for comparing what it does."""
     parsed = ast.parse(code)
     [function] = [node for node in parsed.body if isinstance(node, ast.FunctionDef)]
     function.name, function.body = "", function.body[1:]
@@ -61,7 +61,7 @@ def tree(code: str) -> str:
 
 
 def programs(book: Skillbook) -> dict[str, set[str]]:
-    """By key what each active program does; every call must have an active function."""
+    """List by key the trees of the active programs; every call must have an active function."""
     function_of = {call.id: one.entry.text for one in functions_of(book) for call in one.calls}
     found: dict[str, set[str]] = {}
     for entry in book.entries():
@@ -72,12 +72,12 @@ def programs(book: Skillbook) -> dict[str, set[str]]:
 
 
 def exported(book: Skillbook) -> list[dict[str, Any]]:
-    """As a file would hold it."""
+    """The book's export as a file holds it."""
     return [json.loads(json.dumps(record)) for record in exchange.export(book)]
 
 
 def content(book: Skillbook) -> dict[str, Counter[tuple[object, ...]]]:
-    """What a book holds, without numbers."""
+    """The contents of a book, without numbers."""
     records = exported(book)
     said = {r["id"]: (r["words"], r["who"], r["subtask"], r["kind"]) for r in records if r["record"] == "feedback"}
     entries = {r["id"]: r for r in records if r["record"] == "entry"}

@@ -68,7 +68,7 @@ def active(book: Skillbook, kind: str) -> dict[str, str]:
 
 @attrs.frozen
 class Judgement:
-    """What a tester found (``generalising.Verdict``)."""
+    """The verdict of a tester (``generalising.Verdict``)."""
 
     reason: str = ""
     untestable: str = ""
@@ -124,7 +124,7 @@ def generalising(
 def generalised(
     book: Skillbook, model: Sequence[Line], tester: object = None, commit: bool = True, **settings: Any
 ) -> tuple[GroupOutcome, ScriptedModel]:
-    """What became of the only group of a book, and the model that was asked."""
+    """The outcome of the only group of a book, and the model that was asked."""
     made, llm = generalising(book, model, tester, **settings)
     [group] = made.groups()
     return made.generalise(group, commit), llm

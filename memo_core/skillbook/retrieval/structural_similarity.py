@@ -96,7 +96,7 @@ class BuiltDifferently:
 def _own_scene(rows: Iterable[Sequence[Any]], entries: dict[int, Entry]) -> dict[int, int]:
     """Find by entry the newest feedback whose scene is that of the entry.
 
-    If possible it is about the entry's own subtask, since an entry may also derive from what was said of others.
+    If possible it is about the entry's own subtask, since an entry may also derive from feedback about others.
 
     Args:
         rows: entry, feedback, and subtask of the feedback, by ascending feedback.

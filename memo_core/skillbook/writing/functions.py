@@ -64,7 +64,7 @@ class GroupChange:
         functions: new functions; their calls name active templates or calls.
         replaced: functions that the new ones replace.
         inside: note and index of the function that does what it says at every call.
-        notes: notes with several keys in place of those that they were made of.
+        notes: notes with several keys, each in place of its sources.
         considered: all programs and notes of the group, left ones too: as long as they are the same, the group is not
             considered again.
         trials: by the program that a call stands in for, each start from which the call was run, whether it succeeded,
