@@ -106,6 +106,7 @@ PLACEHOLDERS: dict[str, dict[str, str]] = {
         "templates": "related templates, each with .key, .text, .uses and .confirmed",
         "covered": "the number of the template whose repetitions among the notes may go, or 0",
         "characters": "how many characters all entries may have together",
+        "longest": "how many characters one entry may have",
     },
     "generalise": {
         "skills": _SKILLS,
@@ -123,7 +124,7 @@ OPTIONAL: dict[str, dict[str, Any]] = {  # what a question that says nothing of 
     "feedback": {"printed": "", "earlier": (), "subtasks": (), "planning": False, "plans": False},
     "template": {"printed": ""},
     "merge": {"restart": False},
-    "cluster": {"covered": 0},
+    "cluster": {"covered": 0, "longest": 0},
 }
 REQUIRED: dict[str, tuple[str, ...]] = {  # without these a question cannot be answered
     SYSTEM: (),
@@ -196,6 +197,7 @@ SAMPLES: dict[str, Any] = {  # what a file is rendered with when it is checked
     "entries": [_Entry()],
     "characters": 100,
     "covered": 1,
+    "longest": 400,
 }
 
 

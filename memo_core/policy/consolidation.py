@@ -15,10 +15,10 @@ import attrs
 from memo_core.events import ClusterDone, Event
 from memo_core.llm.calls import ModelCalls
 from memo_core.llm.prompt_files import Prompts
-from memo_core.llm.readers.condensed import read_condensed
+from memo_core.llm.readers.condensed import longest_entry, read_condensed
 from memo_core.llm.readers.unreadable import Unreadable
 from memo_core.policy.generalising import Generalising, GroupOutcome
-from memo_core.policy.model_questions import put
+from memo_core.policy.model_questions import put, schema_of
 from memo_core.skillbook import consolidating, history
 from memo_core.skillbook.book import Skillbook
 from memo_core.skillbook.consolidation.condensing import ClusterChanged, ClusterLimits, Clusters
@@ -230,11 +230,19 @@ class Clustering:
     def _proposal(self, cluster: Cluster) -> tuple[Condensed, int]:
         if len(cluster.members) < 2 and not cluster.templates:
             return Condensed(tuple(Merged(member.text, (1,)) for member in cluster.members)), 0
-        messages = self._prompts.messages(PHASE, prompt_context(cluster, self._book))
+        context = prompt_context(cluster, self._book)
+        messages = self._prompts.messages(PHASE, context)
         stamp = self._prompts.text(PHASE).stamp
         reasks = self._settings.reasks
         proposal, asked = put(
-            self._calls, PHASE, messages, lambda text: read_condensed(text, cluster), reasks, self._seed, stamp
+            self._calls,
+            PHASE,
+            messages,
+            lambda text: read_condensed(text, cluster),
+            reasks,
+            self._seed,
+            stamp,
+            schema_of(PHASE, context),
         )
         return proposal, asked.calls
 
@@ -259,5 +267,6 @@ def prompt_context(cluster: Cluster, book: Skillbook) -> dict[str, Any]:
             for template in cluster.templates
         ],
         "characters": cluster.characters,
+        "longest": longest_entry(cluster),
         "covered": own if cluster.drop_covered else 0,
     }

@@ -87,4 +87,4 @@ def example_questions(prompts: Prompts, robot: RobotDescription, skills: str, su
     entries = [{"text": text, "after": 0} for text in NOTES]
     context = {"key": SUBTASK, "entries": entries, "templates": [], "characters": cluster.characters}
     read = partial(read_condensed, cluster=cluster)
-    yield ExampleQuestion("cluster", prompts.messages("cluster", context), schema_of("cluster", {}), read)
+    yield ExampleQuestion("cluster", prompts.messages("cluster", context), schema_of("cluster", context), read)

@@ -27,60 +27,39 @@ _ENDED: dict[Cause, str] = {
     "refusal": "the model or a content filter refuses to answer; other words or another model may help",
 }
 
-_STRINGS = {"type": "array", "items": {"type": "string"}}
-_ELSEWHERE = {
-    "type": "array",
-    "items": {
-        "type": "object",
-        "properties": {"subtask": {"type": "string"}, "note": {"type": "string"}},
-        "required": ["subtask", "note"],
-        "additionalProperties": False,
-    },
-}
-SCHEMAS: dict[str, dict[str, Any]] = {
-    "cluster": {
-        "type": "object",
-        "properties": {
-            "entries": {
-                "type": "array",
-                "items": {
-                    "type": "object",
-                    "properties": {
-                        "text": {"type": "string"},
-                        "from": {"type": "array", "items": {"type": "integer"}},
-                    },
-                    "required": ["text", "from"],
-                    "additionalProperties": False,
-                },
-            },
-            "dropped": {
-                "type": "array",
-                "items": {
-                    "type": "object",
-                    "properties": {
-                        "number": {"type": "integer"},
-                        "template": {"type": "integer"},
-                        "reason": {"type": "string"},
-                    },
-                    "required": ["number", "template", "reason"],
-                    "additionalProperties": False,
-                },
-            },
-        },
-        "required": ["entries", "dropped"],
-        "additionalProperties": False,
-    },
-}
+_STRING = {"type": "string"}
+_NUMBER = {"type": "integer"}
+_STRINGS = {"type": "array", "items": _STRING}
 
 
 def schema_of(phase: str, context: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The JSON Schema of the expected answer; None if the answer is not JSON."""
-    if phase != "feedback":
-        return SCHEMAS.get(phase)
+    """The JSON Schema of the expected answer; None if the answer is not JSON, or has too many shapes for a schema."""
+    if phase == "feedback":
+        return _feedback_schema(context)
+    return _cluster_schema(context) if phase == "cluster" else None
+
+
+def _feedback_schema(context: Mapping[str, Any]) -> dict[str, Any]:
     lists = {"corrections": _STRINGS, "general": _STRINGS}
     lists |= {"plan": _STRINGS} if context.get("plans") else {}
-    lists |= {"elsewhere": _ELSEWHERE} if context.get("subtasks") else {}
-    properties = {**lists, "unclear": {"type": "string"}}
+    lists |= {"elsewhere": _list_of(subtask=_STRING, note=_STRING)} if context.get("subtasks") else {}
+    return _object(**lists, unclear=_STRING)
+
+
+def _cluster_schema(context: Mapping[str, Any]) -> dict[str, Any]:
+    covered = {"covered": {"type": "boolean"}} if context.get("covered") else {}
+    return _object(
+        entries=_list_of(text=_STRING, **{"from": {"type": "array", "items": _NUMBER}}),
+        dropped=_list_of(number=_NUMBER, template=_NUMBER, reason=_STRING, **covered),
+    )
+
+
+def _list_of(**properties: Any) -> dict[str, Any]:
+    return {"type": "array", "items": _object(**properties)}
+
+
+def _object(**properties: Any) -> dict[str, Any]:
+    """The schema of an object with exactly these keys; strict modes of providers demand that all are required."""
     return {
         "type": "object",
         "properties": properties,
@@ -148,7 +127,7 @@ def put(
     asked, reader = 0, _Reader(read)
     while True:
         asked += 1
-        request = Request(phase, messages, schema or SCHEMAS.get(phase), seed, stamp)
+        request = Request(phase, messages, schema, seed, stamp)
         try:
             answer, file = calls.answer(request, reader.prepare)
         except LanguageModelError as error:

@@ -80,9 +80,11 @@ def test_without_the_setting_it_stays():
 
 
 @pytest.mark.parametrize("allowed", [True, False])
-def test_the_question_speaks_of_covered_notes_where_they_may_go(allowed):
+def test_the_question_and_its_schema_speak_of_covered_notes_where_they_may_go(allowed):
     def answer(request) -> str:
         assert ('"covered": true' in request.messages[-1].text) == allowed
+        dropped = request.response_schema["properties"]["dropped"]["items"]
+        assert ("covered" in dropped["properties"]) == ("covered" in dropped["required"]) == allowed
         entries = [{"text": text, "from": [number]} for number, text in enumerate((COVERED, FURTHER), 1)]
         gone = {"number": 1, "template": 1, "reason": "it does", "covered": True}
         return json.dumps({"entries": entries[1:] if allowed else entries, "dropped": [gone] if allowed else []})

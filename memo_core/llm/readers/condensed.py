@@ -21,7 +21,7 @@ def read_condensed(text: str, cluster: Cluster) -> Condensed:
         tuple(_merged(item, text) for item in object_list(PHASE, found, "entries", text)),
         tuple(_dropped(item, cluster, text) for item in object_list(PHASE, found, "dropped", text)),
     )
-    longest = max([MAX_NOTE, *(len(member.text) for member in cluster.members)])
+    longest = longest_entry(cluster)
     for position, one in enumerate(proposal.entries, start=1):
         if len(one.text) > longest:
             raise Unreadable(PHASE, f"entry {position} has {len(one.text)} characters; at most {longest}", text)
@@ -29,6 +29,11 @@ def read_condensed(text: str, cluster: Cluster) -> Condensed:
     if problem:
         raise Unreadable(PHASE, problem, text)
     return proposal
+
+
+def longest_entry(cluster: Cluster) -> int:
+    """Maximum number of characters of an entry: the limit of a note, or the longest note where that is longer."""
+    return max([MAX_NOTE, *(len(member.text) for member in cluster.members)])
 
 
 def _merged(item: dict[str, Any], text: str) -> Merged:
