@@ -1,0 +1,41 @@
+"""What an evaluation's figures were made with: language model, simulator or robot, perception and suite, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def made_with(settings: Mapping[str, Any]) -> str:
+    """The backends behind every rate, such as ``language backend: litellm (x/y); simulator: mujoco; …``.
+
+    Args:
+        settings: resolved experiment, as kept in ``config.yaml``; kinds that it lacks are left out.
+
+    Returns:
+        One line for headings and notes.
+    """
+    parts = [("language backend", settings.get("llm")), _world(settings), ("perception", settings.get("perception"))]
+    parts += [("suite", settings.get("suite"))]
+    return "; ".join(f"{kind}: {named(section)}" for kind, section in parts if section)
+
+
+def named(section: Mapping[str, Any]) -> str:
+    """A backend, with its model where it has one."""
+    model = section.get("model") or (section.get("inner") or {}).get("model")
+    return f"{section['backend']} ({model})" if model else str(section["backend"])
+
+
+def method_settings(settings: Mapping[str, Any]) -> dict[str, str]:
+    """The settings of each compared method that has any, such as ``checkpoint: base, steps: 5``."""
+    listed = settings.get("evaluation", {}).get("methods", ())
+    entries = [dict(entry) for entry in listed if isinstance(entry, Mapping)]
+    shown = {entry.pop("backend"): ", ".join(f"{key}: {value}" for key, value in entry.items()) for entry in entries}
+    return {method: text for method, text in shown.items() if text}
+
+
+def _world(settings: Mapping[str, Any]) -> tuple[str, Any]:
+    """The simulator, or the driver of a real robot."""
+    driver = (settings.get("robot") or {}).get("driver") or {}
+    simulated = not driver or driver.get("backend") == "simulated"
+    return ("simulator", settings.get("simulator")) if simulated else ("robot driver", driver)
