@@ -232,7 +232,7 @@ def _keep_code(experiment: Experiment, folder: Path, note: Callable[[str], None]
 
 def _check_same(folder: Path, values: dict[str, Any]) -> None:
     before = yaml.safe_load((folder / CONFIG).read_text(encoding="utf-8"))
-    then, now = _methods_of(before), _methods_of(nested(values))
+    then, now = methods_of(before), methods_of(nested(values))
     both = {f"evaluation.methods.{name}": (then[name], now[name]) for name in then if name in now}
     kept = {name: section for name, section in before.items() if f"{name}." not in _GRID}
     kept |= nested({path: settings for path, (settings, _) in both.items()})
@@ -245,7 +245,7 @@ def _check_same(folder: Path, values: dict[str, Any]) -> None:
         raise InvalidArgument("--out", problem, "another folder, or the same experiment") from None
 
 
-def _methods_of(settings: dict[str, Any]) -> dict[str, Any]:
+def methods_of(settings: dict[str, Any]) -> dict[str, Any]:
     """The settings of the methods that an evaluation compares, by method."""
     listed = settings.get("evaluation", {}).get("methods", ())
     entries = [{"backend": entry} if isinstance(entry, str) else entry for entry in listed]  # text: a former version's

@@ -27,11 +27,17 @@ def named(section: Mapping[str, Any]) -> str:
 
 
 def method_settings(settings: Mapping[str, Any]) -> dict[str, str]:
-    """The settings of each compared method that has any, such as ``checkpoint: base, steps: 5``."""
+    """The settings of each compared method that has any, such as ``checkpoint: base, steps: 5``; empty ones are left
+    out."""
     listed = settings.get("evaluation", {}).get("methods", ())
-    entries = [dict(entry) for entry in listed if isinstance(entry, Mapping)]
-    shown = {entry.pop("backend"): ", ".join(f"{key}: {value}" for key, value in entry.items()) for entry in entries}
-    return {method: text for method, text in shown.items() if text}
+    told = {entry["backend"]: _in_words(entry) for entry in listed if isinstance(entry, Mapping)}
+    return {method: words for method, words in told.items() if words}
+
+
+def _in_words(section: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{key}: {value}" for key, value in section.items() if key != "backend" and value not in (None, "")
+    )
 
 
 def _world(settings: Mapping[str, Any]) -> tuple[str, Any]:

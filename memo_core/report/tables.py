@@ -98,7 +98,7 @@ def success_and_corrections(findings: Findings) -> Table:
                 _hours(zero or watched) if findings.has_memory(method) else NOT_ABLE,
                 _rate(zero),
                 *(corrected if findings.takes_feedback(method) else [NOT_ABLE] * len(corrected)),
-                _number(zero, "programs") if any(row["programs"] for row in zero) else NOT_ABLE,
+                NOT_ABLE if zero and not any(row["programs"] for row in zero) else _number(zero, "programs"),
                 len(zero),
                 len(watched) if findings.takes_feedback(method) else NOT_ABLE,
             )
@@ -235,7 +235,8 @@ def retrieval(findings: Findings) -> Table:
         "skillbook."
     )
     columns = ("method", "entries served", "irrelevant", "share", "served a trial")
-    return Table("retrieval", "Irrelevant entries served, largest book, zero-shot", columns, tuple(rows), note)
+    shown = tuple(rows) if any(row[1] != NOT_ABLE for row in rows) else ()
+    return Table("retrieval", "Irrelevant entries served, largest book, zero-shot", columns, shown, note)
 
 
 def failures(findings: Findings) -> Table:

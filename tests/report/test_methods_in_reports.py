@@ -164,7 +164,7 @@ def test_a_suite_at_its_floor_or_ceiling_for_all_methods_is_warned_of(tmp_path, 
     page = write_report(Registry(), folder).page.read_text(encoding="utf-8")
     warnings = warnings_of(gather(Registry(), folder))
     assert len(warnings) == bool(said) and all(line.startswith(said) for line in warnings)
-    assert all("at most 5 % or in at least 95 %" in line and line in page for line in warnings)
+    assert all("at most 5 %, or in at least 95 %" in line and line in page for line in warnings)
     assert page.count('<p class="warning">') == len(warnings)
 
 
