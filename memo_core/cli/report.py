@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def command(
     folder: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Folder of an experiment, or of one run.")
+        Path | None, typer.Argument(metavar="DIR", help="Folder of an experiment, or of one run.")
     ] = None,
     films: Annotated[
         bool, typer.Option("--films", help="First do a success and a failure of each method and task again, filmed.")
@@ -67,8 +67,8 @@ def _compare(a: Path, b: Path, json: bool) -> None:
 
 def _show(compared: Comparison) -> None:
     for name, one in (("A", compared.a), ("B", compared.b)):
-        failed = f", {one.errors} further ones could not be carried out" if one.errors else ""
-        print(f"{name}: {one.folder}, {len(one.rows)} trials{failed}\n   {one.made_with}")
+        failed = f"; not carried out: {one.errors}" if one.errors else ""
+        print(f"{name}: {one.folder}; trials: {len(one.rows)}{failed}\n   {one.made_with}")
     print()
     if compared.differing:
         print_table(("setting", "A", "B"), compared.differing)
@@ -83,11 +83,11 @@ def _show(compared: Comparison) -> None:
             rate.task,
             f"{rate.a.text()} of {rate.a.trials}",
             f"{rate.b.text()} of {rate.b.trials}",
-            "-" if rate.difference is None else f"{rate.difference.text(unit=' points')}, {rate.pairs} pairs",
+            "-" if rate.difference is None else f"{rate.difference.text(unit=' points')} of {rate.pairs}",
         )
         for rate in compared.rates
     ]
-    print_table(("method", "mode", "skillbook", "task", "A", "B", "B - A"), rows)
+    print_table(("method", "mode", "skillbook", "task", "A", "B", "B - A, of pairs"), rows)
     print(*compared.notes, sep="\n")
 
 

@@ -28,7 +28,7 @@ from memo_core.evaluation.engines import Group, GroupResult, do_here, on_joblib,
 from memo_core.evaluation.grid import Trial, trials_of
 from memo_core.evaluation.on_hardware import check_settings, in_random_order, is_hardware
 from memo_core.evaluation.settings import EvaluationSettings
-from memo_core.evaluation.table import rows_of, write_table
+from memo_core.evaluation.table import outcomes, rows_of, write_table
 from memo_core.evaluation.trial import Place, do_on_robot, experiment_of
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
@@ -94,7 +94,7 @@ class Evaluated:
             "planned": self.planned,
             "runs": ran,
             "shared": len(self.rows) - ran,
-            "successes": sum(row["success"] for row in self.rows),
+            "outcomes": outcomes(self.rows),
             "errors": len(self.errors),
             "wall_s": round(self.wall_s, 1),
         }

@@ -11,10 +11,10 @@ import yaml
 
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.evaluating import CODE, methods_of
-from memo_core.evaluation.table import ERRORS, read_table
+from memo_core.evaluation.table import ERRORS, book_name, has_memory, read_table
 from memo_core.report.made_with import made_with
 from memo_core.report.separation import extreme
-from memo_core.report.statistics import Interval, Outcomes, difference, has_memory, interval
+from memo_core.report.statistics import Interval, Outcomes, difference, interval
 from memo_core.report.tables import rate_of
 from memo_core.runs.folder import flat
 from memo_core.study.study import CONFIG
@@ -66,7 +66,7 @@ class Rate:
 
 @attrs.frozen(eq=False)
 class Comparison:
-    """What ``memo report --compare`` shows. ``differing``: setting, value in A, value in B."""
+    """The result of ``memo report --compare``. ``differing``: setting, value in A, value in B."""
 
     a: Evaluation
     b: Evaluation
@@ -75,7 +75,7 @@ class Comparison:
     notes: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
-        """As ``memo report --compare A B --json`` prints it."""
+        """The document that ``memo report --compare A B --json`` prints."""
         return {
             "a": self.a.summary(),
             "b": self.b.summary(),
@@ -146,23 +146,17 @@ def _rates(a: Evaluation, b: Evaluation) -> Iterator[Rate]:
     of_a, of_b = _by_key(a), _by_key(b)
     for key in _common(of_a, of_b):
         tasks = [task for task in dict.fromkeys(row["task"] for row in of_a[key]) if _at(of_b[key], [task])]
-        for name, wanted in ((ALL, tasks), *((task, [task]) for task in tasks)):
-            if wanted:
-                yield _rate(key, name, _at(of_a[key], wanted), _at(of_b[key], wanted), a.suite == b.suite)
+        together = [(ALL, tasks)] if len(tasks) > 1 else []
+        for name, wanted in (*together, *((task, [task]) for task in tasks)):
+            yield _rate(key, name, _at(of_a[key], wanted), _at(of_b[key], wanted), a.suite == b.suite)
 
 
 def _by_key(evaluation: Evaluation) -> dict[Key, Rows]:
     """Trials by method, mode and skillbook."""
     found: dict[Key, Rows] = {}
     for row in evaluation.rows:
-        found.setdefault((row["method"], row["mode"], _book(row)), []).append(row)
+        found.setdefault((row["method"], row["mode"], book_name(row)), []).append(row)
     return found
-
-
-def _book(row: dict[str, Any]) -> str:
-    if row["given"]:
-        return Path(row["given"]).stem
-    return f"{row['hours']:g} h" if has_memory(row) and row["hours"] is not None else ""
 
 
 def _common(of_a: Mapping[Key, Rows], of_b: Mapping[Key, Rows]) -> list[Key]:
@@ -201,13 +195,13 @@ def _one_sided(a: Evaluation, b: Evaluation) -> Iterator[str]:
 
 
 def _not_compared(a: Evaluation, b: Evaluation, rates: Sequence[Rate]) -> Iterator[str]:
-    """What both have tried, with other skillbooks or at other tasks."""
+    """Methods that both have tried, with other skillbooks or at other tasks."""
     yield from _memory_differs(a, b)
     compared = {(rate.method, rate.mode) for rate in rates}
     books: list[dict[tuple[str, str], list[str]]] = [{}, {}]
     for found, one in zip(books, (a, b), strict=True):
         for row in one.rows:
-            found.setdefault((row["method"], row["mode"]), []).append(_book(row) or "no skillbook")
+            found.setdefault((row["method"], row["mode"]), []).append(book_name(row) or "no skillbook")
     for key in books[0].keys() & books[1].keys() - compared:
         of_a, of_b = (", ".join(dict.fromkeys(found[key])) for found in books)
         yield f"{' '.join(key)} has no skillbook and task in common: {of_a} in A, {of_b} in B"
@@ -222,8 +216,9 @@ def _memory_differs(a: Evaluation, b: Evaluation) -> Iterator[str]:
 
 
 def _not_separating(rates: Sequence[Rate]) -> Iterator[str]:
-    for rate in rates:
-        if rate.task == ALL and (at := extreme([rate.a.value, rate.b.value])):
+    first = {(rate.method, rate.mode, rate.book): rate for rate in reversed(rates)}  # all tasks, or the only one
+    for rate in reversed(first.values()):
+        if at := extreme([rate.a.value, rate.b.value]):
             yield f"{rate.method} {rate.mode}: both evaluations are at the {at}, so that their rates separate nothing"
 
 
@@ -233,5 +228,5 @@ def _unpaired(a: Evaluation, b: Evaluation) -> Iterator[str]:
 
 
 def _told(evaluation: Evaluation) -> str:
-    methods = dict.fromkeys(f"{row['method']} {row['mode']} {_book(row)}".strip() for row in evaluation.rows)
+    methods = dict.fromkeys(f"{row['method']} {row['mode']} {book_name(row)}".strip() for row in evaluation.rows)
     return f"{', '.join(methods)} at {', '.join(dict.fromkeys(row['task'] for row in evaluation.rows))}"

@@ -13,9 +13,8 @@ from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument
 from memo_core.evaluation.books import contents
 from memo_core.evaluation.references import read_references
-from memo_core.evaluation.table import ERRORS, read_table
+from memo_core.evaluation.table import ERRORS, has_memory, read_table
 from memo_core.report.made_with import made_with, method_settings, named
-from memo_core.report.statistics import has_memory
 from memo_core.runs.factories import book_of, tasks_of
 from memo_core.skillbook.functions import functions_of, record_of
 from memo_core.skillbook.model.entries import GLOBAL_KEY

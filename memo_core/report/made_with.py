@@ -1,4 +1,5 @@
-"""What an evaluation's figures were made with: language model, simulator or robot, perception and suite, in words."""
+"""The backends that an evaluation's figures were made with, in words: language model, simulator or robot, perception
+and suite."""
 
 from __future__ import annotations
 
@@ -35,9 +36,8 @@ def method_settings(settings: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _in_words(section: Mapping[str, Any]) -> str:
-    return ", ".join(
-        f"{key}: {value}" for key, value in section.items() if key != "backend" and value not in (None, "")
-    )
+    given = {key: value for key, value in section.items() if key != "backend" and value not in (None, "")}
+    return ", ".join(f"{key}: {value}" for key, value in given.items())
 
 
 def _world(settings: Mapping[str, Any]) -> tuple[str, Any]:

@@ -18,7 +18,7 @@ Rows = Sequence[dict[str, Any]]
 
 
 def extreme(rates: Sequence[float]) -> str:
-    """Where several success rates do not separate what they are of.
+    """Whether several success rates are too alike at an end of the scale to separate methods.
 
     Args:
         rates: success rates in [0, 1], one for each method that is compared.

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from memo_core.errors import InvalidArgument
+from memo_core.evaluation.table import has_memory
 
 Scores = NDArray[np.float64]
 Draw = tuple[NDArray[np.int64], dict[str, NDArray[np.int64]]]
@@ -45,12 +46,6 @@ class Interval:
         return f"{value}{unit} ({low} to {high})"
 
 
-def has_memory(row: Mapping[str, Any]) -> bool:
-    """Whether a row of an evaluation's table is of a method with a skillbook, empty or not. Tables of former versions
-    lack the column."""
-    return bool(row.get("memory", row["history"] is not None or bool(row.get("given"))))
-
-
 def poolable(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """The rows, which may be averaged: all are with a skillbook, or all are without. Raises ``InvalidArgument``."""
     listed = list(rows)
@@ -68,8 +63,8 @@ class Outcomes:
 
     @classmethod
     def of(cls, rows: Iterable[dict[str, Any]], column: str = "success") -> Outcomes:
-        """From rows of an evaluation's table; trials of one scene are averaged, missing ones are NaN. Raises
-        ``InvalidArgument`` for rows with and without a skillbook together."""
+        """Make outcomes of rows of an evaluation's table; trials of one scene are averaged, missing ones are NaN.
+        Raises ``InvalidArgument`` for rows with and without a skillbook together."""
         cells: dict[str, dict[tuple[Any, int], list[float]]] = {}
         for row in poolable(rows):
             cells.setdefault(row["task"], {}).setdefault((row["history"], row["scene"]), []).append(float(row[column]))

@@ -13,11 +13,12 @@ import pytest
 import yaml
 
 from memo_core.errors import InvalidArgument
+from memo_core.evaluation.table import has_memory, outcomes
 from memo_core.plugins.registry import Registry
 from memo_core.report import beside_the_paper, figures, tables
 from memo_core.report.findings import gather
 from memo_core.report.separation import warnings_of
-from memo_core.report.statistics import Outcomes, has_memory, poolable
+from memo_core.report.statistics import Outcomes, poolable
 from memo_core.report.writing import write_report
 
 BLANK = {
@@ -106,7 +107,6 @@ def test_rows_with_and_without_a_skillbook_are_refused_where_rows_are_averaged()
 
 
 def test_no_table_or_figure_averages_rows_with_a_skillbook_and_rows_without(tmp_path, monkeypatch):
-    """In an evaluation of both kinds, everything that is averaged is of one kind; the paper's tables too."""
     averaged = []
 
     def recorded(rows):
@@ -122,6 +122,12 @@ def test_no_table_or_figure_averages_rows_with_a_skillbook_and_rows_without(tmp_
     assert {True} in averaged and {False} in averaged
     counted = [row for row in cells(tmp_path, "floor-and-ceiling") if row["task"] == "oven"]
     assert [(row["memo-s"][-4:], row["memo, empty book"][-4:]) for row in counted] == [("of 3", "of 3")]
+
+
+def test_what_a_command_counts_is_by_method_skillbook_and_mode():
+    rows = [trial("memo", "oven", 0, True), trial("memo", "can", 0, False), trial("policy", "oven", 0, True)]
+    counted = {(one["method"], one["skillbook"]): (one["successes"], one["trials"]) for one in outcomes(rows)}
+    assert counted == {("memo", "2 h"): (1, 2), ("policy", ""): (1, 1)}
 
 
 def test_every_rate_comes_with_its_interval_its_trials_and_what_it_was_made_with(tmp_path):
