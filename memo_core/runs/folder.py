@@ -151,15 +151,23 @@ def plain(value: Any) -> Any:
 
 
 def nested(values: dict[str, Any]) -> dict[str, Any]:
-    """``{"a.b": 1, "c.0": 2}`` as ``{"a": {"b": 1}, "c": [2]}``."""
+    """``{"a.b": 1, "c[0].d": 2}`` as ``{"a": {"b": 1}, "c": [{"d": 2}]}``."""
     tree: dict[str, Any] = {}
     for path, value in values.items():
-        *parents, last = path.split(".")
+        *parents, last = re.sub(r"\[(\d+)\]", r".\1", path).split(".")
         branch = tree
         for parent in parents:
             branch = branch.setdefault(parent, {})
         branch[last] = plain(value)
     return {name: _listed(branch) for name, branch in tree.items()}
+
+
+def flat(tree: Any, path: str = "") -> dict[str, Any]:
+    """A tree of values by dotted paths; lists are values."""
+    if not isinstance(tree, dict) or not tree:
+        return {path: tree if tree not in ({}, []) else None}
+    items = [(f"{path}.{key}" if path else str(key), value) for key, value in tree.items()]
+    return {key: value for name, branch in items for key, value in flat(branch, name).items()}
 
 
 def _listed(branch: Any) -> Any:
