@@ -17,6 +17,7 @@ from memo_core.report.beside_the_paper import paper_tables
 from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
 from memo_core.report.findings import Findings, gather
+from memo_core.report.paper_layout import FILMS, contents
 from memo_core.report.run_reader import read_story
 from memo_core.report.tables import all_tables
 from memo_core.runlog.whole_files import write_whole
@@ -40,9 +41,12 @@ def write_report(registry: Registry, folder: Path) -> Written:
 def write_experiment_report(registry: Registry, folder: Path) -> Written:
     """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
     findings, out = gather(registry, folder), folder / "report"
-    tables, paper = all_tables(findings), paper_tables(findings)
-    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     figures, missing = _figures(findings, out)
+    films = read_films(folder)
+    tables, paper = all_tables(findings), paper_tables(findings)
+    made = {one.name for one in (*tables, *paper, *figures)} | ({FILMS} if films else set())
+    paper.insert(0, contents(findings, made))
+    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     files += [file for figure in figures for file in (figure.svg, figure.png)]
     heading = f"# {_title(folder)}\n\nLanguage backend: {findings.backend}; suite: {findings.suite}.\n\n"
     markdown = heading + "\n".join(table.markdown() for table in (*tables, *paper))
@@ -56,7 +60,7 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
         figures=figures,
         tables=tables,
         paper=paper,
-        cells=[_cell(film, folder, out) for film in read_films(folder)],
+        cells=[_cell(film, folder, out) for film in films],
         image=_image,
     )
     return Written(write_whole(out / "index.html", html), tuple(files), missing)

@@ -73,13 +73,13 @@ def test_where_the_paper_says_nothing_the_default_stays():
 def test_the_command_prints_it_and_names_a_preset_that_is_not_there(capsys):
     assert run_app(["config", "preset", "paper", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert {"path": "run.repairs", "preset": 0, "default": 2} == {
+    assert {
         key: value
         for row in told["settings"]
         if row["path"] == "run.repairs"
         for key, value in row.items()
         if key != "paper"
-    }
+    } == {"path": "run.repairs", "preset": 0, "default": 2}
     with pytest.raises(UnknownName, match="did you mean 'paper'"):
         preset_table("papr")
 
