@@ -30,7 +30,7 @@ DEPARTURES = (
     (
         "several templates of one key",
         "Sec. IV-A: each success is an entry of its own",
-        "versions of one template; the one with the best record is retrieved",
+        "versions of one template; the newest is retrieved, or once corrected the one with the best record",
     ),
     (
         "objects in a key",
