@@ -163,8 +163,17 @@ class SimulatedEnvironment(TaskEnvironment):
         self.link.send(self.link.joint_targets() if targets is None else np.asarray(targets, dtype=float))
 
     def pictures(self, scene: SceneGraph) -> Mapping[str, Array]:
-        """As ``TaskEnvironment.pictures``; where the perception takes none, those of all cameras of the scene now.
-        Raises ``BackendUnavailable`` if no renderer works."""
+        """Pictures of the last look; where the perception takes none, of all cameras of the scene as it is now.
+
+        Args:
+            scene: result of the last look.
+
+        Returns:
+            RGB, uint8, shape (H, W, 3), by the camera's name.
+
+        Raises:
+            BackendUnavailable: if no renderer works.
+        """
         taken = super().pictures(scene)
         return taken or {one.name: self.render(one.name) for one in self.description.cameras}
 

@@ -17,7 +17,7 @@ RUN_PAGES, FILMS = "run pages", "films"
 
 
 def people(findings: Findings) -> Table:
-    """Who taught, as the paper reports its participants."""
+    """Table of the people who taught, as the paper reports its participants."""
     said = said_by_the_paper()["people"]
     rows = [(what, said[name], ours) for what, name, ours in _people(findings)] if findings.journals else []
     note = "Answers are optional and counted as they were given; simulated participants are asked nothing."
@@ -119,7 +119,7 @@ def _shrunk(before: Collection[dict[str, Any]], after: Collection[dict[str, Any]
 
 
 def contents(findings: Findings, made: Collection[str]) -> Table:
-    """Where each table and figure of the paper stands in this report.
+    """List of the paper's tables and figures with their places in this report.
 
     Args:
         findings: what the experiment's folder holds.

@@ -44,7 +44,8 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
     figures, missing = _figures(findings, out)
     films = read_films(folder)
     tables, paper = all_tables(findings), paper_tables(findings)
-    made = {one.name for one in (*tables, *paper, *figures)} | ({FILMS} if films else set())
+    made = {table.name for table in (*tables, *paper)} | {figure.name for figure in figures}
+    made |= {FILMS} if films else set()
     paper.insert(0, contents(findings, made))
     files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     files += [file for figure in figures for file in (figure.svg, figure.png)]

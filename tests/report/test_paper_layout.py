@@ -1,4 +1,4 @@
-"""What the paper reports of people, rounds and the skillbook's size stands in a report as the paper has it."""
+"""A report has people, rounds and the skillbook's size as the paper reports them."""
 
 from __future__ import annotations
 
