@@ -49,7 +49,8 @@ def logs(out: Path) -> dict[Path, bytes]:
 
 
 def rows(out: Path) -> list[dict]:
-    return [{k: v for k, v in row.items() if k not in VARYING} for row in read_table(out / "evaluation")]
+    varying = (*VARYING, "book")  # the digest has the times at which things were said
+    return [{k: v for k, v in row.items() if k not in varying} for row in read_table(out / "evaluation")]
 
 
 def listed(out: Path, name: str) -> list[dict[str, str]]:
