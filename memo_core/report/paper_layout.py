@@ -95,8 +95,8 @@ def consolidation(findings: Findings) -> Table:
     columns = ("hours", "taught", "entries before", "after", "characters before", "after", "smaller by", "histories")
     note = (
         "Means over histories. Before: memo-c; after: memo, of the same feedback. The paper promises neither more "
-        "entries nor more characters in any cluster, and gives no figures. A function is an entry beside the calls that "
-        "it leaves in place of templates. Taught: hours that there were; a book of more hours holds what there is."
+        "entries nor more characters in any cluster, and gives no figures. A function is an entry beside the calls "
+        "that it leaves in place of templates. Taught: hours that there were; a book of more hours holds what there is."
     )
     return Table("consolidation", "Skillbook before and after consolidation", columns, tuple(rows), note)
 
