@@ -130,7 +130,7 @@ def _single_figures(findings: Findings) -> dict[str, str]:
         "clustering": _gain(largest["memo"], largest["memo-c"]),
         "droc-v": _rate(largest["droc-v"]),
         "pour": ", ".join(_rate(rows) for rows in pour if rows),
-        "memo-c": _corrections(findings.largest("memo-c", "corrected")).replace("-", ""),
+        "memo-c": _corrections(findings.largest("memo-c", "corrected")),
     }
 
 
