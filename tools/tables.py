@@ -1,8 +1,11 @@
-"""The documentation's tables of measured figures, written from ``results/*.json``.
+"""The documentation's tables of measured figures, written from ``results/*.json``, and of presets, from the settings.
 
-A page marks each table with two comments, and what stands between them is written from the file::
+A page marks each table with two comments, and what stands between them is written from the file or the settings::
 
     <!-- table: results/NAME.json -->
+    <!-- /table -->
+
+    <!-- table: preset paper -->
     <!-- /table -->
 
 A file holds ``{"command": ..., "note": ..., "rows": [{heading: cell, ...}, ...]}``; every row has the same headings.
@@ -16,10 +19,11 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-_TABLE = re.compile(r"<!-- table: (\S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
+_TABLE = re.compile(r"<!-- table: (\S+|preset \S+) -->\n(.*?)<!-- /table -->", re.DOTALL)
 
 
 class TableError(Exception):
@@ -42,17 +46,41 @@ def markdown(path: Path) -> str:
     for number, row in enumerate(rows, start=1):
         if list(row) != headings:
             raise TableError(f"{path}: row {number} has the headings {list(row)}, expected {headings}")
-    lines = [headings, ["---"] * len(headings), *(row.values() for row in rows)]
-    table = "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
+    table = _grid(headings, [list(row.values()) for row in rows])
     source = f"`{command}`" + (f": {note}" if note else "")
     return f"\n{table}\n{source}\n\n"
+
+
+def preset_markdown(name: str) -> str:
+    """The markdown tables of a preset: its settings beside the defaults, and what no setting chooses.
+
+    Raises:
+        TableError: if there is no such preset.
+    """
+    from memo_core.errors import UnknownName
+    from memo_core.runs.preset_table import COLUMNS, DEPARTURES, preset_table
+
+    try:
+        rows = preset_table(name)
+    except UnknownName as error:
+        raise TableError(str(error)) from None
+    settings = [[f"`{row.cells[0]}`", *row.cells[1:]] for row in rows]
+    departures = _grid(["no setting", "the paper", "MEMO"], DEPARTURES)
+    return f"\n{_grid(COLUMNS, settings)}\n{departures}\n`memo config preset {name}`\n\n"
+
+
+def _grid(headings: Sequence[object], lines: Sequence[Sequence[object]]) -> str:
+    every = [headings, ["---"] * len(headings), *lines]
+    return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in every)
 
 
 def with_tables(text: str, root: Path = ROOT) -> str:
     """A page's text with its tables written from the result files. Raises ``TableError``."""
 
     def written(found: re.Match[str]) -> str:
-        return f"<!-- table: {found[1]} -->\n{markdown(root / found[1])}<!-- /table -->"
+        kind, _, name = found[1].partition(" ")
+        table = preset_markdown(name) if kind == "preset" else markdown(root / found[1])
+        return f"<!-- table: {found[1]} -->\n{table}<!-- /table -->"
 
     return _TABLE.sub(written, text)
 

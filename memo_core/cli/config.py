@@ -63,6 +63,20 @@ def schema() -> None:
     print_json(experiment_schema(load_registry(), _all_sections()))
 
 
+@app.command()
+def preset(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The preset, such as paper.")], json: Json = False
+) -> None:
+    """Print the method's settings in a preset, beside the defaults and what the paper says of each."""
+    from memo_core.runs.preset_table import COLUMNS, preset_table
+
+    rows = preset_table(name)
+    if json:
+        print_json({"preset": name, "settings": [attrs.asdict(row) for row in rows]})
+        return
+    print_table(COLUMNS, [row.cells for row in rows])
+
+
 def _all_sections() -> dict[str, type]:
     """Those of a run, a study and an evaluation: they may stand in one file."""
     from memo_core.evaluation.sections import ALL_SECTIONS

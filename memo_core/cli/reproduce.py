@@ -41,6 +41,7 @@ def command(
     from memo_core.cli.options import load_registry, tell_author
     from memo_core.cli.study import experiment_folder
     from memo_core.evaluation.evaluating import unread
+    from memo_core.evaluation.grid import trials_of
     from memo_core.evaluation.references import measure_references
     from memo_core.evaluation.sections import ALL_SECTIONS
     from memo_core.report.films import make_films
@@ -60,6 +61,7 @@ def command(
         with _timed(took, "study"):
             load = open_study(registry, file, ALL_SECTIONS, given, study)
             tell_author((*load().notices, *load().unread("a study", DECIDED), *unread(load())))
+            trials_of(load(), load().section("study").histories)  # what is wrong with them is not to cost a study
             at_once = jobs or load().section("evaluation").jobs
             with working_in(folder):
                 run_study(load, registry, study, at_once, report=note, stopping=stopping)

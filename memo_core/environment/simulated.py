@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from memo_core.interfaces.simulator import Simulator
 from memo_core.interfaces.task import Outcome, Task
 from memo_core.interfaces.teacher import Sighting
 from memo_core.robot.description import RobotDescription
+from memo_core.scene.graph import SceneGraph
 from memo_core.scene.pose import Array
 
 GLANCE_PERIOD_S = 0.5  # simulated time between two sightings: as often as a person remembers a motion
@@ -160,6 +161,21 @@ class SimulatedEnvironment(TaskEnvironment):
             InvalidArgument: for targets that the link cannot follow.
         """
         self.link.send(self.link.joint_targets() if targets is None else np.asarray(targets, dtype=float))
+
+    def pictures(self, scene: SceneGraph) -> Mapping[str, Array]:
+        """Pictures of the last look; where the perception takes none, of all cameras of the scene as it is now.
+
+        Args:
+            scene: result of the last look.
+
+        Returns:
+            RGB, uint8, shape (H, W, 3), by the camera's name.
+
+        Raises:
+            BackendUnavailable: if no renderer works.
+        """
+        taken = super().pictures(scene)
+        return taken or {one.name: self.render(one.name) for one in self.description.cameras}
 
     def render(self, camera: str | None = None, width: int | None = None, height: int | None = None) -> np.ndarray:
         """Render a colour image.

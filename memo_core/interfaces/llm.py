@@ -86,6 +86,7 @@ class LanguageModel(ABC):
     name: str
     deterministic: bool = False  # the same request always has the same answer, in every process
     calls_functions: bool = True  # whether its programs call functions of the skillbook that a prompt offers
+    sees: bool = True  # whether it may use pictures; for one that reads text only none are taken
 
     @abstractmethod
     def open(self) -> None: ...

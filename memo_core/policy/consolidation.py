@@ -42,23 +42,47 @@ class ClusteringSettings:
 
     llm: Any = attrs.field(
         default=None,
-        metadata={"backend": "llm", "help": "language model that condenses, with its keys; default: the experiment's"},
+        metadata={
+            "backend": "llm",
+            "help": "language model that condenses, with its keys; default: the experiment's",
+            "paper": "Sec. V: one language model",
+        },
     )
-    join_keys: bool = attrs.field(default=True, metadata={"help": "keep near-identical keys under one of them"})
+    join_keys: bool = attrs.field(
+        default=True,
+        metadata={
+            "help": "keep near-identical keys under one of them",
+            "paper": "Sec. IV-C: a cluster is the entries that share one embedding vector",
+        },
+    )
     groups: bool = attrs.field(
-        default=True, metadata={"help": "make functions of templates of several keys, each program left as one call"}
+        default=True,
+        metadata={
+            "help": "make functions of templates of several keys, each program left as one call",
+            "paper": "Sec. IV-C: clusters of one key, whose templates stay as they are",
+        },
     )
     members: int = attrs.field(
-        default=40, validator=_positive(2), metadata={"help": "most notes in one question; larger clusters are parted"}
+        default=40,
+        validator=_positive(2),
+        metadata={"help": "most notes in one question; larger clusters are parted", "paper": ""},
     )
     template_characters: int = attrs.field(
-        default=24_000, validator=_positive(1), metadata={"help": "of related templates shown in one question"}
+        default=24_000,
+        validator=_positive(1),
+        metadata={"help": "of related templates shown in one question", "paper": ""},
     )
     drop_covered: bool = attrs.field(
-        default=False, metadata={"help": "drop notes that say no more than the template of their key (as in the paper)"}
+        default=False,
+        metadata={
+            "help": "drop notes that say no more than the template of their key (as in the paper)",
+            "paper": "Sec. IV-C: entries say what is not included within the template",
+        },
     )
     reasks: int = attrs.field(
-        default=2, validator=_positive(0), metadata={"help": "times a model is asked again after an unusable answer"}
+        default=2,
+        validator=_positive(0),
+        metadata={"help": "times a model is asked again after an unusable answer", "paper": ""},
     )
     interval_s: float = attrs.field(
         default=5.0,

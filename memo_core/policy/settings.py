@@ -19,38 +19,49 @@ class RunSettings:
     attempts: int = attrs.field(
         default=4,
         validator=attrs.validators.ge(1),
-        metadata={"help": "tries of one subtask, each from its start, as long as somebody corrects it"},
+        metadata={
+            "help": "tries of one subtask, each from its start, as long as somebody corrects it",
+            "paper": "Sec. V-D: up to five corrections, so six attempts; Sec. V-A: no limit in the study",
+        },
     )
     subtasks: int = attrs.field(
-        default=12, validator=attrs.validators.ge(1), metadata={"help": "most subtasks of a run"}
+        default=12, validator=attrs.validators.ge(1), metadata={"help": "most subtasks of a run", "paper": ""}
     )
     repeats: int = attrs.field(
         default=2,
         validator=attrs.validators.ge(1),
-        metadata={"help": "times in a row that the planner may ask for one and the same subtask"},
+        metadata={"help": "times in a row that the planner may ask for one and the same subtask", "paper": ""},
     )
     max_feedback: int | None = attrs.field(
         default=None,
         validator=_not_negative,
-        metadata={"help": "corrections after which a run ends (the paper: 5); null: no limit but the others"},
+        metadata={
+            "help": "corrections after which a run ends; null: no limit but the others",
+            "paper": "Sec. V-D: five in trials (evaluation.corrected.corrections); Table I has more in the study",
+        },
     )
     repairs: int = attrs.field(
         default=2,
         validator=attrs.validators.ge(0),
-        metadata={"help": "times that code is rewritten within one attempt after an error, before a person is asked"},
+        metadata={
+            "help": "times that code is rewritten within one attempt after an error, before a person is asked",
+            "paper": "Sec. V-A: a subtask is attempted again after feedback only",
+        },
     )
     repairs_from: Literal["here", "start"] = attrs.field(
         default="here",
         metadata={
             "help": "where code written anew begins: here, as the error left things, or at the subtask's start, where "
-            "the world can be put back exactly (a simulator): a try that jams something then spoils no other"
+            "the world can be put back exactly (a simulator): a try that jams something then spoils no other",
+            "paper": "no effect without repairs",
         },
     )
     reasks: int = attrs.field(
         default=2,
         validator=attrs.validators.ge(0),
         metadata={
-            "help": "times a model is asked again, with the reason, after an answer that is not what was asked for"
+            "help": "times a model is asked again, with the reason, after an answer that is not what was asked for",
+            "paper": "",
         },
     )
     retries: int = attrs.field(
@@ -118,7 +129,10 @@ class PolicySettings:
 
     images: bool = attrs.field(
         default=False,
-        metadata={"help": "plan and code prompts come with the cameras' pictures, for a model that sees (the paper)"},
+        metadata={
+            "help": "plan and code prompts come with the cameras' pictures, for a model that sees (the paper)",
+            "paper": "Sec. III: the observation has an RGB-D image, the policy is a vision-language model",
+        },
     )
 
 
@@ -130,42 +144,65 @@ class TeachingSettings:
         default=True,
         metadata={
             "help": "after a correction the code prompt begins with the code that was tried, what it printed, the "
-            "person's words and the notes made of them; false: only for methods without memory"
+            "person's words and the notes made of them; false: only for methods without memory",
+            "paper": "Sec. V-A: the retry finds the feedback in the skillbook",
         },
     )
     replan: bool = attrs.field(
-        default=True, metadata={"help": "after a correction the planner is asked again: it may do something else first"}
+        default=True,
+        metadata={
+            "help": "after a correction the planner is asked again: it may do something else first",
+            "paper": "Sec. V-A: the same subtask is attempted again",
+        },
     )
     read_back: bool = attrs.field(
         default=True,
-        metadata={"help": "notes are read back to whoever made the remark, where the teacher can answer that"},
+        metadata={
+            "help": "notes are read back to whoever made the remark, where the teacher can answer that",
+            "paper": "Sec. IV-A: the paraphrase is stored",
+        },
     )
     plan_notes: bool = attrs.field(
         default=True,
         metadata={
-            "help": "what is said of plans makes notes for plans, also of other tasks; false: general statements"
+            "help": "what is said of plans makes notes for plans, also of other tasks; false: general statements",
+            "paper": "Sec. IV-A: feedback becomes corrections of a subtask and general statements",
         },
     )
     other_subtasks: bool = attrs.field(
-        default=True, metadata={"help": "a note may be filed under another subtask of the run than the corrected one"}
+        default=True,
+        metadata={
+            "help": "a note may be filed under another subtask of the run than the corrected one",
+            "paper": "Sec. IV-A: the key is the action and the objects of the moment",
+        },
     )
     judge_task: bool = attrs.field(
-        default=True, metadata={"help": "when the planner says DONE, the teacher is asked about the whole task"}
+        default=True,
+        metadata={
+            "help": "when the planner says DONE, the teacher is asked about the whole task",
+            "paper": "Sec. V-A: participants judge the current subtask",
+        },
     )
     competing: bool = attrs.field(
         default=True,
         metadata={
             "help": "the code prompt says who said what when and how alike that is, and asks to try lessons in turn "
-            "where nothing tells which applies"
+            "where nothing tells which applies",
+            "paper": "Sec. IV-B: the retrieved text and code are added to the prompt",
         },
     )
     newer_first: bool = attrs.field(
-        default=True, metadata={"help": "of what one person said under one key, the newest comes first in the prompt"}
+        default=True,
+        metadata={
+            "help": "of what one person said under one key, the newest comes first in the prompt",
+            "paper": "Sec. IV-B: r(q, v) alone",
+        },
     )
     merge: bool = attrs.field(
         default=True,
         metadata={
             "help": "approved code that needed repairs is merged into one program and run again from the subtask's "
-            "start; if that is approved as well it makes the template"
+            "start; if that is approved as well it makes the template",
+            "paper": "Sec. IV-A: the code that succeeded becomes the template",
         },
     )

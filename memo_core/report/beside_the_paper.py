@@ -6,16 +6,27 @@ from collections.abc import Sequence
 from typing import Any
 
 from memo_core.report.findings import Findings
-from memo_core.report.statistics import poolable
-from memo_core.report.tables import Table, paper_numbers, rate_of, said_by_the_paper
+from memo_core.report.paper_layout import consolidation, people, rounds
+from memo_core.report.statistics import Outcomes, difference, interval, poolable
+from memo_core.report.tables import Table, rate_of, said_by_the_paper
+from memo_core.study.journal import Journal
 
 _PAPER, _OURS = "paper", "ours"
+_POUR = "pour-the-can"
 
 
 def paper_tables(findings: Findings) -> list[Table]:
     """The paper's figures, table by table, with our figures beside where there are any."""
-    makers = (methods_beside_the_paper, table_2_beside_the_paper, table_1_beside_the_paper)
-    return [*(maker(findings) for maker in makers), paper_numbers()]
+    makers = (
+        methods_beside_the_paper,
+        table_2_beside_the_paper,
+        table_1_beside_the_paper,
+        people,
+        rounds,
+        consolidation,
+        single_figures,
+    )
+    return [table for maker in makers if (table := maker(findings)).rows]
 
 
 def methods_beside_the_paper(findings: Findings) -> Table:
@@ -82,6 +93,72 @@ def table_1_beside_the_paper(findings: Findings) -> Table:
     columns = ("task", "type", "feedback, paper", "corrections a history, ours")
     note = f"The paper: all three rounds together, in simulation. {_not_comparable(findings)}"
     return Table("paper-table-1", "Table I beside the paper's", columns, tuple(rows), note)
+
+
+def single_figures(findings: Findings) -> Table:
+    """Single figures of the paper with their places and ours; those that contradict each other stand side by side."""
+    told, ours = said_by_the_paper(), _single_figures(findings)
+    rows = [
+        (row["what"], " or ".join(row["says"]), ours[row["ours"]] or "-", row["where"], row.get("note", ""))
+        for row in told["figures"]
+    ]
+    note = (
+        f"{', '.join(told['authors'])}: {told['title']}, {told['source']}. "
+        f'"or": the paper gives both. {_not_comparable(findings)}'
+    )
+    return Table(
+        "paper", "What the paper says", ("what", "paper", "ours", "where it stands", "note"), tuple(rows), note
+    )
+
+
+def _single_figures(findings: Findings) -> dict[str, str]:
+    """Ours by the names that ``paper_numbers.yaml`` gives them; empty where there is none."""
+    largest = {method: findings.largest(method) for method in ("memo", "memo-c", "droc-v")}
+    others = [findings.largest(method) for method in findings.methods if method != "memo"]
+    pour = [[row for row in largest[method] if row["task"] == _POUR] for method in ("memo-c", "memo")]
+    settings = findings.settings.get("evaluation", {})
+    return {
+        "tasks": f"{len(findings.feedback)}, {len(findings.tasks)}" if findings.feedback or findings.rows else "",
+        "sessions": _sessions(findings),
+        "hours": _range([journal.active_s / 3600 for journal in findings.journals], "{:.1f} h"),
+        "feedback": _range([_pieces(journal) for journal in findings.journals], "{:.0f}"),
+        "trials": str(settings["scenes"] * settings["trials"]) if "scenes" in settings else "",
+        "limit": str(settings["corrected"]["corrections"]) if "corrected" in settings else "",
+        "empty": _rate(findings.zero_shot(method="memo", hours=0.0, given="")),
+        "full": _rate(largest["memo"]),
+        "next best": _rate(max(others, key=lambda rows: _mean(rows, "success") if rows else -1.0, default=[])),
+        "clustering": _gain(largest["memo"], largest["memo-c"]),
+        "droc-v": _rate(largest["droc-v"]),
+        "pour": ", ".join(_rate(rows) for rows in pour if rows),
+        "memo-c": _corrections(findings.largest("memo-c", "corrected")),
+    }
+
+
+def _sessions(findings: Findings) -> str:
+    """``40 of 30 minutes``; of all histories."""
+    count = sum(len(journal.sessions) for journal in findings.journals)
+    return f"{count} of {findings.study['session_minutes']:g} minutes" if count else ""
+
+
+def _pieces(journal: Journal) -> int:
+    """Pieces of feedback in a history."""
+    ends = [run.end for run in journal.runs if run.end is not None]
+    return sum(end["corrections"] + end["planning_remarks"] for end in ends)
+
+
+def _range(values: Sequence[float], shown: str) -> str:
+    """One value, or the least and the greatest of several histories."""
+    texts = list(dict.fromkeys(shown.format(value) for value in sorted(values)))
+    return " to ".join(dict.fromkeys((texts[0], texts[-1]))) if texts else ""
+
+
+def _rate(rows: Sequence[dict[str, Any]]) -> str:
+    return f"{rate_of(rows).text()} of {len(rows)}" if rows else ""
+
+
+def _gain(rows: Sequence[dict[str, Any]], others: Sequence[dict[str, Any]]) -> str:
+    both = [Outcomes.of(rows), Outcomes.of(others)]
+    return interval(both, difference).text(unit=" points") if rows and others else ""
 
 
 def _not_comparable(findings: Findings) -> str:

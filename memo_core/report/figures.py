@@ -36,8 +36,8 @@ class Figure:
 def all_figures(findings: Findings, folder: Path) -> list[Figure]:
     """Draw all figures for which there is something into ``folder``. Raises ``ImportError`` without matplotlib."""
     makers: tuple[tuple[str, str, Callable[[Findings, Any], bool]], ...] = (
-        ("figure-3-hours", "Figure 3: success by hours of teaching, zero-shot", _by_hours),
-        ("figure-4-tasks", "Figure 4: success by task and method, largest book, zero-shot", _by_task),
+        ("figure-4-hours", "Figure 4: success by hours of teaching, zero-shot", _by_hours),
+        ("figure-5-tasks", "Figure 5: success by task and method, largest book, zero-shot", _by_task),
         ("profiles", "Performance profiles, largest book, zero-shot", _profiles),
         ("books", "Characters of a book by hours of teaching", _books),
     )
@@ -102,6 +102,8 @@ def _by_hours(findings: Findings, axes: Any) -> bool:
             axes.fill_between(hours, low, high, color=style["color"], alpha=0.15)
             shown = True
     axes.set(xlabel="hours of teaching", ylabel="success, %", ylim=(-3, 103))
+    if findings.hours:
+        axes.set_xticks(findings.hours)
     if shown:
         axes.legend(frameon=False, fontsize=9)
     return shown

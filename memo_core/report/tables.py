@@ -130,7 +130,7 @@ def success_by_hours(findings: Findings) -> Table:
             if chosen:
                 rows.append((method, "any" if hours is None else f"{hours:g}", _rate(chosen), len(chosen)))
     return Table(
-        "figure-3-hours", "Success by hours of teaching", ("method", "hours", "success", "trials"), tuple(rows)
+        "figure-4-hours", "Success by hours of teaching", ("method", "hours", "success", "trials"), tuple(rows)
     )
 
 
@@ -143,7 +143,7 @@ def success_by_task(findings: Findings) -> Table:
         )
         for task in findings.tasks
     ]
-    return Table("figure-4-tasks", "Success by task, largest book, zero-shot", columns, tuple(rows))
+    return Table("figure-5-tasks", "Success by task, largest book, zero-shot", columns, tuple(rows))
 
 
 def comparisons(findings: Findings) -> Table:
@@ -391,17 +391,6 @@ def said_by_the_paper() -> dict[str, Any]:
     """The paper's figures, as in ``paper_numbers.yaml``."""
     text = resources.files("memo_core.report").joinpath("paper_numbers.yaml").read_text(encoding="utf-8")
     return dict(yaml.safe_load(text))
-
-
-def paper_numbers() -> Table:
-    """Single figures of the paper with their places; those that contradict each other stand side by side."""
-    told = said_by_the_paper()
-    rows = tuple((row["what"], " or ".join(row["says"]), row["where"], row.get("note", "")) for row in told["figures"])
-    note = (
-        f"{', '.join(told['authors'])}: {told['title']}, {told['source']}. Figure 3 is success by user hours, Figure 4 "
-        'success by task. "or": the paper gives both.'
-    )
-    return Table("paper", "What the paper says", ("what", "says", "where it stands", "note"), rows, note)
 
 
 def rate_of(rows: Sequence[dict[str, Any]]) -> Interval:

@@ -17,6 +17,7 @@ from memo_core.report.beside_the_paper import paper_tables
 from memo_core.report.figures import Figure, all_figures
 from memo_core.report.films import Film, read_films
 from memo_core.report.findings import Findings, gather
+from memo_core.report.paper_layout import FILMS, contents
 from memo_core.report.run_reader import read_story
 from memo_core.report.separation import warnings_of
 from memo_core.report.tables import Table, all_tables
@@ -41,9 +42,13 @@ def write_report(registry: Registry, folder: Path) -> Written:
 def write_experiment_report(registry: Registry, folder: Path) -> Written:
     """``DIR/report``: index.html, tables.md, and a file a table and figure. Raises ``InvalidArgument``."""
     findings, out = gather(registry, folder), folder / "report"
-    tables, paper = [_with_origin(table, findings) for table in all_tables(findings)], paper_tables(findings)
-    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     figures, missing = _figures(findings, out)
+    films = read_films(folder)
+    tables, paper = [_with_origin(table, findings) for table in all_tables(findings)], paper_tables(findings)
+    made = {table.name for table in (*tables, *paper)} | {figure.name for figure in figures}
+    made |= {FILMS} if films else set()
+    paper.insert(0, contents(findings, made))
+    files = [write_whole(out / f"{table.name}.csv", table.csv()) for table in (*tables, *paper)]
     files += [file for figure in figures for file in (figure.svg, figure.png)]
     warnings = warnings_of(findings)
     told = [f"Made with {findings.made_with}.", *_settings_of_methods(findings), *warnings]
@@ -61,7 +66,7 @@ def write_experiment_report(registry: Registry, folder: Path) -> Written:
         figures=figures,
         tables=tables,
         paper=paper,
-        cells=[_cell(film, folder, out) for film in read_films(folder)],
+        cells=[_cell(film, folder, out) for film in films],
         image=_image,
     )
     return Written(write_whole(out / "index.html", html), tuple(files), missing)

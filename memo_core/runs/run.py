@@ -233,9 +233,10 @@ def components_of(
     clustering: AfterRun | None = None,
 ) -> RunComponents:
     """The parts of a run as the experiment chooses them, but for those given here; ``llm`` None: the experiment's."""
+    llm = llm or experiment.create("llm")
     return RunComponents(
         method=experiment.create("method"),
-        llm=llm or experiment.create("llm"),
+        llm=llm,
         make_environment=make_environment,
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
@@ -247,7 +248,7 @@ def components_of(
         teaching=experiment.section("teaching"),
         functions=experiment.section("skillbook").functions,
         approvals=experiment.section("skillbook").approvals,
-        images=experiment.section("policy").images,
+        images=experiment.section("policy").images and llm.sees,
         pinned=experiment.section("skillbook").cluster == "background",
     )
 

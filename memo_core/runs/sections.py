@@ -28,14 +28,16 @@ class SkillbookSettings:
         metadata={
             "help": "after-run: each run, also of a study, ends with condensing what changed (memo cluster); "
             "background: a process beside memo run or memo study condenses, and a run sees what was condensed before "
-            "it began; not with a real robot"
+            "it began; not with a real robot",
+            "paper": "Sec. IV-C: offline (memo cluster; memo evaluate for its books); Sec. I: in the background",
         },
     )
     functions: FunctionUse = attrs.field(
         default="call",
         metadata={
             "help": "functions that memo cluster made of several templates: call them by name, show them as templates "
-            "(so does a model that cannot call them), or off: read the templates that they were made of"
+            "(so does a model that cannot call them), or off: read the templates that they were made of",
+            "paper": "Sec. IV-C: clusters of one key, whose templates stay as they are",
         },
     )
     approvals: int = attrs.field(
@@ -43,7 +45,8 @@ class SkillbookSettings:
         validator=attrs.validators.ge(0),
         metadata={
             "help": "a function whose calls could not be run (hardware, imported, edited) is shown as a template until "
-            "so many programs written with it were approved"
+            "so many programs written with it were approved",
+            "paper": "no effect without functions",
         },
     )
     read_only: bool = attrs.field(default=False, metadata={"help": "retrieve, and write nothing: for evaluations"})

@@ -53,7 +53,8 @@ class _Ended(Generic[T]):
 
 class Supervisor:
     """Runs work in a worker thread, and handles questions to people and signals in this thread. ``attended``: the run
-    ends when the teacher has left."""
+    is one of a study. It ends when the teacher has left, and with a simulated teacher, whom a stop says nothing, at the
+    first Ctrl-C."""
 
     def __init__(self, stop: StopSwitch, teacher: Teacher | None = None, attended: bool = False) -> None:
         self.stop = stop
@@ -143,7 +144,8 @@ class Supervisor:
         """The effect of Ctrl-C, for tests and other buttons."""
         now = time.monotonic()
         self.presses += 1
-        if now - self._last_press < SECOND_PRESS_S:
+        nobody = self.attended and self.teacher is not None and self.teacher.simulated
+        if nobody or now - self._last_press < SECOND_PRESS_S:
             self._ending.set()
         self._last_press = now
         self.stop.press()

@@ -73,6 +73,15 @@ class Journal:
         the next session begins with. One that was cut in a session of its own would be so again, and counts."""
         return sum(run.end is not None and not self._to_be_done_again(run) for run in self.runs)
 
+    @property
+    def rounds(self) -> tuple[int, ...]:
+        """The round of each run, from 1: the tasks come in one order, again and again."""
+        tasks, over, rounds = len({run.task for run in self.runs}), 0, []
+        for run in self.runs:
+            rounds.append(1 + over // tasks)
+            over += run.end is not None and not self._to_be_done_again(run)
+        return tuple(rounds)
+
     def _to_be_done_again(self, run: TaughtRun) -> bool:
         first = next(one for one in self.runs if one.session == run.session)
         return bool(run.end and run.end.get("session_over")) and first is not run

@@ -24,9 +24,12 @@ def test_the_papers_method_is_one_word_and_switches_every_extension_off(tmp_path
     experiment = load(tmp_path, "preset: paper\n")
     teaching = experiment.section("teaching")
     assert not any(getattr(teaching, field.name) for field in attrs.fields(TeachingSettings))
-    assert experiment.section("run").max_feedback == 5 and experiment.section("run").repairs_from == "here"
+    assert (experiment.section("run").repairs, experiment.section("run").attempts) == (0, 6)
+    assert experiment.section("policy").images
+    clustering = experiment.section("clustering")
+    assert not clustering.join_keys and not clustering.groups and clustering.drop_covered
     retrieval = experiment.section("retrieval")
-    assert (retrieval.cut, retrieval.corrections, retrieval.general) == (0.8, 1000, 10)
+    assert (retrieval.cut, retrieval.corrections, retrieval.general) == (0.8, 1000, 1000)
     assert retrieval.template_characters is None and not retrieval.fold_templates
     assert not retrieval.shipped_actions and retrieval.wording.action == "{}"
 

@@ -111,6 +111,16 @@ def test_an_unknown_verb_becomes_a_subtask_of_its_own_once():
     assert plan(graph, "polish the lamp", ["POLISH(lamp)"]) == "DONE"
 
 
+def test_what_it_cannot_plan_is_an_answer_in_words_and_no_error_of_the_model():
+    from memo_core.llm.readers import Unreadable, read_plan
+
+    for task, reason in (("put the trash away", "see nothing called that; there are lamp"), ("sing", "do not know")):
+        answer = plan(scene(thing("lamp")), task)
+        assert reason in answer
+        with pytest.raises(Unreadable):
+            read_plan(answer, ["lamp"])
+
+
 def test_a_prompt_without_what_is_needed_is_refused_naming_it():
     whole = "\n".join(m.text for m in request("plan", pantry(False), task="open the pantry", done=[]).messages)
     for heading, named in (("## Task", "task"), ("## Scene", "scene"), ("## Done so far", "done")):

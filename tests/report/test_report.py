@@ -14,7 +14,7 @@ import yaml
 from memo_core.errors import InvalidArgument
 from memo_core.plugins.registry import Registry
 from memo_core.report.films import wanted
-from memo_core.report.tables import Table, paper_numbers, said_by_the_paper
+from memo_core.report.tables import Table, said_by_the_paper
 from memo_core.report.writing import write_report
 
 BLANK = {
@@ -71,7 +71,7 @@ def test_tables_say_what_the_trials_say(tmp_path):
     assert second["memo"]["success zero-shot"].startswith("67 % (")
     assert second["memo"]["corrections until success"] == "2.00 (2.00 to 2.00)"
     assert second["memo-s"]["success zero-shot"].startswith("0 %")
-    by_hours = {(row["method"], row["hours"]): row["success"] for row in cells(tmp_path, "figure-3-hours")}
+    by_hours = {(row["method"], row["hours"]): row["success"] for row in cells(tmp_path, "figure-4-hours")}
     assert by_hours["memo", "0"].startswith("0 %") and by_hours["memo", "2"].startswith("67 %")
     floor = {row["task"]: row for row in cells(tmp_path, "floor-and-ceiling")}
     assert floor["oven"]["memo, largest book"].endswith("of 6") and floor["oven"]["memo, empty book"].endswith("of 6")
@@ -122,7 +122,7 @@ def test_the_page_is_one_file_with_its_figures_in_it_and_says_which_backend_made
     assert "regression figures" in page and "Made with language backend: offline" in page
     assert "&lt;away&gt;" in page and "<away>" not in page
     assert 'name="viewport"' in page and "@media print" in page
-    for name in ("figure-3-hours", "figure-4-tasks", "profiles"):
+    for name in ("figure-4-hours", "figure-5-tasks", "profiles"):
         assert "language backend: offline" in _words((tmp_path / "report" / f"{name}.svg").read_text())
         assert (tmp_path / "report" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
 
@@ -181,9 +181,12 @@ def test_corrections_of_the_paper_are_shown_under_their_own_method(tmp_path):
     assert methods["memo-c"]["zero-shot, paper (simulation)"] == "-", "the text does not say which method has 42 %"
     assert methods["memo"]["zero-shot, ours"] == "67 % (33 to 100) of 12"
     assert methods["memo"]["corrections a trial, ours"] == "2"
-    said = {row[0]: row for row in paper_numbers().rows}
-    assert said["zero-shot success of droc-v"][1] == "28 % or 40 %"
-    assert said["pieces of feedback a task with memo-c"][1] == "2.2 or 2.76"
+    said = {row["what"]: row for row in cells(tmp_path, "paper")}
+    assert said["zero-shot success of droc-v"]["paper"] == "28 % or 40 %"
+    assert said["pieces of feedback a task with memo-c"]["paper"] == "2.2 or 2.76"
+    assert said["zero-shot success with an empty skillbook"]["ours"].startswith("0 % (0 to 0) of 12")
+    assert said["zero-shot success of memo with the full skillbook"]["ours"].startswith("67 % (")
+    assert said["improvement of zero-shot success by clustering"]["ours"] == "-", "there is no memo-c"
 
 
 def test_each_task_has_the_paper_s_success_and_corrections_above_ours(tmp_path):
@@ -199,7 +202,7 @@ def test_each_task_has_the_paper_s_success_and_corrections_above_ours(tmp_path):
     assert [told["all", "paper"][one] for one in ("memo", "memo-c", "droc-v")] == ["88 (1.52)", "84 (2.2)", "60 (2.76)"]
     assert ("pour-the-can", "ours") not in told, "nobody corrected there"
     page = (tmp_path / "report" / "index.html").read_text()
-    assert page.count("says nothing about the methods") == 3, "beside each of the tables"
+    assert page.count("says nothing about the methods") == 4, "beside each of the tables"
     first = {row["task"]: row for row in cells(tmp_path, "paper-table-1")}
     assert first["season-the-food"]["feedback, paper"] == "37" and first["all"]["feedback, paper"] == "224"
 

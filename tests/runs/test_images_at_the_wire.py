@@ -63,7 +63,16 @@ def test_the_model_gets_each_cameras_picture_and_a_recording_plays_it_back(regis
     assert not again.problem and again.calls == report.calls and again.result == report.result
 
 
-def test_a_perception_without_pictures_is_named(registry, tmp_path):
+def test_with_a_perception_that_takes_no_pictures_the_scenes_cameras_do(registry, tmp_path):
+    with Wire(reply) as wire:
+        model = ["llm.backend=litellm", "llm.model=openai/sees", f"llm.api_base={wire.base}"]
+        report = run_experiment(load(registry, tmp_path, *model), registry, tmp_path / "runs")
+        asked = list(wire.asked)
+    assert not report.problem and asked
+    assert all("in this order: front, overview." in one.texts[-1] and len(one.pictures) == 2 for one in asked)
+
+
+def test_for_a_model_that_reads_text_only_no_picture_is_taken(registry, tmp_path):
     report = run_experiment(load(registry, tmp_path), registry, tmp_path / "runs")
-    assert "policy.images" in report.problem and "perception.backend=cameras" in report.problem
-    assert not report.calls
+    assert not report.problem and report.calls
+    assert not (report.folder / "pictures").exists()

@@ -375,3 +375,14 @@ def test_where_nobody_answers_a_second_press_ends_the_run():
         return "ending" if supervisor.ending else "endless"
 
     assert supervisor.run(work) == "ending"
+
+
+@pytest.mark.parametrize(
+    ("simulated", "attended", "ends"), [(True, True, True), (False, True, False), (True, False, False)]
+)
+def test_the_first_stop_ends_a_studys_run_only_where_nobody_can_say_what_was_wrong(simulated, attended, ends):
+    teacher = Patient()
+    teacher.simulated = simulated
+    supervisor = Supervisor(StopSwitch(), teacher, attended)
+    supervisor.press()
+    assert supervisor.stop.pressed and supervisor.ending == ends

@@ -62,89 +62,165 @@ class RetrievalSettings:
     the two are about (``memo_core.scene.structure``). Where the scene of one entry is not known, b is the mean of the
     others'; where none is, that term is left out. It counts for the best few dozen of each kind only."""
 
-    lambda_action: float = attrs.field(default=0.75, validator=_positive, metadata={"help": "λ1, weight of actions"})
-    lambda_objects: float = attrs.field(default=0.25, validator=_positive, metadata={"help": "λ2, weight of objects"})
+    lambda_action: float = attrs.field(
+        default=0.75,
+        validator=_positive,
+        metadata={"help": "λ1, weight of actions", "paper": "Sec. IV-B: λ1 > 0; the value is its authors'"},
+    )
+    lambda_objects: float = attrs.field(
+        default=0.25,
+        validator=_positive,
+        metadata={"help": "λ2, weight of objects", "paper": "Sec. IV-B: λ2 > 0; the value is its authors'"},
+    )
     cut: float = attrs.field(
         default=0.85,
         validator=_cosine,
         metadata={
-            "help": "keys with a smaller r are not served (key), or only by what their entries say (key-and-text)"
+            "help": "keys with a smaller r are not served (key), or only by what their entries say (key-and-text)",
+            "paper": "no value in the paper; this one is its authors'",
         },
     )
     ranking: Literal["key", "key-and-text"] = attrs.field(
         default="key-and-text",
         validator=_ranking,
-        metadata={"help": "key: by r(q, v) alone, as in the paper; key-and-text: also by what an entry says"},
+        metadata={
+            "help": "key: by r(q, v) alone, as in the paper; key-and-text: also by what an entry says",
+            "paper": "Sec. IV-B: r(q, v) alone",
+        },
     )
     text_weight: float = attrs.field(
-        default=0.245, validator=_share, metadata={"help": "w_t, weight of the likeness of texts"}
+        default=0.245,
+        validator=_share,
+        metadata={"help": "w_t, weight of the likeness of texts", "paper": "no effect with ranking: key"},
     )
     overlap_weight: float = attrs.field(
-        default=0.105, validator=_share, metadata={"help": "w_o, weight of the terms that subtask and text share"}
+        default=0.105,
+        validator=_share,
+        metadata={
+            "help": "w_o, weight of the terms that subtask and text share",
+            "paper": "no effect with ranking: key",
+        },
     )
     built_weight: float = attrs.field(
         default=0.3,
         validator=_share,
-        metadata={"help": "w_b, weight of how alike the things seen are built to those an entry was said of"},
+        metadata={
+            "help": "w_b, weight of how alike the things seen are built to those an entry was said of",
+            "paper": "no effect with ranking: key",
+        },
     )
     reach: float = attrs.field(
         default=0.17,
         validator=_share,
-        metadata={"help": "below the cut, entries are served whose s is so near the best"},
+        metadata={
+            "help": "below the cut, entries are served whose s is so near the best",
+            "paper": "no effect with ranking: key",
+        },
     )
     text_floor: float = attrs.field(
         default=0.35,
         validator=_cosine,
-        metadata={"help": "below the cut, a text that shares no term with the subtask must be this like it"},
+        metadata={
+            "help": "below the cut, a text that shares no term with the subtask must be this like it",
+            "paper": "no effect with ranking: key",
+        },
     )
     fill: int = attrs.field(
         default=14,
         validator=_count,
-        metadata={"help": "entries below the cut are served as long as there are not so many in all"},
+        metadata={
+            "help": "entries below the cut are served as long as there are not so many in all",
+            "paper": "no effect with ranking: key",
+        },
     )
     newest: bool = attrs.field(
         default=True,
         metadata={
-            "help": "always serve what each person said last under the subtask's own key, before their older notes"
+            "help": "always serve what each person said last under the subtask's own key, before their older notes",
+            "paper": "Sec. IV-B: r(q, v) alone",
         },
     )
     notice_harm: bool = attrs.field(
         default=True,
-        metadata={"help": "withhold what was corrected when it was served for a like subtask of another key"},
+        metadata={
+            "help": "withhold what was corrected when it was served for a like subtask of another key",
+            "paper": "Sec. IV-B: r(q, v) alone",
+        },
     )
-    corrections: int = attrs.field(default=20, validator=_count, metadata={"help": "most corrections served"})
-    general: int = attrs.field(default=10, validator=_count, metadata={"help": "most general statements served"})
+    corrections: int = attrs.field(
+        default=20,
+        validator=_count,
+        metadata={"help": "most corrections served", "paper": "Sec. IV-B: no limit; 1000 is the most that can be set"},
+    )
+    general: int = attrs.field(
+        default=10,
+        validator=_count,
+        metadata={
+            "help": "most general statements served",
+            "paper": "Sec. IV-A: all general statements share one key; 1000 is the most that can be set",
+        },
+    )
     general_floor: float = attrs.field(
-        default=0.2, validator=_cosine, metadata={"help": "general statements less like the subtask are not served"}
+        default=0.2,
+        validator=_cosine,
+        metadata={
+            "help": "general statements less like the subtask are not served",
+            "paper": "Sec. IV-A: all general statements share one key",
+        },
     )
     templates: int = attrs.field(
         default=3,
         validator=_count,
-        metadata={"help": "templates below the cut are retrieved while there are not so many in all; 0: no templates"},
+        metadata={
+            "help": "templates below the cut are retrieved while there are not so many in all; 0: no templates",
+            "paper": "Sec. IV-B: no limit; all above the cut are retrieved, and with ranking: key none below it",
+        },
     )
     template_reach: float = attrs.field(
         default=0.15,
         validator=_share,
-        metadata={"help": "templates are retrieved whose score is so near the best one's"},
+        metadata={
+            "help": "templates are retrieved whose score is so near the best one's",
+            "paper": "Sec. IV-B: no limit",
+        },
     )
     template_characters: int | None = attrs.field(
         default=6000,
         validator=_characters,
         metadata={
-            "help": "characters of all templates retrieved; the best is retrieved whole even if longer; null: no limit"
+            "help": "characters of all templates retrieved; the best is retrieved whole even if longer; null: no limit",
+            "paper": "Sec. IV-B: no limit",
         },
     )
     fold_templates: bool = attrs.field(
         default=True,
-        metadata={"help": "of templates that differ only in names, docstring and constants retrieve only the best"},
+        metadata={
+            "help": "of templates that differ only in names, docstring and constants retrieve only the best",
+            "paper": "Sec. IV-B: no limit",
+        },
     )
-    action_phrase: str = attrs.field(default=Wording().action, metadata={"help": "phrase for actions, one {}"})
-    object_phrase: str = attrs.field(default=Wording().object, metadata={"help": "phrase for objects, one {}"})
+    action_phrase: str = attrs.field(
+        default=Wording().action,
+        metadata={"help": "phrase for actions, one {}", "paper": "Sec. IV-A: the action itself is embedded"},
+    )
+    object_phrase: str = attrs.field(
+        default=Wording().object,
+        metadata={"help": "phrase for objects, one {}", "paper": "Sec. IV-A: the objects themselves are embedded"},
+    )
     shipped_actions: bool = attrs.field(
-        default=True, metadata={"help": "begin with MEMO's own tables of synonyms and opposites; false: with none"}
+        default=True,
+        metadata={
+            "help": "begin with MEMO's own tables of synonyms and opposites; false: with none",
+            "paper": "Sec. IV-B: synonyms by their embeddings",
+        },
     )
-    synonyms: dict[str, list[str]] = attrs.field(factory=dict, metadata={"help": "more synonym groups of actions"})
-    opposites: list[list[str]] = attrs.field(factory=list, metadata={"help": "more pairs of opposite actions"})
+    synonyms: dict[str, list[str]] = attrs.field(
+        factory=dict,
+        metadata={"help": "more synonym groups of actions", "paper": "Sec. IV-B: synonyms by their embeddings"},
+    )
+    opposites: list[list[str]] = attrs.field(
+        factory=list, metadata={"help": "more pairs of opposite actions", "paper": "Sec. IV-B: r(q, v) alone"}
+    )
 
     def __attrs_post_init__(self) -> None:
         if self.text_weight + self.overlap_weight > 1:

@@ -20,6 +20,7 @@ class OfflineModel(LanguageModel):
     name = "offline"
     deterministic = True
     calls_functions = False
+    sees = False
 
     def __init__(self) -> None:
         self._imagination = Imagination()

@@ -7,7 +7,7 @@ from collections import Counter
 
 import attrs
 
-from memo_core.plugin import Node, Prompt, SceneGraph, UnreadablePrompt, read_subtask
+from memo_core.plugin import Node, Prompt, SceneGraph, read_subtask
 from memo_offline.planning_remarks import Remark, asked_in, concerns, remarks
 from memo_offline.surroundings import descendants, doors, find, last_word, space_of, states
 
@@ -43,8 +43,8 @@ class Plan:
 
 
 def plan(prompt: Prompt) -> Plan:
-    """The next subtask or DONE. Raises ``UnreadablePrompt`` for a prompt that lacks a section, and for a task whose
-    words name nothing that is to be seen."""
+    """The next subtask or DONE, or in words why there is none: an answer that cannot be used, as a model's may be.
+    Raises ``UnreadablePrompt`` for a prompt that lacks a section."""
     scene = prompt.scene()
     done = [read_subtask(line) for line in prompt.bullets("done")]
     wishes, unread = read_task(prompt.task, scene)
@@ -56,11 +56,9 @@ def plan(prompt: Prompt) -> Plan:
         step = _next(wish, scene, done)
         if step:
             first = _before(step, asked_for, scene, done)
-            return Plan(_usable(first or step, scene, prompt.task), unread)
+            return Plan(_usable(first or step, scene), unread)
     if unread and not wishes:
-        raise UnreadablePrompt(
-            f"it does not know what to do for {prompt.task!r}; say it with a verb and the name of a thing"
-        )
+        return Plan("I do not know what to do for that task; say it with a verb and the name of a thing", unread)
     return Plan("DONE", unread)
 
 
@@ -107,17 +105,14 @@ def _added(one: Remark, wishes: list[Wish], scene: SceneGraph) -> Wish | None:
     return wish if wish is not None and find(scene, wish.what) is not None else None
 
 
-def _usable(step: str, scene: SceneGraph, task: str) -> str:
-    """The step, where all that it names is to be seen. Raises ``UnreadablePrompt`` saying to people what is not."""
+def _usable(step: str, scene: SceneGraph) -> str:
+    """The step, where all that it names is to be seen; else words that say what is not."""
     action, objects = read_subtask(step)
     unseen = [name for name in objects if name not in _ALWAYS_THERE and find(scene, name) is None]
     if not unseen:
         return step
     seen = ", ".join(node.label for node in scene.nodes if node.kind in ("object", "fixture"))
-    raise UnreadablePrompt(
-        f"for {task!r} it would {action} {unseen[0]!r}, and nothing by that name is to be seen; there are {seen}. "
-        "It knows nothing but names and verbs: another language model may know what is meant"
-    )
+    return f"I would {action} {unseen[0]!r}, and see nothing called that; there are {seen}"
 
 
 def read_task(task: str, scene: SceneGraph) -> tuple[list[Wish], tuple[str, ...]]:

@@ -28,6 +28,7 @@ class Recorder(LanguageModel):
     def __init__(self, inner: LanguageModel, path: Path) -> None:
         self.name = inner.name
         self.calls_functions = inner.calls_functions
+        self.sees = inner.sees
         self._inner = inner
         self._path = path
         self._file: RecordingFile | None = None
