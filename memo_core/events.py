@@ -1,5 +1,5 @@
 """Everything that can be observed during a run, as plain attrs classes. Events are written to ``events.jsonl`` and sent
-to hooks.
+to hooks; those of a study's session (``SessionTask``, ``TimeLeft``, ``SessionEnded``) are only sent to hooks.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ class RunStarted(Event):
     instruction: str
     seed: int
     config: dict[str, Any]  # resolved, without secrets
+    live: bool = False  # whether a person follows the robot's motion as it happens
 
 
 @attrs.frozen
@@ -34,6 +35,9 @@ class RunResumed(Event):
     subtask: str
     attempt: int
     kept_calls: int  # answers of models that need not be asked again
+    instruction: str = ""
+    subtasks: tuple[tuple[str, str], ...] = ()  # (subtask, status), each that ended before
+    live: bool = False  # as in ``RunStarted``
 
 
 @attrs.frozen
@@ -42,6 +46,14 @@ class SubtaskStarted(Event):
     number: int  # 1 is the first of the run
     attempt: int
     take: int = 1  # of the attempt: one that nobody judged may begin again, after a stop or in a resumed run
+
+
+@attrs.frozen
+class ModelAsked(Event):
+    """A model begins to work on an answer; a ``ModelCalled`` follows, or a stop abandons the call."""
+
+    phase: str
+    model: str
 
 
 @attrs.frozen
@@ -91,6 +103,15 @@ class CodeWritten(Event):
 
 
 @attrs.frozen
+class SkillStarted(Event):
+    """A skill that moves the robot or looks is about to act; its ``SkillCalled`` follows."""
+
+    skill: str
+    line: int  # of the program (``CodeWritten.code``); 1 is the first
+    call: str  # that line, without the space around it
+
+
+@attrs.frozen
 class SkillCalled(Event):
     skill: str
     arguments: dict[str, Any]
@@ -107,6 +128,16 @@ class CodeEnded(Event):
     error: str = ""
     stopped: bool = False
     sim_seconds: float = 0.0
+
+
+@attrs.frozen
+class QuestionAsked(Event):
+    """The run turns to its teacher, who may answer without being asked: whether an ``attempt`` or the whole ``task``
+    worked, what was wrong when they pressed ``stop``, about a ``plan`` or the ``notes`` made of their words, to release
+    a ``program``, to ``put back`` the scene or to ``confirm`` it."""
+
+    about: str
+    subtask: str = ""
 
 
 @attrs.frozen
@@ -166,6 +197,32 @@ class RunEnded(Event):
     completion_tokens: int = 0
     cost: float | None = None
     cached_tokens: int = 0
+
+
+@attrs.frozen
+class SessionTask(Event):
+    """A participant of a study begins a task, or goes on with one that was cut off; its run follows."""
+
+    participant: str
+    session: int
+    number: int  # of the task in the session; 1 is the first
+    resumed: bool
+    session_s: float  # length of a session
+    left_s: float  # until the session is over, by the study's clock; for people the clock on the wall
+    simulated: bool  # whether no person takes part
+
+
+@attrs.frozen
+class TimeLeft(Event):
+    """Time left in a participant's session, announced between attempts."""
+
+    left_s: float  # 0 or less: the attempt just judged was the last
+
+
+@attrs.frozen
+class SessionEnded(Event):
+    participant: str
+    session: int
 
 
 @attrs.frozen

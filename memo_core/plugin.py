@@ -125,6 +125,7 @@ if TYPE_CHECKING:
         rod_inertia as rod_inertia,
     )
     from memo_core.robot.vacuum_hand import VacuumHand as VacuumHand
+    from memo_core.runs.progress import RunProgress as RunProgress
     from memo_core.scene.appearance import appearance as appearance, colour_name as colour_name
     from memo_core.scene.building import (
         FLOOR_DEPTH as FLOOR_DEPTH,
@@ -188,6 +189,7 @@ if TYPE_CHECKING:
         support as support,
     )
     from memo_core.scene.sealed_state import seal as seal, unseal as unseal
+    from memo_core.scene.vantage import Vantage as Vantage, vantage_of as vantage_of
     from memo_core.skills.contract import BUILTIN_SKILLS as BUILTIN_SKILLS
     from memo_core.skills.control import Control as Control
     from memo_core.skills.recording_control import Command as Command, RecordingControl as RecordingControl

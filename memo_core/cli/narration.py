@@ -24,6 +24,7 @@ from memo_core.events import (
     RunResumed,
     RunStarted,
     SkillCalled,
+    SkillStarted,
     SubtaskEnded,
     SubtaskStarted,
 )
@@ -46,6 +47,7 @@ class Narrator:
         self._lock = threading.Lock()
         self._writing = ""  # the phase whose answer is on the screen, unfinished
         self._shown_while_written = ""  # the last that was
+        self._live = False  # whether a person follows the motion, and may want to know what the robot is at
 
     def __call__(self, event: Event) -> None:
         tell = getattr(self, f"_on_{type(event).__name__}", None)
@@ -89,11 +91,20 @@ class Narrator:
     # -- events --------------------------------------------------------------------------------------------------------
     def _on_RunStarted(self, event: RunStarted) -> None:
         self.say(f'task "{event.instruction}" ({event.task}, seed {event.seed})', "bold")
+        self._follow(event.live)
+
+    def _follow(self, live: bool) -> None:
+        self._live = live
+        if live:
+            self.say("Ctrl-C stops the robot at any moment, and it asks what was wrong; twice ends the run", "dim")
 
     def _on_RunResumed(self, event: RunResumed) -> None:
         where = f"{event.subtask}, attempt {event.attempt}" if event.subtask else "the plan"
         kept = f"; {event.kept_calls} answers of models need not be asked for again" if event.kept_calls else ""
         self.say(f"going on with {event.run} (part {event.part}) at {where}{kept}", "bold")
+        if event.instruction:
+            self.say(f'task "{event.instruction}"', "bold")
+        self._follow(event.live)
 
     def _on_SubtaskStarted(self, event: SubtaskStarted) -> None:
         take = f", take {event.take}" if event.take > 1 else ""
@@ -137,6 +148,10 @@ class Narrator:
             colours = Syntax("", "python", theme="ansi_dark", background_color="default")
             # Long lines are left to the terminal: a Syntax would cut them off at its edge.
             self.console.print(colours.highlight(event.code.rstrip("\n")), soft_wrap=True)
+
+    def _on_SkillStarted(self, event: SkillStarted) -> None:
+        if self._live and not self._skills:
+            self.say(f"  line {event.line}: {event.call}", "dim")
 
     def _on_SkillCalled(self, event: SkillCalled) -> None:
         if self._skills:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -29,6 +30,7 @@ Out = Annotated[
 ]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the experiment.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Histories at once; only with simulated participants.")]
+View = Annotated[bool, typer.Option("--view", help="Open the simulator's viewer for each task (needs a display).")]
 Sessions = Annotated[int | None, typer.Option("--sessions", min=1, help="How many sessions may begin in each history.")]
 
 
@@ -44,11 +46,13 @@ def run(
     overrides: Overrides = None,
     jobs: Jobs = 1,
     sessions: Sessions = None,
+    view: View = False,
     json: Json = False,
 ) -> None:
     """Hold the study's sessions, from the beginning or from where they stopped.
 
-    Each participant goes on where the one before stopped. Killed at any moment, the same command goes on.
+    Each participant goes on where the one before stopped. Killed at any moment, the same command goes on. While people
+    teach, the simulated robot moves in real time (run.pace).
     """
     from memo_core.cli.options import load_registry, tell_author
     from memo_core.evaluation.sections import ALL_SECTIONS
@@ -57,11 +61,11 @@ def run(
     registry, folder = load_registry(), experiment_folder(file, out) / "study"
     load = open_study(registry, file, ALL_SECTIONS, overrides or (), folder)
     tell_author((*load().notices, *load().unread("a study", DECIDED)))
-    _teach(load, registry, folder, jobs, sessions, json)
+    _teach(load, registry, folder, jobs, sessions, view, json)
 
 
 @app.command()
-def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, json: Json = False) -> None:
+def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, view: View = False, json: Json = False) -> None:
     """Go on with a study that was interrupted, in its folder."""
     from memo_core.cli.options import load_registry
     from memo_core.study.running import study_sections
@@ -70,7 +74,7 @@ def resume(folder: Folder, jobs: Jobs = 1, sessions: Sessions = None, json: Json
     config, study = config_of(folder), folder / "study"
     registry = load_registry()
     load = loader(registry, config, study_sections(), shared_settings(study))
-    _teach(load, registry, study, jobs, sessions, json)
+    _teach(load, registry, study, jobs, sessions, view, json)
 
 
 @app.command()
@@ -135,13 +139,16 @@ def config_of(folder: Path) -> Path:
     return file
 
 
-def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | None, json: bool) -> None:
+def _teach(load: Any, registry: Any, folder: Path, jobs: int, sessions: int | None, view: bool, json: bool) -> None:
+    from memo_core.cli.participant_lines import ParticipantLines
     from memo_core.study.lock import working_in
     from memo_core.study.running import run_study
 
+    lines = ParticipantLines()
+    registry.listen(lines, "console")
     try:
-        with working_in(folder.parent):
-            run_study(load, registry, folder, jobs, sessions, AtTerminal(), note, stopping)
+        with working_in(folder.parent), closing(lines):
+            run_study(load, registry, folder, jobs, sessions, AtTerminal(), note, stopping, view)
     except (Stopped, KeyboardInterrupt) as stopped:
         note(f"memo: {str(stopped) or 'stopped'}; to continue: memo study resume {quote(str(folder.parent))}")
         raise typer.Exit(INTERRUPTED) from None

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from memo_core.environment.real_time import RealTime
 from memo_core.environment.task_code import (
     NOT_THE_AUTHORS,
     author_error,
@@ -64,6 +65,7 @@ class SimulatedEnvironment(TaskEnvironment):
         self.simulator = simulator
         self._make_link = link or _arm_link
         self._next_glance = 0.0
+        self._pace: RealTime | None = None
 
     def _open(self) -> None:
         """Open the parts, build the scene of this seed and reset the monitors."""
@@ -102,8 +104,19 @@ class SimulatedEnvironment(TaskEnvironment):
         """Open the simulator's window. Raises ``BackendUnavailable`` if it has none."""
         self.simulator.view()
 
+    def pace(self) -> None:
+        """Move no faster than the clock on the wall until the run is concluded; a stop is never waited with."""
+        if self._pace is None:
+            self._pace = RealTime(self.time, lambda: self.link.stopped)
+            self.simulator.add_tick_listener(self._pace.wait)
+
+    def _hurry(self) -> None:
+        if self._pace is not None:
+            self.simulator.remove_tick_listener(self._pace.wait)
+            self._pace = None
+
     def conclude(self, verdict: str) -> Outcome | None:
-        """Let the task's ``settle`` time pass, also after a stop, and run the success check.
+        """Let the task's ``settle`` time pass, also after a stop and never in real time, and run the success check.
 
         Args:
             verdict: a person's verdict; not used here.
@@ -114,6 +127,7 @@ class SimulatedEnvironment(TaskEnvironment):
         Raises:
             TaskCodeError: if the task's code fails.
         """
+        self._hurry()
         for _ in range(round(self.task.settle / self.simulator.control_period)):
             self.simulator.tick()
         return self.check()

@@ -68,6 +68,9 @@ class TaskEnvironment(ABC):
             finally:
                 self._close()
 
+    def pace(self) -> None:
+        """Move no faster than the clock on the wall from now on. A real robot does so anyway."""
+
     @abstractmethod
     def _open(self) -> None:
         """Set ``_link`` and ``control``, and start perception."""

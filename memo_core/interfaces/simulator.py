@@ -330,6 +330,11 @@ class Simulator(WorldState):
             MemoError: as ``render``.
         """
 
+    def check_view(self) -> None:
+        """Raises ``BackendUnavailable`` if ``view`` could open no window; may be called before ``open``."""
+        if type(self).view is Simulator.view:
+            self.view()
+
     def view(self) -> None:
         """Open an interactive window. Raises ``BackendUnavailable`` without a display."""
         from memo_core.errors import BackendUnavailable

@@ -144,6 +144,12 @@ class Teacher(ABC):
         theirs: a study pauses, any other run goes on unwatched."""
         return False
 
+    @property
+    def follows_motion(self) -> bool:
+        """Whether a person follows the robot's motion as it happens and may press stop. A simulator then moves in real
+        time unless ``run.pace`` says otherwise. May be asked before ``open``."""
+        return False
+
     @abstractmethod
     def judge(self, episode: Episode) -> Verdict:
         """Judge whether a subtask worked.

@@ -15,7 +15,7 @@ from typing import Any
 import attrs
 
 from memo_core.errors import WHILE, BackendUnavailable, Stopped
-from memo_core.events import Event, ModelCalled, Problem
+from memo_core.events import Event, ModelAsked, ModelCalled, Problem
 from memo_core.interfaces.llm import Answer, LanguageModel, LanguageModelError, Request, Usage
 from memo_core.llm.budget import Budget, BudgetExceeded
 from memo_core.llm.kept_calls import ASK, answer_in, call_name, call_text, read_call, result_in, usage_of
@@ -162,6 +162,7 @@ class ModelCalls:
         started = time.monotonic()
         given_up = threading.Event()
         shown = self._redact.pieces(self._shower(request.phase, given_up)) if self._on_text else None
+        self._emit(ModelAsked(request.phase, self._llm.name))
 
         def work() -> Answer:
             begun.append(self._budget.begin(request, self._llm.name, number if self._log.folder is not None else None))

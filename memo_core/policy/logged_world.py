@@ -186,6 +186,7 @@ class LoggedWorld:
                     self._environment.control,
                     stopped=lambda: session.stop.pressed or self._environment.link.stopped,
                     workspace=workspace,
+                    on_start=session.emit,
                     on_call=session.emit,
                     clock=self._environment.time,
                     wall_seconds=wall_seconds,

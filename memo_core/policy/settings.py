@@ -108,6 +108,13 @@ class RunSettings:
         validator=attrs.validators.gt(0.0),
         metadata={"help": "seconds of the robot's time after which a run ends, all attempts together"},
     )
+    pace: Literal["auto", "real-time", "off"] = attrs.field(
+        default="auto",
+        metadata={
+            "help": "real-time: a simulator moves no faster than the clock on the wall; auto: where a person follows "
+            "the motion (a teacher at a terminal or in a browser); off: as fast as the machine can"
+        },
+    )
     video: Literal["auto", "off"] = attrs.field(
         default="auto", metadata={"help": "auto: where the simulator can draw; a video an attempt"}
     )

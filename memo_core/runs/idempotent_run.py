@@ -4,13 +4,11 @@ name is known beforehand."""
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.events import Event
 from memo_core.interfaces.task import Task
 from memo_core.llm.kept_calls import ASK
 from memo_core.plugins.registry import Registry
@@ -36,7 +34,7 @@ def do_one(
     folder: Path,
     registry: Registry,
     config: dict[str, Any],
-    listener: Callable[[Event], None] | None = None,
+    view: bool = False,
 ) -> dict[str, Any]:
     """The summary of the run in ``folder``, which is done, or resumed, unless it has ended already.
 
@@ -50,7 +48,7 @@ def do_one(
     def opened() -> RunFolder:
         return RunFolder(folder, again=before is not None)
 
-    report = perform(components, task, seed, opened, registry, config, listener, before=before)
+    report = perform(components, task, seed, opened, registry, config, view=view, before=before)
     summary = report.summary()
     if report.error is not None:
         raise NotCarriedOut(str(folder), report.error)

@@ -16,9 +16,18 @@ from memo_core.runlog.log_history import History, read_history
 from memo_core.runs.folder import flat, nested
 from memo_core.skillbook.book import Skillbook
 
-# What may be another in a later part: limits that were reached, what is filmed.
+# What may be another in a later part: limits that were reached, what is filmed, how fast it is shown.
 # Limits, and how a model is reached: what mends a run that could not be carried out.
-MAY_DIFFER = ("run.max_", "run.study_", "run.video", "run.retr", "llm.timeout_s", "llm.api_base", "llm.api_key_env")
+MAY_DIFFER = (
+    "run.max_",
+    "run.study_",
+    "run.video",
+    "run.pace",
+    "run.retr",
+    "llm.timeout_s",
+    "llm.api_base",
+    "llm.api_key_env",
+)
 
 
 @attrs.frozen(eq=False)
@@ -29,6 +38,7 @@ class CutOff:
     sent: frozenset[str]
     subtask: str  # at hand; empty where one was to be planned
     attempt: int
+    subtasks: tuple[tuple[str, str], ...] = ()  # (subtask, status), each that ended
 
 
 def read_cut_off(folder: Path) -> CutOff:
@@ -37,7 +47,7 @@ def read_cut_off(folder: Path) -> CutOff:
     history = read_history(folder, lines.records)
     if history.ended:
         raise InvalidArgument("--resume", f"the run in {folder} has ended: {history.ended}", "an interrupted run")
-    sent, subtask, attempt = set(), "", 1
+    sent, ended, subtask, attempt = set(), [], "", 1
     for event in read_events(folder):
         if isinstance(event.get("at"), str):
             sent.add(event["at"])
@@ -45,8 +55,9 @@ def read_cut_off(folder: Path) -> CutOff:
             number = event.get("attempt")
             subtask, attempt = str(event.get("subtask", "")), number if isinstance(number, int) else 1
         elif event.get("event") == "SubtaskEnded":
+            ended.append((subtask, str(event.get("status", ""))))
             subtask, attempt = "", 1
-    return CutOff(history, frozenset(sent), subtask, attempt)
+    return CutOff(history, frozenset(sent), subtask, attempt, tuple(ended))
 
 
 def run_config(folder: Path) -> Path:

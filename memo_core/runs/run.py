@@ -184,7 +184,7 @@ def run_experiment(
     if experiment.task is None:
         raise InvalidArgument("task", "which one?", "the name of a task (memo tasks list)")
     task = task_of(experiment, experiment.task)
-    components = _components(experiment, task, begun)
+    components = _components(experiment, task, begun, view)
 
     def made() -> RunFolder:
         return RunFolder(folder or new_run_folder(out, task.name, experiment.seed))
@@ -212,7 +212,7 @@ def resume_experiment(
     if experiment.task is None:
         raise InvalidArgument("--resume", f"{path / 'config.yaml'} names no task", "the config of a run")
     task = task_of(experiment, experiment.task)
-    components = _components(experiment, task, begun)
+    components = _components(experiment, task, begun, view)
 
     def folder() -> RunFolder:
         return RunFolder(path, again=True)
@@ -253,9 +253,11 @@ def components_of(
     )
 
 
-def _components(experiment: Experiment, task: Task, begun: Callable[[], None]) -> RunComponents:
+def _components(experiment: Experiment, task: Task, begun: Callable[[], None], view: bool) -> RunComponents:
     teacher = experiment.create("teacher")
     check_release(experiment, teacher)
+    if view and experiment.create("robot_driver").simulated:
+        experiment.create("simulator").check_view()
     in_background(experiment)  # refuses what cannot be
     components = components_of(
         experiment,
@@ -381,11 +383,23 @@ class _Run:
         log, before = self.log, self.before
         if before is None:
             self.folder.config(self.config)
-            self.tell(RunStarted(self.name, self.task.name, self.task.instruction, self.seed, self.config))
+            task = self.task
+            self.tell(RunStarted(self.name, task.name, task.instruction, self.seed, self.config, self._live))
         else:
             _put_in_order(self.folder.path, log.part - 1)
             answers = sum(entry.name == ASK and entry.ended for entry in before.history.replayed)
-            self.tell(RunResumed(self.name, log.part, before.subtask, before.attempt, answers))
+            self.tell(
+                RunResumed(
+                    self.name,
+                    log.part,
+                    before.subtask,
+                    before.attempt,
+                    answers,
+                    self.task.instruction,
+                    before.subtasks,
+                    self._live,
+                )
+            )
         head = {
             "run": self.name,
             "task": self.task.name,
@@ -397,6 +411,16 @@ class _Run:
         for name, count in (("events.jsonl", self.folder.mended), (FILE, torn)):
             if count:
                 self.tell(Problem(name, f"its last line is incomplete and was left out ({count} bytes)"))
+
+    @property
+    def _live(self) -> bool:
+        """Whether a person follows the motion as it happens."""
+        return self.components.teacher is not None and self.components.teacher.follows_motion
+
+    @property
+    def _in_real_time(self) -> bool:
+        pace = self.components.settings.pace
+        return pace == "real-time" or (pace == "auto" and self._live)
 
     def _carry_out(self) -> None:
         ended = self.ended
@@ -483,6 +507,8 @@ class _Run:
             with world, stop.waking(world.link.stop):
                 if self.view:
                     world.view()
+                if self._in_real_time:
+                    world.pace()
                 self._run_method(world)
             if made.clustering is not None and made.book is not None:
                 self.log.leave_order()  # each cluster is stored by itself: one that is done is not asked about again
@@ -505,6 +531,7 @@ class _Run:
             filmed,
             releases=hardware is not None and hardware.release == "ask",
             resets=hardware is None or hardware.reset == "ask",
+            tell=self.tell,
             time_is_up=made.time_is_up,
         )
         session = Session(

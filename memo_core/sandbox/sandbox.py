@@ -27,7 +27,7 @@ from pydantic_monty import (
 )
 
 from memo_core.errors import InvalidArgument, MemoError, SkillError, Stopped, UnknownName
-from memo_core.events import SkillCalled
+from memo_core.events import SkillCalled, SkillStarted
 from memo_core.sandbox import prelude
 from memo_core.sandbox.check_process import Checker
 from memo_core.sandbox.execution import Ended, Execution, refused
@@ -132,14 +132,15 @@ class Sandbox:
         on_call: Callable[[SkillCalled], None] | None = None,
         on_print: Callable[[str], None] | None = None,
         clock: Callable[[], float] | None = None,
+        on_start: Callable[[SkillStarted], None] | None = None,
         wall_seconds: float | None = None,
         robot_seconds: float | None = None,
     ) -> Execution:
         """Check code, then run it until its end, an error, a limit or a stop.
 
         A ``SkillError`` or a wrong argument is raised in the code. Any other error of a skill (of the robot, the
-        simulator, a backend or the task, or a bug in MEMO) kills the worker and is raised here, as is what ``on_call``
-        or ``on_print`` raises.
+        simulator, a backend or the task, or a bug in MEMO) kills the worker and is raised here, as is what
+        ``on_start``, ``on_call`` or ``on_print`` raises.
 
         Args:
             code: the program; with findings (``check``) it is not run.
@@ -150,6 +151,7 @@ class Sandbox:
             on_call: called with every finished skill call, also one that raised in the code.
             on_print: called with every piece of printed text.
             clock: the robot's clock (s), which the code's ``time.time()`` reads; None: the sum of waiting times.
+            on_start: called before every skill call that moves the robot or looks.
             wall_seconds: remainder of a longer limit (s); it shortens this sandbox's own but leaves at least 1 s.
             robot_seconds: the same for the limit on the robot's clock.
 
@@ -173,7 +175,7 @@ class Sandbox:
                 wall_seconds=_shorter(self.limits.wall_seconds, wall_seconds),
                 robot_seconds=_shorter(self.limits.robot_seconds, robot_seconds),
             )
-            run = _Run(self.skills, limits, control, workspace, stopped, on_call, on_print, clock)
+            run = _Run(code, self.skills, limits, control, workspace, stopped, on_call, on_print, clock, on_start)
             return run.execute(session, program)
 
     def _prepare(self, code: str, stopped: Callable[[], bool] = lambda: False) -> _Program:
@@ -217,6 +219,7 @@ class _Run:
 
     def __init__(
         self,
+        code: str,
         skills: dict[str, Skill],
         limits: Limits,
         control: Control,
@@ -225,7 +228,9 @@ class _Run:
         on_call: Callable[[SkillCalled], None] | None,
         on_print: Callable[[str], None] | None,
         clock: Callable[[], float] | None,
+        on_start: Callable[[SkillStarted], None] | None,
     ) -> None:
+        self._code = code
         self._skills = skills
         self._limits = limits
         self._control = control
@@ -234,6 +239,7 @@ class _Run:
         self._on_call = on_call
         self._on_print = on_print
         self._clock = clock
+        self._on_start = on_start
         self._started = clock() if clock is not None else 0.0
         self._began = time.monotonic()
         self._waited = 0.0
@@ -324,6 +330,7 @@ class _Run:
             self._workspace.refuse(skill, arguments)
             for told in skill.exceeded(args, kwargs):
                 self._print("stdout", f"{told}\n")
+            self._begin(skill)
             result = result_for_sandbox(skill.function(self._control, **arguments))
         except Stopped:
             self._note(SkillCalled(name, arguments, error="stopped"))
@@ -342,6 +349,15 @@ class _Run:
             self._waited += float(arguments.get("seconds", 0.0))
         self._note(SkillCalled(name, arguments, result))
         return {"return_value": result}
+
+    def _begin(self, skill: Skill) -> None:
+        if self._on_start is not None and skill.acts:
+            line = self._current_line()
+            self._on_start(SkillStarted(skill.name, line, self._code.split("\n")[line - 1].strip()))
+
+    def _current_line(self) -> int:
+        """The line of the model's code that made the last call."""
+        return self._line(self._source[: max(0, self._position)].count(b"\n") + 1)
 
     def _note(self, call: SkillCalled) -> None:
         if self._clock is not None:
@@ -407,8 +423,7 @@ class _Run:
         return self._execution("error", kind, problem, line)
 
     def _time_problem(self) -> str:
-        line = self._line(self._source[: self._position].count(b"\n") + 1)
-        since = f"after the call in line {line}" if self._position >= 0 else "before any skill call"
+        since = f"after the call in line {self._current_line()}" if self._position >= 0 else "before any skill call"
         return (
             f"the code computed longer than {self._limits.seconds_between_calls:g} s between two skill calls or "
             f"{self._limits.seconds_in_all:g} s in all; it was {since}"

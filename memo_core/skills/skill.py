@@ -32,6 +32,11 @@ class Skill:
     doc: str
 
     @property
+    def acts(self) -> bool:
+        """Whether the skill moves the robot or looks."""
+        return self.kind not in ("query", "geometry")
+
+    @property
     def signature(self) -> str:
         """As a person would write it: ``open_gripper(width: float | None = None) -> float``."""
         shown = []

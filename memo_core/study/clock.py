@@ -24,10 +24,10 @@ def assumed_seconds(settings: StudySettings, robot_s: float, attempts: int, call
     return timing.setup_s + robot_s + timing.model_s * calls + timing.remark_s * attempts
 
 
-def time_is_up(settings: StudySettings, left_s: float, already_s: float) -> Callable[[float, int, int], bool]:
-    """Whether a session that had ``left_s`` when a run began is over, by the run's (seconds of the robot, attempts,
+def time_left(settings: StudySettings, left_s: float, already_s: float) -> Callable[[float, int, int], float]:
+    """Seconds left of a session that had ``left_s`` when a run began, by the run's (seconds of the robot, attempts,
     calls). ``already_s``: how long the run took on the clock on the wall before it was resumed."""
     if settings.clock == "simulated":
-        return lambda robot_s, attempts, calls: assumed_seconds(settings, robot_s, attempts, calls) >= left_s
-    began = time.monotonic() - already_s
-    return lambda robot_s, attempts, calls: time.monotonic() - began >= left_s
+        return lambda robot_s, attempts, calls: left_s - assumed_seconds(settings, robot_s, attempts, calls)
+    over = time.monotonic() - already_s + left_s
+    return lambda robot_s, attempts, calls: over - time.monotonic()

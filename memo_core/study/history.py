@@ -13,7 +13,7 @@ import attrs
 
 from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, Stopped
-from memo_core.events import Event
+from memo_core.events import SessionEnded, SessionTask, TimeLeft
 from memo_core.interfaces.task import Task
 from memo_core.interfaces.teacher import Teacher
 from memo_core.plugins.registry import Registry
@@ -23,7 +23,7 @@ from memo_core.runs.factories import book_of, environment_of, task_of, tasks_of
 from memo_core.runs.idempotent_run import calls_that_count, do_one, public, wall_seconds
 from memo_core.runs.run import components_of
 from memo_core.skillbook import raw_log
-from memo_core.study.clock import active_seconds, time_is_up
+from memo_core.study.clock import active_seconds, time_left
 from memo_core.study.consent import Consent, Reception, demographics_of
 from memo_core.study.journal import Journal, TaughtRun, read_journal
 from memo_core.study.participants import Load, teacher_of
@@ -54,9 +54,9 @@ class Teaching:
     people: People
     reception: Reception | None = None
     report: Callable[[str], None] = lambda line: None
-    listener: Callable[[Event], None] | None = None
     sessions: int | None = None
     begun: Callable[[], None] = lambda: None  # called by each run, see ``RunComponents``
+    view: bool = False  # whether each run opens the simulator's window
 
 
 def training_tasks(experiment: Experiment, settings: StudySettings) -> tuple[str, ...]:
@@ -138,6 +138,7 @@ def _end_session(teaching: Teaching, history: TeachingHistory, journal: Journal)
     with book_of(teaching.load(), str(history.folder / BOOK), read_only=True) as book:
         revision = book.generation()
     journal.note({"session_end": session.number, "active_s": round(session.active_s, 3), "revision": revision})
+    teaching.registry.emit(SessionEnded(session.participant, session.number))
 
 
 def _teacher(teaching: Teaching, who: Participant, task: Task | None, seed: int, settings: StudySettings) -> Teacher:
@@ -159,20 +160,38 @@ def _run(
         experiment, lambda: environment_of(experiment, task, run.seed), book, teacher, clustering=clustering
     )
     folder = history.folder / run.folder
-    session = journal.open_session
-    assert session is not None
-    left_s = settings.session_minutes * 60 - session.active_s
-    over = time_is_up(settings, left_s, wall_seconds(folder))
+    over = _session_clock(teaching, settings, journal, folder, teacher.simulated)
     components = attrs.evolve(components, time_is_up=over, attended=True, begun=teaching.begun)
-    summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), teaching.listener)
+    summary = do_one(components, task, run.seed, folder, teaching.registry, public(experiment), view=teaching.view)
     with book_of(experiment, book_url, read_only=True) as read:
         newest = max((one.id for one in raw_log.raw_log(read).feedback), default=0)
     active = active_seconds(settings, summary, calls_that_count(folder))
     journal.note(_ended(run, summary, active, newest))
     verdict = "done" if summary["success"] else "not done"
+    if not teacher.simulated:
+        verdict = "ended"  # a person at this terminal is not to be taught by the task's check
     remarks = summary["corrections"] + summary["planning_remarks"]
     hours = journal.active_s / 3600
     teaching.report(f"  {hours:5.2f} h  {run.participant}  {run.task}: {verdict}, {remarks} corrections")
+
+
+def _session_clock(
+    teaching: Teaching, settings: StudySettings, journal: Journal, folder: Path, simulated: bool
+) -> Callable[[float, int, int], bool]:
+    """Announce the session's next task; returns ``Person.time_is_up`` for its run, which announces the time left."""
+    session = journal.open_session
+    assert session is not None
+    emit, already_s, session_s = teaching.registry.emit, wall_seconds(folder), settings.session_minutes * 60
+    left = time_left(settings, session_s - session.active_s, already_s)
+    begun = (session.participant, session.number, session.runs, already_s > 0)
+    emit(SessionTask(*begun, session_s, left(0.0, 0, 0), simulated))
+
+    def over(robot_s: float, attempts: int, calls: int) -> bool:
+        left_s = left(robot_s, attempts, calls)
+        emit(TimeLeft(left_s))
+        return left_s <= 0
+
+    return over
 
 
 def _ended(run: TaughtRun, summary: dict[str, Any], active_s: float, feedback: int) -> dict[str, Any]:

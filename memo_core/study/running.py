@@ -10,6 +10,7 @@ from pathlib import Path
 
 import attrs
 
+from memo_core.config import Experiment
 from memo_core.errors import InvalidArgument, MemoError
 from memo_core.plugins.registry import Registry
 from memo_core.process.stop_switch import StopSwitch
@@ -44,20 +45,24 @@ def run_study(
     reception: Reception | None = None,
     report: Callable[[str], None] = lambda line: None,
     stopping: Stopping = lambda: nullcontext(StopSwitch()),
+    view: bool = False,
 ) -> None:
     """Go on until every history is over, or until ``sessions`` more have ended in each. ``jobs``: histories at once,
     each in a process of its own; ``stopping`` gives the switch that ends them (a run in this process listens to Ctrl-C
-    by itself). Raises ``Stopped`` when a person ends it, ``MemoError``."""
+    by itself); ``view``: each run opens the simulator's window. Raises ``Stopped`` when a person ends it,
+    ``MemoError``."""
     experiment = load()
     consent = check(load, experiment)
     histories = histories_of(experiment, folder)
+    if view:
+        _check_view(experiment, jobs)
     if jobs > 1 and reception is not None and not _all_simulated(load):
         raise InvalidArgument("--jobs", "several at once, and real people take part", "1")
     if jobs > 1 and len(histories) > 1:
         with stopping() as stop:
             _at_once(folder, len(histories), jobs, sessions, report, stop)
         return
-    teaching = Teaching(load, registry, consent, People(folder), reception, report, sessions=sessions)
+    teaching = Teaching(load, registry, consent, People(folder), reception, report, sessions, view=view)
     for history in histories:
         _teach(history, teaching)
 
@@ -72,6 +77,13 @@ def _teach(history: TeachingHistory, teaching: Teaching) -> None:
             teach(history, attrs.evolve(teaching, begun=beside.start))
     except NotCarriedOut as error:
         raise Halted("runs", error.error) from error
+
+
+def _check_view(experiment: Experiment, jobs: int) -> None:
+    """Raises ``MemoError`` where no window can be opened: before anybody is asked anything."""
+    if jobs > 1:
+        raise InvalidArgument("--view", "several histories at once would share a screen", "--jobs 1")
+    experiment.create("simulator").check_view()
 
 
 def _all_simulated(load: Load) -> bool:

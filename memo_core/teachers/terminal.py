@@ -67,6 +67,10 @@ class TerminalTeacher(Teacher):
     def left(self) -> bool:
         return self._line.ended
 
+    @property
+    def follows_motion(self) -> bool:
+        return self._line.typed
+
     # -- whether it worked ---------------------------------------------------------------------------------------------
     def judge(self, episode: Episode) -> Verdict:
         return self._asked_about(f"{episode.subtask}, attempt {episode.attempt}. Did it work?", episode)

@@ -14,12 +14,14 @@ import re
 import select
 import signal
 import sys
+import textwrap
 from typing import Any
 
 from memo_core.errors import InvalidArgument
 from memo_core.text.reading_limits import too_long
 
 _PASTE_MARKS = re.compile(r"\x1b\[20[01]~")
+_NARROWEST = 20  # characters of a terminal in which lines are broken between words
 _ANY_BYTE = "surrogateescape"
 _ESCAPES = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
 
@@ -49,6 +51,11 @@ class TypedLine:
         self._session = None
 
     @property
+    def typed(self) -> bool:
+        """Whether a person types the answers; else they come from a pipe or a file."""
+        return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
+
+    @property
     def at_terminal(self) -> bool:
         return sys.stdin.isatty() and sys.stderr.isatty() and os.name == "posix"
 
@@ -64,7 +71,8 @@ class TypedLine:
         if too_long(draft):
             print(f"({len(draft)} characters typed before the question are not taken)", file=sys.stderr)
             draft = ""
-        print(*question, sep="\n", file=sys.stderr, flush=True)
+        shown = map(_wrapped, question) if self.at_terminal else question
+        print(*shown, sep="\n", file=sys.stderr, flush=True)
         if self._session is None:
             if draft:
                 print(f"(typed before the question and not taken: {draft})", file=sys.stderr)
@@ -113,6 +121,15 @@ def _read_any_byte() -> None:
     if isinstance(sys.stdin, io.TextIOWrapper) and sys.stdin.errors != _ANY_BYTE:
         with contextlib.suppress(io.UnsupportedOperation):
             sys.stdin.reconfigure(errors=_ANY_BYTE)
+
+
+def _wrapped(line: str) -> str:
+    """A line broken between words where the terminal would break it within one."""
+    width = os.get_terminal_size(sys.stderr.fileno()).columns or 80  # 0: a terminal that does not say
+    if len(line) <= width or width < _NARROWEST:
+        return line
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def _text(line: str) -> str:

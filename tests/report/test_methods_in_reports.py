@@ -142,10 +142,10 @@ def test_every_rate_comes_with_its_interval_its_trials_and_what_it_was_made_with
     for title in (table.title for table in tables.all_tables(findings)):
         section = markdown.split(f"## {title}\n")[1].split("\n## ")[0]
         assert f"Made with {made}." in section, title
-    for name in ("table-2-success", "figure-3-hours", "figure-4-tasks", "floor-and-ceiling"):
+    for name in ("table-2-success", "figure-4-hours", "figure-5-tasks", "floor-and-ceiling"):
         shown = [cell for row in cells(tmp_path, name) for cell in row.values() if rate.search(cell)]
         assert shown and all(whole.match(cell) for cell in shown), name
-    for name in ("figure-3-hours", "figure-4-tasks", "profiles"):
+    for name in ("figure-4-hours", "figure-5-tasks", "profiles"):
         drawn = re.findall(r"<!-- (.*?) -->", (tmp_path / "report" / f"{name}.svg").read_text(encoding="utf-8"))
         assert made in drawn and "policy (6 trials)" in drawn, name
 

@@ -54,7 +54,7 @@ def experiment(registry):
 
 
 def do(
-    experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | None = None, listener=None, video="off"
+    experiment, registry, tmp_path: Path, script=SCRIPT, teacher: Teacher | None = None, listener=None, **run
 ) -> RunReport:
     task = task_of(experiment, "put-the-cube-away")
     components = RunComponents(
@@ -63,7 +63,7 @@ def do(
         make_environment=lambda: environment_of(experiment, task, 0),
         sandbox=sandbox_of(experiment),
         skills=library_of(experiment),
-        settings=RunSettings(video=video),
+        settings=RunSettings(**{"video": "off"} | run),
         book=Skillbook(f"sqlite:///{tmp_path / 'book.db'}", FakeEmbedder(), FakeStore()),
         teacher=teacher,
         teaching=TeachingSettings(replan=False),  # these scripts plan each subtask once
@@ -100,6 +100,44 @@ def test_everything_of_a_run_is_in_its_folder(experiment, registry, tmp_path):
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["success"] is False and summary["reason"] and summary["subtasks"][0]["status"] == "approved"
     assert summary["prompt_tokens"] > 0 and summary["cost"] > 0
+
+
+def test_what_begins_is_announced_before_it_ends(experiment, registry, tmp_path):
+    report = do(experiment, registry, tmp_path, teacher=ScriptedTeacher(ScriptSettings(lines=TAUGHT)))
+    events = lines_of(report.folder)
+    assert not events[0]["live"]
+    asked = [one["phase"] for one in events if one["event"] == "ModelAsked"]
+    answered = [one["phase"] for one in events if one["event"] == "ModelCalled"]
+    assert asked == answered and len(asked) > 3
+    begun = [(one["skill"], one["line"], one["call"]) for one in events if one["event"] == "SkillStarted"]
+    moved = "move_to([0.45, 0.1, 0.35], top_orientation())"
+    assert begun == 2 * [("move_to", 1, moved)], "what only computes is not announced"
+    kinds = [one["event"] for one in events if one.get("skill") == "move_to"]
+    assert kinds == 2 * ["SkillStarted", "SkillCalled"]
+    questions = [(one["about"], one["subtask"]) for one in events if one["event"] == "QuestionAsked"]
+    assert questions[:2] == [("plan", "LIFT(cube)"), ("attempt", "LIFT(cube)")] and questions[-1] == ("task", "")
+
+
+class Follows(ScriptedTeacher):
+    follows_motion = True
+
+
+@pytest.mark.parametrize(
+    ("pace", "teacher", "paced"),
+    [
+        ("auto", Follows, True),
+        ("auto", ScriptedTeacher, False),
+        ("off", Follows, False),
+        ("real-time", ScriptedTeacher, True),
+    ],
+)
+def test_motion_is_paced_for_whoever_follows_it(experiment, registry, tmp_path, monkeypatch, pace, teacher, paced):
+    called: list[int] = []
+    monkeypatch.setattr(SimulatedEnvironment, "pace", lambda world: called.append(1))
+    script = {"plan": ["DONE"]}
+    report = do(experiment, registry, tmp_path, script, teacher(ScriptSettings(lines=TAUGHT)), pace=pace)
+    assert bool(called) == paced
+    assert lines_of(report.folder)[0]["live"] == (teacher is Follows)
 
 
 class Sees(ScriptedTeacher):

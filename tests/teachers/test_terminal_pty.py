@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-import pty
-import re
-import select
 import signal
-import subprocess
 import sys
-import time
 
 import pytest
+
+from tests.support.pseudo_terminal import PseudoTerminal
 
 pytestmark = [pytest.mark.skipif(os.name != "posix", reason="pseudo terminals"), pytest.mark.process]
 
@@ -64,49 +61,12 @@ print("VERDICT", verdict.kind, repr(verdict.words), flush=True)
 """
 
 
-class Terminal:
-    """A process at a pseudo terminal, and what it has shown so far."""
-
-    def __init__(self, script: str) -> None:
-        ours, theirs = pty.openpty()
-        environment = os.environ | {"TERM": "xterm", "PROMPT_TOOLKIT_NO_CPR": "1"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", script],
-            stdin=theirs, stdout=theirs, stderr=theirs, env=environment, start_new_session=True,
-            preexec_fn=lambda: __import__("fcntl").ioctl(0, __import__("termios").TIOCSCTTY, 0),
-        )  # fmt: skip
-        os.close(theirs)
-        self._ours, self.shown = ours, ""
-
-    def type(self, keys: str) -> None:
-        os.write(self._ours, keys.encode())
-
-    def wait_for(self, words: str, seconds: float = 30.0) -> bool:
-        end = time.monotonic() + seconds
-        while words not in self.shown:
-            if not select.select([self._ours], [], [], max(0.0, end - time.monotonic()))[0]:
-                return False
-            try:
-                read = os.read(self._ours, 4096)
-            except OSError:  # the other side is closed
-                read = b""
-            if not read:
-                return words in self.shown
-            self.shown += re.sub(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>]|\r", "", read.decode(errors="replace"))
-        return True
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self._ours)
-
-
 @pytest.fixture
 def terminal():
-    opened: list[Terminal] = []
+    opened: list[PseudoTerminal] = []
 
-    def start(script: str) -> Terminal:
-        opened.append(Terminal(script))
+    def start(script: str) -> PseudoTerminal:
+        opened.append(PseudoTerminal(sys.executable, "-c", script))
         return opened[-1]
 
     yield start

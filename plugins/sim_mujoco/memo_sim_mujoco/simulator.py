@@ -32,6 +32,7 @@ from memo_core.plugin import (
     reinstall,
     seal,
     unseal,
+    vantage_of,
 )
 from memo_sim_mujoco.rendering import REMEDY, Pictures, require_display
 from memo_sim_mujoco.settings import MujocoSettings
@@ -112,6 +113,7 @@ class MujocoSimulator(Simulator):
         self._world = world
         self._cameras = {camera.name: (world.model.camera(camera.name).id, camera) for camera in scene.cameras}
         self._families = _families(scene, world.body_ids)
+        self._vantage = vantage_of(scene)
         self._bind(world)
         self._limits = JointLimits(self.model)
         self.mechanisms = Mechanisms(scene, self, self)
@@ -484,6 +486,9 @@ class MujocoSimulator(Simulator):
         self._stale = True
         return taken
 
+    def check_view(self) -> None:
+        require_display()
+
     def view(self) -> None:
         """A window onto the running simulation; closing it changes nothing."""
         require_display()
@@ -496,6 +501,10 @@ class MujocoSimulator(Simulator):
                 window = mujoco.viewer.launch_passive(self.model, self.data, show_left_ui=False, show_right_ui=False)
         except (ImportError, OSError, RuntimeError) as error:
             raise BackendUnavailable("viewer", "mujoco", str(error), REMEDY) from error
+        at = self._vantage
+        with window.lock():
+            window.cam.lookat[:] = at.target
+            window.cam.distance, window.cam.azimuth, window.cam.elevation = at.distance, at.azimuth, at.elevation
         self._viewer = window
 
     def _show(self) -> None:

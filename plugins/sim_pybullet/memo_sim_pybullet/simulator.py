@@ -368,6 +368,11 @@ class PybulletSimulator(Simulator):
             camera = attrs.evolve(camera, pose=self.body_pose(f"robot/{camera.link}") * camera.pose)
         return self._pictures.shoot(camera, *size)
 
+    def check_view(self) -> None:
+        from memo_sim_pybullet.window import check_display
+
+        check_display()
+
     def view(self) -> None:
         if self._world is None:
             raise BackendUnavailable("viewer", "pybullet", "nothing is built", "build a scene first")

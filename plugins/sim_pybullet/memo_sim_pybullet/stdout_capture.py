@@ -40,8 +40,8 @@ def caught_output(*streams: int) -> Iterator[Callable[[], str]]:
 
 
 class Diversion:
-    """As long as it lasts, what native code prints on the standard output, from whichever thread, goes to the standard
-    error; what Python prints goes where it should."""
+    """Discards what native code prints on the standard output, from any thread, until ``end``; what Python prints is
+    kept."""
 
     def __init__(self) -> None:
         _flush()
@@ -55,7 +55,9 @@ class Diversion:
                 sys.stdout = self._instead
         except (OSError, ValueError):  # a standard output that is no file: nothing native writes to it
             pass
-        os.dup2(2, 1)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.close(nowhere)
 
     def end(self) -> None:
         """Idempotent."""

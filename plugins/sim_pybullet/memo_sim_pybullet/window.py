@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from memo_core.plugin import BackendUnavailable, RobotDescription, SceneDescription
+from memo_core.plugin import BackendUnavailable, RobotDescription, SceneDescription, vantage_of
 from memo_sim_pybullet.settings import PybulletSettings
 from memo_sim_pybullet.stdout_capture import Diversion, caught_output
 from memo_sim_pybullet.world import build_world
@@ -45,7 +45,9 @@ class Window:
         show(pybullet.COV_ENABLE_GUI, 0)
         show(pybullet.COV_ENABLE_RENDERING, 0)
         build_world(self._window, scene, robot, settings)
-        self._window.resetDebugVisualizerCamera(1.6, 60, -30, (0.45, 0.0, 0.15))
+        at = vantage_of(scene)
+        # Bullet's yaw is 0 for a look along y.
+        self._window.resetDebugVisualizerCamera(at.distance, at.azimuth - 90, at.elevation, at.target)
         show(pybullet.COV_ENABLE_RENDERING, 1)
         self._joints = {
             body: [joint for joint in range(client.getNumJoints(body)) if client.getJointInfo(body, joint)[3] > -1]
@@ -79,6 +81,12 @@ class Window:
         with caught_output(1, 2), contextlib.suppress(self._gone):  # gone: its user closed it
             self._window.disconnect()
         self._diversion.end()
+
+
+def check_display() -> None:
+    """Raises ``BackendUnavailable`` where there is no display."""
+    with _display():
+        pass
 
 
 @contextlib.contextmanager
