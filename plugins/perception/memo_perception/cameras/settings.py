@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import attrs
 from attrs.validators import and_, ge, in_, le, optional
@@ -158,6 +158,10 @@ class CamerasSettings:
     )
     detector: str = attrs.field(
         default="inventory", validator=in_(tuple(DETECTORS)), metadata={"help": "what names the things in them"}
+    )
+    llm: Any = attrs.field(  # a Choice: made by the configuration, opened by the run
+        default=None,
+        metadata={"backend": "llm", "help": "language model that looks, with its keys; default: the experiment's"},
     )
     cameras: tuple[str, ...] = attrs.field(default=(), metadata={"help": "cameras to use; empty: all of the source"})
     images: bool = attrs.field(default=False, metadata={"help": "keep RGB and depth in the observation"})
