@@ -84,9 +84,7 @@ def _begin(effects: dict[int, LogEntry], record: dict[str, Any]) -> None:
     if number in effects:
         effects[number].begun += 1
     else:
-        effects[number] = LogEntry(
-            number, str(record["begin"]), str(record["about"]), aside=bool(record.get("aside"))
-        )
+        effects[number] = LogEntry(number, str(record["begin"]), str(record["about"]), aside=bool(record.get("aside")))
 
 
 def _end(entry: LogEntry, record: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""``perception.llm``: another model looks than the one that plans, and its calls are kept and counted like the others."""
+"""``perception.llm``: another model looks than the one that plans; its calls are kept and counted like the others."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_resumed_run_neither_asks_about_a_look_again_nor_forgets_its_cost(regi
     asides = [one for one in read_history(report.folder, read_lines(report.folder).records).effects if one.aside]
     assert not resumed.problem and after == before
     assert sum(not one.value.get("kept") for one in asides) == before
-    assert resumed.calls - report.calls == len([one for one in planner.asked]) - 1
+    assert resumed.calls - report.calls == len(planner.asked) - 1
     assert resumed.prompt_tokens > report.prompt_tokens
 
 
