@@ -24,11 +24,14 @@ _INTO = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])  # a box
 
 
 class TagsDetector(Detector):
-    """See the module. A tag whose number the settings do not name is on an unknown thing."""
+    """See the module. A tag whose number the settings do not name is on an unknown thing; one number may tell the poses
+    of several things, such as a door and its handle."""
 
     def __init__(self, settings: TagsSettings | None = None) -> None:
         self.settings = settings or TagsSettings()
-        self._named = {one.number: one for one in self.settings.things}
+        self._named: dict[int, list[TaggedThing]] = {}
+        for one in self.settings.things:
+            self._named.setdefault(one.number, []).append(one)
 
     def detect(self, request: Request) -> tuple[Detection, ...]:
         seen: dict[int, list[Sighting]] = {}
@@ -36,48 +39,52 @@ class TagsDetector(Detector):
             corners, numbers = found_corners(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY), self.settings.dictionary)
             for square, number in zip(corners, numbers, strict=True):
                 seen.setdefault(number, []).append(Sighting(frame, square))
-        found = [self._detection(number, seen[number], request) for number in sorted(seen)]
+        found = [
+            _detection(number, thing, seen[number], request)
+            for number in sorted(seen)
+            for thing in self._named.get(number, [None])
+        ]
         whole = [one for one in found if one is not None]
         if not self.refines:  # else the chain knows what owners there are
             labels = {one.label for one in whole}
             whole = [one for one in whole if one.part_of is None or one.part_of in labels]
         return tuple(sorted(whole, key=lambda one: one.part_of is not None))
 
-    def _detection(self, number: int, seen: Sequence[Sighting], request: Request) -> Detection | None:
-        known = self._named.get(number)
-        if known is not None and known.side:
-            return _posed(known, seen, request)
-        carrier = _carrier(known, seen, request.found) if known is not None else None
-        regions = {under for one in seen if (under := _under(one, request.regions)) is not None}
-        alone = [one for one in seen if _single(one, seen) and _under(one, request.regions) is None]
-        masks = {one.frame.name: _filled(one) for one in alone} if not regions else {}
-        if carrier is not None:
-            regions, masks = set(), {}  # it is known better than by its tag
-        elif not regions and not masks:
-            return None
-        flag = "" if len(regions) < 2 else f"tag {number} is on several things"
-        if known is None:
-            return Detection(
-                "unknown thing",
-                key=f"tag {number}",
-                masks=masks,
-                regions=frozenset(regions),
-                confidence=_UNKNOWN,
-                source="tags",
-                flag=f"tag {number} is not among perception.tags.things",
-            )
+
+def _detection(number: int, known: TaggedThing | None, seen: Sequence[Sighting], request: Request) -> Detection | None:
+    if known is not None and known.side:
+        return _posed(known, seen, request)
+    carrier = _carrier(known, seen, request.found) if known is not None else None
+    regions = {under for one in seen if (under := _under(one, request.regions)) is not None}
+    alone = [one for one in seen if _single(one, seen) and _under(one, request.regions) is None]
+    masks = {one.frame.name: _filled(one) for one in alone} if not regions else {}
+    if carrier is not None:
+        regions, masks = set(), {}  # it is known better than by its tag
+    elif not regions and not masks:
+        return None
+    flag = "" if len(regions) < 2 else f"tag {number} is on several things"
+    if known is None:
         return Detection(
-            known.label,
-            known.kind,
-            known.label,
-            _owner(known, request.found),
+            "unknown thing",
+            key=f"tag {number}",
             masks=masks,
             regions=frozenset(regions),
-            confidence=0.4 if flag else _SURE,
+            confidence=_UNKNOWN,
             source="tags",
-            flag=flag,
-            refines="" if carrier is None else carrier.name,
+            flag=f"tag {number} is not among perception.tags.things",
         )
+    return Detection(
+        known.label,
+        known.kind,
+        known.label,
+        _owner(known, request.found),
+        masks=masks,
+        regions=frozenset(regions),
+        confidence=0.4 if flag else _SURE,
+        source="tags",
+        flag=flag,
+        refines="" if carrier is None else carrier.name,
+    )
 
 
 def _posed(known: TaggedThing, seen: Sequence[Sighting], request: Request) -> Detection | None:
