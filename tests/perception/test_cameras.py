@@ -119,7 +119,7 @@ def test_wrong_settings_are_named():
             eyes.look()
     with pytest.raises(UnknownName, match="source 'telescope'"):
         CamerasSettings(source="telescope")
-    with pytest.raises(InvalidArgument, match="perception.detector: .points, points.* different names"):
+    with pytest.raises(InvalidArgument, match=r"perception.detector: .points, points.* different names"):
         CamerasSettings(detector=("points", "points"))
 
 

@@ -21,7 +21,7 @@ EYES = ("perception.backend=cameras", "perception.detector=oracle")
 TRUTH = ("perception.backend=ground-truth", "perception.visible_extents=true")
 MOMENTS = ("start", "ajar", "end")
 SUITES = ("tabletop", "quirks")
-CHAIN_WIDTH = 1280  # px, as a D435's colour picture: a marker of 50 mm at 1.3 m is 45 wide
+CHAIN_WIDTH = 960  # px: a marker of 50 mm at 1.3 m is 33 wide
 
 
 def perception(
@@ -46,7 +46,7 @@ def perception(
         bool,
         typer.Option(
             "--chain",
-            help="Instead: a double that points as Gemini Robotics-ER, masks, markers on handles, two makes of cameras.",
+            help="Instead: a double of a model that points, masks, markers, two makes of cameras.",
         ),
     ] = False,
     out: Annotated[

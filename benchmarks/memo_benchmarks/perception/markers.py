@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -16,6 +17,7 @@ SIDE = 0.05  # m, of a marker's black square
 DICTIONARY = "4x4_50"
 _MARGIN = 0.15  # of the side, white around the square
 _THIN = 0.0004  # m
+_GAPS = (0.08, 0.01)  # m beside the handle, whose bar hides what is near it; the first for which there is room
 _INTO = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])  # a box's axes in a marker's frame, as columns
 
 
@@ -94,14 +96,13 @@ def _place(body: Body, handle: Part) -> Pose | None:
     reach = np.abs(panel.pose.rotation.T @ handle.pose.rotation) @ np.asarray(handle.size) / 2
     front = max(_ahead(panel, geom, normal) for geom in body.geoms if geom.shape == "box")
     options = []
-    for axis in flat:
-        for way in (1.0, -1.0):
-            middle = local.copy()
-            middle[axis] += way * (reach[axis] + half + 0.01)
-            middle[thin] = sign * front
-            room = min(panel.size[other] / 2 - half - abs(middle[other]) for other in flat)
-            options.append((room, middle))
-    room, middle = max(options, key=lambda one: one[0])
+    for axis, way, gap in itertools.product(flat, (1.0, -1.0), _GAPS):
+        middle = local.copy()
+        middle[axis] += way * (reach[axis] + half + gap)
+        middle[thin] = sign * front
+        room = min(panel.size[other] / 2 - half - abs(middle[other]) for other in flat)
+        options.append((room > 0, gap, room, middle))
+    _, _, room, middle = max(options, key=lambda one: one[:3])
     if room < 0:
         return None
     return panel.pose * Pose(tuple(middle), quaternion_from_rotation(rotation))

@@ -1,8 +1,8 @@
 """A double of a model that points as Gemini Robotics-ER does, behind OpenAI's protocol on loopback.
 
-It is told beforehand what each picture shows, and answers in that model's coordinates: boxes ``[ymin, xmin, ymax, xmax]``
-of whole things and points ``[y, x]`` of parts, 0 to 1000, both a little off. It makes no mistakes of other kinds, so what
-is measured with it is what becomes of its answers, not the model.
+It is told beforehand what each picture shows, and answers in that model's coordinates: boxes ``[ymin, xmin, ymax,
+xmax]`` of whole things and points ``[y, x]`` of parts, 0 to 1000, both a little off. It makes no mistakes of other
+kinds, so what is measured with it is what becomes of its answers, not the model.
 """
 
 from __future__ import annotations
@@ -76,10 +76,8 @@ class PointingModel:
 
     def _completion(self, body: dict[str, Any]) -> dict[str, Any]:
         self.asked += 1
-        parts = [
-            part for message in body["messages"] if isinstance(message["content"], list) for part in message["content"]
-        ]
-        url = next(part["image_url"]["url"] for part in parts if part["type"] == "image_url")
+        contents = [one["content"] for one in body["messages"] if isinstance(one["content"], list)]
+        url = next(part["image_url"]["url"] for parts in contents for part in parts if part["type"] == "image_url")
         said = {"things": [self._said(one) for one in self._things(base64.b64decode(url.partition(",")[2]))]}
         message = {"role": "assistant", "content": f"```json\n{json.dumps(said)}\n```"}
         return {
