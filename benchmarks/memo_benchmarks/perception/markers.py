@@ -43,7 +43,7 @@ def marked(scene: SceneDescription) -> SceneDescription:
 
 
 def markers_of(scene: SceneDescription) -> Iterator[Marked]:
-    """Where markers are in a scene, whether they are drawn or not."""
+    """Find the places of a scene's markers, whether they are drawn or not."""
     number = 0
     for body, _ in scene.walk():
         handle = next((part for part in body.parts if part.label.endswith("handle")), None)
@@ -109,8 +109,8 @@ def _place(body: Body, handle: Part) -> Pose | None:
 
 
 def _ahead(panel: Geom, geom: Geom, normal: Array) -> float:
-    """How far (m) a box that lies flat on a panel, as a window does, reaches along the panel's normal; anything else
-    reaches no farther than the panel."""
+    """Reach (m) along a panel's normal of a box that lies flat on it, as a window does; that of the panel for anything
+    else."""
     thin = int(np.argmax(np.abs(normal)))
     pose = panel.pose.inverse() * geom.pose
     reach = np.abs(pose.rotation) @ np.asarray(geom.size) / 2

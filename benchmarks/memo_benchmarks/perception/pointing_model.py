@@ -71,7 +71,7 @@ class PointingModel:
         self._thread.join()
 
     def show(self, picture: np.ndarray, things: Sequence[Shown]) -> None:
-        """From now on, this picture, RGB (H, W, 3), shows these things."""
+        """Register the things that a picture, RGB (H, W, 3), shows."""
         self._pictures.append((picture, list(things)))
 
     def _completion(self, body: dict[str, Any]) -> dict[str, Any]:
@@ -90,7 +90,7 @@ class PointingModel:
         }
 
     def _things(self, png: bytes) -> list[Shown]:
-        """What the known picture shows that is most like this one; nothing if none is."""
+        """Things of the registered picture that is most like this one; none if no picture is alike."""
         from PIL import Image
 
         sent = Image.open(io.BytesIO(png)).convert("RGB")

@@ -107,10 +107,10 @@ class LocalSettings:
 
 @attrs.frozen
 class TaggedThing:
-    """What carries a tag. With the tag's ``side`` (m) its pose is the tag's: then ``extents`` are those of its box (m:
-    along the direction into what the tag is stuck to, to the left and up, as printed), ``offset`` is where the box's
-    middle is in the tag's frame (m: x right, y up, z out of the tag), and ``turn`` how the box is turned about its own
-    axes (roll, pitch, yaw; rad)."""
+    """A thing that carries a tag. With the tag's ``side`` (m) its pose is the tag's: then ``extents`` are those of its
+    box (m: along the direction into what the tag is stuck to, to the left and up, as printed), ``offset`` is where the
+    box's middle is in the tag's frame (m: x right, y up, z out of the tag), and ``turn`` how the box is turned about
+    its own axes (roll, pitch, yaw; rad)."""
 
     number: int
     label: str

@@ -63,7 +63,7 @@ class Chain(Detector):
 
 
 def joined(found: Sequence[Detection], said: Sequence[Detection], request: Request) -> tuple[Detection, ...]:
-    """What earlier stages found with what a later one says, by the rule of this module."""
+    """Combine what earlier stages found with what a later one says, by the rule of this module."""
     result = list(found)
     left = {one.name for one in found}
     keys: dict[str, str] = {}
@@ -85,7 +85,7 @@ def joined(found: Sequence[Detection], said: Sequence[Detection], request: Reque
 
 
 def settled(found: Iterable[Detection]) -> tuple[Detection, ...]:
-    """Without what is nowhere."""
+    """Detections that have a place; owners of parts as in ``with_owners``."""
     return tuple(with_owners([one for one in found if one.placed]))
 
 

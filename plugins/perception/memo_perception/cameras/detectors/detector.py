@@ -22,7 +22,7 @@ Prompt = tuple[float, ...]  # px: a box (left, top, right, bottom) or a point (x
 
 @attrs.frozen(eq=False)
 class Request:
-    """What a detector may look at. ``found``: what earlier stages of a chain detected; ``cut_out_later``: whether a
+    """Input of a detector. ``found``: what earlier stages of a chain detected; ``cut_out_later``: whether a
     later stage masks what this one only points at."""
 
     frames: tuple[Frame, ...]

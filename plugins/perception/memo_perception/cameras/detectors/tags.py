@@ -88,7 +88,7 @@ def _detection(number: int, known: TaggedThing | None, seen: Sequence[Sighting],
 
 
 def _posed(known: TaggedThing, seen: Sequence[Sighting], request: Request) -> Detection | None:
-    """What takes its pose from its tag; None if the tag tells none."""
+    """Detection of a thing that takes its pose from its tag, or None if the tag tells none."""
     single = [one for one in seen if _single(one, seen)]
     found = marker_pose(single, known.side, request.noise) if single else None
     if found is None:

@@ -285,7 +285,7 @@ def _fit_of_marker(detection: Detection) -> Fit:
 
 
 def _marked(detection: Detection, fit: Fit, state: State | None, found: _Found | None) -> Measured:
-    """What has its box from a marker; ``found``: its pixels, if any are known."""
+    """Measurement of a thing that has its box from a marker; ``found``: its pixels, if any are known."""
     return Measured(
         detection.name,
         detection.label,

@@ -1,8 +1,8 @@
 """The pose of a marker from all pictures that show it.
 
 One picture of a small square leaves two poses that mirror each other, and its distance is uncertain: 1.6 mm at 0.9 m
-for a side of 50 mm. So the corners in all pictures and the depth measured on the square are explained together, from
-each of those poses as a start; the pose with the smallest error is taken.
+for a side of 50 mm. So the corners in all pictures and the depth measured on the square are explained together, with
+each such pose as a start; the pose with the smallest error is taken.
 """
 
 from __future__ import annotations
